@@ -1,0 +1,47 @@
+"""Time as the product sees it: injected, so that a simulated rig runs as fast as the CPU."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+__all__ = ["Clock", "RealClock"]
+
+
+class Clock(ABC):
+    """Monotonic time. Nothing else in the product calls the time module."""
+
+    @abstractmethod
+    def now(self) -> float:
+        """Seconds since an arbitrary origin; never goes back."""
+
+    @abstractmethod
+    def sleep(self, duration: float) -> None:
+        """Return when `duration` seconds have passed on this clock; at once when it is not positive."""
+
+    @abstractmethod
+    def hold(self, until: Callable[[], object]) -> None:
+        """Let time stand still until `until()` returns, where this clock can.
+
+        A reader thread calls this after each block with a function that waits for the block's
+        consumer. On a virtual clock the consumer (a person, say) then reacts to what it has seen,
+        not to what a reader that runs ahead of it will see. Real time cannot be held: a real
+        clock returns at once and does not call `until`, so that a reader never waits.
+        """
+
+
+class RealClock(Clock):
+    """The machine's monotonic clock."""
+
+    def now(self) -> float:
+        """See `Clock.now`."""
+        return time.monotonic()
+
+    def sleep(self, duration: float) -> None:
+        """See `Clock.sleep`."""
+        if duration > 0:
+            time.sleep(duration)
+
+    def hold(self, until: Callable[[], object]) -> None:
+        """See `Clock.hold`: real time goes on."""
