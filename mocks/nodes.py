@@ -40,7 +40,7 @@ class Nodes(Protocol):
     def read(self, node: str, times: FloatArray) -> FloatArray:
         """Voltage at a node that is measured ((times,) V), before any converter, at rising times (s).
 
-        Times may lie up to 0.5 s before the latest time asked for on any node, and not after
+        Times may lie up to 30 s before the latest time asked for on any node, and not after
         `clock.now()`.
         """
 
