@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -11,7 +11,6 @@ from typing import Self
 import numpy as np
 
 from instruments.arrays import BoolArray, FloatArray
-from instruments.errors import InstrumentError
 
 __all__ = ["Block", "Capture", "Daq", "Stream"]
 
@@ -32,7 +31,21 @@ class Block:
     @property
     def end(self) -> int:
         """Index of the sample that follows this block."""
-        return self.first + self.volts.shape[1]
+        return self.first + int(self.volts.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A finite acquisition, whole.
+
+    `volts` is (channels, samples), `delays` and `overload` are (channels,) as in `Stream` and `Block`.
+    """
+
+    channels: tuple[str, ...]
+    rate_hz: float
+    volts: FloatArray
+    delays: FloatArray
+    overload: BoolArray
 
 
 class Stream(ABC):
@@ -64,6 +77,23 @@ class Stream(ABC):
     def close(self) -> None:
         """Stop acquiring and playing, outputs to zero. May be called again."""
 
+    def capture(self, each: Callable[[Block], object] = lambda _block: None) -> Capture:
+        """All blocks of a finite stream as one; `each` is called with every block as it comes.
+
+        Raises InstrumentError, as iterating does.
+        """
+        blocks: list[Block] = []
+        for block in self:
+            blocks.append(block)
+            each(block)
+        return Capture(
+            self.channels,
+            self.rate_hz,
+            np.concatenate([b.volts for b in blocks], axis=1),
+            self.delays,
+            np.any([b.overload for b in blocks], axis=0),
+        )
+
     def __enter__(self) -> Self:
         return self
 
@@ -71,20 +101,6 @@ class Stream(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-@dataclass(frozen=True, eq=False)
-class Capture:
-    """A finite acquisition, whole.
-
-    `volts` is (channels, samples), `delays` and `overload` are (channels,) as in `Stream` and `Block`.
-    """
-
-    channels: tuple[str, ...]
-    rate_hz: float
-    volts: FloatArray
-    delays: FloatArray
-    overload: BoolArray
 
 
 class Daq(ABC):
@@ -124,21 +140,3 @@ class Daq(ABC):
     @abstractmethod
     def close(self) -> None:
         """Release the cards without changing an output. May be called again."""
-
-    def play_and_record(
-        self, play: Mapping[str, FloatArray], channels: Sequence[str], rate_hz: float, samples: int
-    ) -> Capture:
-        """Play waveforms and record `samples` of every channel on the same clock; see `stream`."""
-        block = max(1, round(rate_hz / 10))
-        with self.stream(channels, rate_hz, block, samples, play) as stream:
-            blocks = list(stream)
-            if sum(b.volts.shape[1] for b in blocks) != samples:
-                got = sum(b.volts.shape[1] for b in blocks)
-                raise InstrumentError(f"{self.identity} delivered {got} of {samples} samples.")
-            return Capture(
-                stream.channels,
-                stream.rate_hz,
-                np.concatenate([b.volts for b in blocks], axis=1),
-                stream.delays,
-                np.any([b.overload for b in blocks], axis=0),
-            )

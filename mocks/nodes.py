@@ -15,7 +15,8 @@ __all__ = ["Nodes", "Run", "Source"]
 @dataclass(frozen=True, eq=False)
 class Run:
     """Voltages (V) that an output steps through: value k is held from `start + k * period` (s of
-    the plant's clock) until the next value, the last one until the next run."""
+    the plant's clock) until the next value, the last one until the next run.
+    """
 
     start: float
     period: float

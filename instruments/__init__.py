@@ -1,0 +1,47 @@
+"""What a rig is made of: role interfaces, sensors, limits, the rig file, and one file per product driven."""
+
+from instruments.amplifier import Amplifier
+from instruments.clock import Clock, RealClock
+from instruments.daq import Block, Capture, Daq, Stream
+from instruments.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
+from instruments.limits import Limits
+from instruments.operator import Aim, ConfirmSettings, Operator, Press, Request, Rest
+from instruments.relay import Relay
+from instruments.rig import Rig, open_rig
+from instruments.rig_file import RigFile, load_rig_file
+from instruments.sensors import Accelerometer, Divider, ForceTorque, Sensor, Sensors, Switch
+from instruments.vibrometer import Vibrometer
+
+__all__ = [
+    "Accelerometer",
+    "Aim",
+    "Amplifier",
+    "Block",
+    "Capture",
+    "Clock",
+    "ConfigurationError",
+    "ConfirmSettings",
+    "Daq",
+    "DataError",
+    "Divider",
+    "ForceTorque",
+    "HaploopError",
+    "InstrumentError",
+    "LimitError",
+    "Limits",
+    "Operator",
+    "Press",
+    "RealClock",
+    "Relay",
+    "Request",
+    "Rest",
+    "Rig",
+    "RigFile",
+    "Sensor",
+    "Sensors",
+    "Stream",
+    "Switch",
+    "Vibrometer",
+    "load_rig_file",
+    "open_rig",
+]

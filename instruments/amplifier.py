@@ -1,0 +1,26 @@
+"""The amplifier role: volts at the patch, volts at the input, and what the load may ask of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from instruments.arrays import FloatArray
+from instruments.limits import Limits
+
+__all__ = ["Amplifier"]
+
+
+class Amplifier(ABC):
+    """A voltage amplifier between a DAQ output and the relay. Safe state: zero volts at its input."""
+
+    identity: str
+    input: str
+    """Name of the DAQ output that feeds it."""
+
+    @abstractmethod
+    def limits(self, patches: int) -> Limits:
+        """What it can put out into `patches` patches in parallel."""
+
+    @abstractmethod
+    def to_input(self, drive: FloatArray) -> FloatArray:
+        """Volts at its input for `drive`, (samples,) V at the patch."""

@@ -1,0 +1,40 @@
+"""The operator at a terminal: prompts on standard error, answers from standard input."""
+
+from __future__ import annotations
+
+import sys
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict
+
+from instruments.clock import Clock
+from instruments.errors import InstrumentError
+from instruments.operator import Operator, Request
+
+__all__ = ["Console"]
+
+
+class Console(Operator):
+    """See `Operator`."""
+
+    class Settings(BaseModel):
+        """The `[operator]` table of a rig file; a console has no settings."""
+
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """A console is always there."""
+        return cls()
+
+    def tell(self, request: Request) -> None:
+        """See `Operator.tell`."""
+        print(request, file=sys.stderr, flush=True)
+
+    def confirm(self, request: Request) -> bool:
+        """See `Operator.confirm`. Raises InstrumentError when there is nobody to ask."""
+        print(f"{request} [Y/n] ", end="", file=sys.stderr, flush=True)
+        answer = sys.stdin.readline()
+        if not answer:
+            raise InstrumentError(f"Nobody is at the console to answer: {request}")
+        return answer.strip().lower() in ("", "y", "yes")

@@ -1,0 +1,142 @@
+"""Sensors: values that turn volts into SI, and say what they cannot pass.
+
+A sensor is no instrument: it answers nothing. It is written in the rig file, travels inside every
+recording, and knows its range, its bandwidth and its delay, because two signals are compared only
+after both have been brought to the same bandwidth and time.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from instruments.arrays import BoolArray, ComplexArray, FloatArray
+
+__all__ = ["Accelerometer", "Divider", "ForceTorque", "Sensor", "Switch", "low_pass"]
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+def low_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
+    """Response of one real pole at `corner_hz` to `frequencies` (Hz), unity at 0 Hz."""
+    return np.asarray(1.0 / (1.0 + 1j * np.asarray(frequencies) / corner_hz))
+
+
+class Sensor(BaseModel, ABC):
+    """Base of all sensors. `channels` names the DAQ channels that it is wired to, in its own order."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    channels: tuple[str, ...]
+
+    @abstractmethod
+    def to_si(self, volts: FloatArray) -> FloatArray:
+        """(channels, samples) V, in the order of `channels`, to (quantities, samples) SI."""
+
+    @abstractmethod
+    def saturated(self, volts: FloatArray) -> BoolArray:
+        """(samples,): the sensor stood at the end of its range, so `to_si` is not to be believed."""
+
+    def response(self, frequencies: FloatArray) -> ComplexArray:
+        """What the sensor passes at `frequencies` (Hz), relative to `to_si` at low frequency."""
+        return np.ones(len(frequencies), dtype=np.complex128)
+
+
+class ForceTorque(Sensor):
+    """Six strain gauges through the matrix of their calibration file (ATI Mini40, DAQ version).
+
+    `matrix` is the file's six UserAxis rows (Fx, Fy, Fz in N, Tx, Ty, Tz in N m per V), as
+    hardware.md section 6 explains; `ratings` are the axes' full scales. Volts are taken relative
+    to the unloaded sensor: subtract the gauges' rest before the call, or the sensor's weight and
+    offset are in the result.
+    """
+
+    channels: Annotated[tuple[str, ...], Field(min_length=6, max_length=6)]
+    matrix: Annotated[
+        tuple[Annotated[tuple[Finite, ...], Field(min_length=6, max_length=6)], ...],
+        Field(min_length=6, max_length=6),
+    ]
+    ratings: Annotated[tuple[Positive, ...], Field(min_length=6, max_length=6)]
+    gauge_range: Positive = 10.0
+
+    def to_si(self, volts: FloatArray) -> FloatArray:
+        """(6, samples) V above rest to (6, samples): Fx, Fy, Fz (N), Tx, Ty, Tz (N m)."""
+        return np.asarray(self.matrix) @ volts
+
+    def saturated(self, volts: FloatArray) -> BoolArray:
+        """See `Sensor.saturated`: a gauge at its output range, or an axis beyond its rating."""
+        beyond = np.abs(self.to_si(volts)) > np.asarray(self.ratings)[:, None]
+        return np.asarray(np.any(np.abs(volts) >= self.gauge_range, axis=0) | np.any(beyond, axis=0))
+
+
+class Accelerometer(Sensor):
+    """A three-axis analog accelerometer (ADXL335 on a GY-61 board).
+
+    `sensitivity` (V per m/s^2) and `zero` (V at 0 m/s^2) hold for the board's supply voltage: the
+    part is ratiometric. `bandwidth_hz` follows from the filter capacitor: 1 / (2 pi 32 kOhm C),
+    50 Hz as sold (0.1 uF), 500 Hz with 10 nF (ADXL335 data sheet; hardware.md section 7).
+    """
+
+    channels: Annotated[tuple[str, ...], Field(min_length=3, max_length=3)]
+    sensitivity: Positive
+    zero: Finite
+    bandwidth_hz: Positive
+    range: Positive = 3.0 * 9.80665
+
+    def to_si(self, volts: FloatArray) -> FloatArray:
+        """(3, samples) V to (3, samples) m/s^2 along x, y, z."""
+        return (volts - self.zero) / self.sensitivity
+
+    def saturated(self, volts: FloatArray) -> BoolArray:
+        """See `Sensor.saturated`: an axis beyond the guaranteed range."""
+        return np.asarray(np.any(np.abs(self.to_si(volts)) >= self.range, axis=0))
+
+    def response(self, frequencies: FloatArray) -> ComplexArray:
+        """The filter capacitor's pole."""
+        return low_pass(frequencies, self.bandwidth_hz)
+
+
+class Switch(Sensor):
+    """A contact that switches a voltage: the button's activation state."""
+
+    channels: Annotated[tuple[str, ...], Field(min_length=1, max_length=1)]
+    threshold: Positive = 2.5
+
+    def to_si(self, volts: FloatArray) -> FloatArray:
+        """(1, samples) V to (1, samples): 1.0 where the contact is closed, 0.0 where it is open."""
+        return np.asarray(volts > self.threshold, dtype=np.float64)
+
+    def saturated(self, volts: FloatArray) -> BoolArray:
+        """See `Sensor.saturated`: a switch has no range to leave."""
+        return np.zeros(volts.shape[1], dtype=np.bool_)
+
+
+class Divider(Sensor):
+    """The voltage at the patches, through a divider: a drive is always measured, never assumed."""
+
+    channels: Annotated[tuple[str, ...], Field(min_length=1, max_length=1)]
+    ratio: Positive
+    """Volts at the patch per volt at the DAQ."""
+
+    def to_si(self, volts: FloatArray) -> FloatArray:
+        """(1, samples) V at the DAQ to (1, samples) V at the patch."""
+        return volts * self.ratio
+
+    def saturated(self, volts: FloatArray) -> BoolArray:
+        """See `Sensor.saturated`: the DAQ's own range is the limit, and its blocks flag that."""
+        return np.zeros(volts.shape[1], dtype=np.bool_)
+
+
+class Sensors(BaseModel):
+    """The `[sensors]` table of a rig file. A rig without a table needs no drive, and the reverse."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    force: ForceTorque | None = None
+    acceleration: Accelerometer | None = None
+    activation: Switch | None = None
+    drive: Divider | None = None
