@@ -141,14 +141,14 @@ def _read(path: Path) -> str:
 
 def _names() -> list[str]:
     return sorted(
-        p.name[:-5] for p in resources.files("instruments.rigs").iterdir() if p.name.endswith(".toml")
+        p.name[:-5] for p in resources.files("rigs").iterdir() if p.name.endswith(".toml")
     )
 
 
 def _shipped(name: str) -> str:
     if name not in _names():
         raise ConfigurationError(f"There is no rig {name!r}; haploop ships: {', '.join(_names())}.")
-    return (resources.files("instruments.rigs") / f"{name}.toml").read_text(encoding="utf-8")
+    return (resources.files("rigs") / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _sentence(error: ValidationError, model: type[BaseModel], source: str) -> str:

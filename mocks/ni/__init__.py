@@ -1,0 +1,1 @@
+"""The NI-DAQmx wire."""

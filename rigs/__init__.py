@@ -1,0 +1,1 @@
+"""Rig files that haploop ships: data, found by their bare names."""
