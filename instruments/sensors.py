@@ -23,7 +23,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 def low_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
     """Response of one real pole at `corner_hz` to `frequencies` (Hz), unity at 0 Hz."""
-    return np.asarray(1.0 / (1.0 + 1j * np.asarray(frequencies) / corner_hz))
+    return np.asarray(1.0 / (1.0 + 1j * frequencies / corner_hz), dtype=np.complex128)
 
 
 class Sensor(BaseModel, ABC):

@@ -1,0 +1,185 @@
+"""What every relay box of numbered channels does alike: switch over in order, read back, keep alive.
+
+A driver is a `RelayBoard`, which speaks to one product, under this logic; a twin is a simulated
+board under the same logic.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Protocol
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from instruments.clock import Clock
+from instruments.errors import ConfigurationError, InstrumentError
+from instruments.relay import Relay
+
+__all__ = ["BoardRelay", "BoardSettings", "ChannelState", "RelayBoard"]
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+_PATIENCE = 0.1
+"""Seconds in which a command must show in the read-back: ten times what USB takes (hardware.md, 13)."""
+
+
+def _wired(patches: dict[str, int]) -> dict[str, int]:
+    channels = list(patches.values())
+    twice = {c for c in channels if channels.count(c) > 1}
+    if twice:
+        raise ValueError(f"channel {min(twice)} is given to more than one patch")
+    return patches
+
+
+class BoardSettings(BaseModel):
+    """What the `[relay]` table of a rig file holds for any board."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    patches: Annotated[dict[str, int], AfterValidator(_wired), Field(min_length=1)]
+    """The channel that each patch is wired to."""
+    rating: Positive
+    """V peak that a channel may switch."""
+    settle: Positive = 0.01
+    """Seconds that the contacts need, and the pause between two read-backs."""
+
+
+@dataclass(frozen=True)
+class ChannelState:
+    """One channel as the board reports it."""
+
+    closed: bool
+    remaining: float = math.inf
+    """Seconds until the board opens it by itself; infinite when nothing will."""
+
+
+class RelayBoard(Protocol):
+    """One product. Every method raises InstrumentError, within a deadline, when the board does not do it."""
+
+    identity: str
+    dead_man: float
+    """Seconds that `close_channel` lasts; infinite for a board that cannot open by itself."""
+
+    def states(self) -> Mapping[int, ChannelState]:
+        """Every channel as the board itself reports it."""
+
+    def open_channel(self, channel: int) -> None:
+        """Tell a channel to open."""
+
+    def close_channel(self, channel: int) -> None:
+        """Tell a channel to close, or to stay closed, for `dead_man` seconds from now on."""
+
+    def release(self) -> None:
+        """Let go of the connection, if there is one. May be called again."""
+
+
+class BoardRelay(Relay):
+    """See `Relay`. Breaks before it makes, and believes only what is read back.
+
+    Channels that no patch is wired to are left alone. After an error nothing is renewed, so that
+    the board's dead-man opens whatever had been closed.
+    """
+
+    def __init__(self, settings: BoardSettings, clock: Clock, board: RelayBoard) -> None:
+        self.identity = board.identity
+        self.patches = tuple(settings.patches)
+        self.rating = settings.rating
+        self.dead_man = board.dead_man
+        self._channels = settings.patches
+        self._settle = settings.settle
+        self._clock = clock
+        self._board = board
+        self._held: frozenset[str] = frozenset()
+        self._released = False
+
+    def connect(self, patches: Collection[str]) -> None:
+        """See `Relay.connect`."""
+        wanted = frozenset(patches)
+        unknown = sorted(wanted - set(self.patches))
+        if unknown:
+            raise ConfigurationError(
+                f"{self.identity} has no patch {unknown[0]!r}: the rig file wires {', '.join(self.patches)}."
+            )
+        self._check_open()
+        self._held = frozenset()
+        others = [p for p in self.patches if p not in wanted]
+        for patch in others:
+            self._board.open_channel(self._channels[patch])
+        self._expect(others, closed=False)
+        for patch in sorted(wanted):
+            self._board.close_channel(self._channels[patch])
+        self._expect(sorted(wanted), closed=True)
+        self._expect(others, closed=False)
+        # What was read is the board's own state; its contacts follow.
+        self._clock.sleep(self._settle)
+        self._held = wanted
+
+    def connected(self) -> frozenset[str]:
+        """See `Relay.connected`."""
+        self._check_open()
+        states = self._states(self.patches)
+        return frozenset(patch for patch, state in states.items() if state.closed)
+
+    def renew(self) -> None:
+        """See `Relay.renew`. Raises InstrumentError when a channel is not as `connect` left it.
+
+        A channel that opened by itself is not closed again: the drive may be on.
+        """
+        if not self._held:
+            return
+        self._check_open()
+        held, self._held = self._held, frozenset()
+        for patch, state in self._states(self.patches).items():
+            if state.closed != (patch in held):
+                now = "closed" if state.closed else "open"
+                raise InstrumentError(
+                    f"{self._name(patch)} reads {now} though it was left "
+                    f"{'open' if state.closed else 'closed'}: "
+                    f"was it not renewed for {self.dead_man:g} s, or is another program using the box?"
+                )
+        for patch in sorted(held):
+            self._board.close_channel(self._channels[patch])
+        self._held = held
+
+    def close(self) -> None:
+        """See `Relay.close`."""
+        self._held = frozenset()
+        self._released = True
+        self._board.release()
+
+    def _expect(self, patches: Collection[str], closed: bool) -> None:
+        """Wait until these patches read as told, with the dead-man running on those that are closed."""
+        deadline = self._clock.now() + max(_PATIENCE, 2 * self._settle)
+        while patches:
+            states = self._states(patches)
+            wrong = [p for p, state in states.items() if state.closed != closed]
+            unguarded = [p for p, s in states.items() if s.closed and not s.remaining <= self.dead_man]
+            if not wrong and not unguarded:
+                return
+            if self._clock.now() >= deadline:
+                if wrong:
+                    raise InstrumentError(
+                        f"{self._name(wrong[0])} was told to {'close' if closed else 'open'} "
+                        f"but reads {'open' if closed else 'closed'}: check the box and its cable."
+                    )
+                raise InstrumentError(
+                    f"{self._name(unguarded[0])} is closed, but its dead-man of {self.dead_man:g} s "
+                    "is not running: update the firmware of the box, or replace it."
+                )
+            self._clock.sleep(self._settle)
+
+    def _states(self, patches: Iterable[str]) -> dict[str, ChannelState]:
+        states = self._board.states()
+        missing = [p for p in patches if self._channels[p] not in states]
+        if missing:
+            raise InstrumentError(f"{self._name(missing[0])}: the box has no such channel.")
+        return {p: states[self._channels[p]] for p in patches}
+
+    def _name(self, patch: str) -> str:
+        return f"{self.identity}: channel {self._channels[patch]} (patch {patch})"
+
+    def _check_open(self) -> None:
+        if self._released:
+            raise InstrumentError(f"{self.identity} has been closed; open the rig again.")
