@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import metadata
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, Literal, Protocol, Self, TypeVar
 
 import numpy as np
@@ -299,18 +299,16 @@ def uninterrupted() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    arrived: list[tuple[int, FrameType | None]] = []
+    arrived: list[int] = []
     kinds = (signal.SIGINT, signal.SIGTERM)
-    before = {kind: signal.signal(kind, lambda n, frame: arrived.append((n, frame))) for kind in kinds}
+    before = {kind: signal.signal(kind, lambda number, _frame: arrived.append(number)) for kind in kinds}
     try:
         yield
     finally:
         for kind, handler in before.items():
             signal.signal(kind, handler)
         if arrived:
-            handler = before[signal.Signals(arrived[0][0])]
-            if callable(handler):
-                handler(*arrived[0])
+            signal.raise_signal(arrived[0])
 
 
 def _check_import_name() -> None:

@@ -105,17 +105,35 @@ class RigFile(_Section):
 def load_rig_file(path: str | Path) -> RigFile:
     """Read and validate a rig file; the bare name of a rig that haploop ships is found as well.
 
-    A file that holds nothing but `[simulation]` is the simulated rig with another plant.
+    A file with `base = "NAME"` says only how it differs from another rig file (a path beside it,
+    or the bare name of a shipped rig). A file that holds nothing but `[simulation]` is the
+    simulated rig with another plant.
     Raises ConfigurationError, which names the file, the key, and what was expected.
     """
-    text = _read(Path(path))
+    return validate(RigFile, _raw(Path(path), ()), str(path))
+
+
+def _raw(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
+    if path in above:
+        raise ConfigurationError(f"{above[-1]}: the base {path} builds on this file itself.")
+    text = _read(path)
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
-    if set(raw) == {"simulation"}:
-        raw = {**tomllib.loads(_shipped("simulated")), **raw}
-    return validate(RigFile, raw, str(path))
+    base = "simulated" if set(raw) == {"simulation"} else raw.pop("base", None)
+    if base is None:
+        return raw
+    if not isinstance(base, str):
+        raise ConfigurationError(f"{path}: base must be the name of another rig file (found {base!r}).")
+    beside = path.parent / base
+    return _merged(_raw(beside if beside.is_file() else Path(base), (*above, path)), raw)
+
+
+def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """`own` over `base`, table by table."""
+    both = {k: _merged(base[k], v) for k, v in own.items() if isinstance(v, dict) and k in base}
+    return {**base, **own, **both}
 
 
 def validate(model: type[Model], raw: object, source: str) -> Model:
@@ -140,9 +158,7 @@ def _read(path: Path) -> str:
 
 
 def _names() -> list[str]:
-    return sorted(
-        p.name[:-5] for p in resources.files("rigs").iterdir() if p.name.endswith(".toml")
-    )
+    return sorted(p.name[:-5] for p in resources.files("rigs").iterdir() if p.name.endswith(".toml"))
 
 
 def _shipped(name: str) -> str:

@@ -78,7 +78,8 @@ class DaqTwin(Daq):
                 noise = noise_of(self._plant.settings.seed, name, self._starts[name])
                 self._starts[name] += 1
                 ranges = np.array([known[c].range for c in mine])
-                delays: FloatArray = np.arange(len(mine)) * convert_interval(product, rate_hz, len(mine))
+                interval = convert_interval(product, rate_hz, len(mine))
+                delays = np.arange(len(mine), dtype=np.float64) * interval
                 devices.append(_Device(product, tuple(mine), ranges, delays, noise))
         start = self._plant.clock.now()
         for name, volts in (play or {}).items():

@@ -100,7 +100,7 @@ class Plant:
         self.peak = 0.0
         self._file = file
         self._section = file.table or TableSection(
-            button_point=17, patch_capacitance=90e-9, patch_low=-100, patch_high=400
+            button_point=18, patch_capacitance=90e-9, patch_low=-100, patch_high=400
         )
         self._vibrometer = vibrometer
         self._lock = threading.RLock()

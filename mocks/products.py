@@ -13,7 +13,7 @@ from instruments.arrays import FloatArray
 
 __all__ = ["PRODUCTS", "Product", "code_width", "convert_interval", "input_range"]
 
-Family = Literal["E Series", "X Series", "C Series", "CompactDAQ Chassis"]
+Family = Literal["E Series", "X Series", "C Series", "Digital I/O", "CompactDAQ Chassis"]
 
 _PADDING = 10e-6
 """Seconds that the driver adds between two channels of a multiplexed card (hardware.md, section 1c)."""
@@ -120,6 +120,17 @@ PRODUCTS: dict[str, Product] = {
             ai_fifo=127,
         ),
         Product(  # all estimates
+            name="NI 9205",
+            family="C Series",
+            ai_single_ended=32,
+            ai_differential=16,
+            ai_ranges=(10.0, 5.0, 1.0, 0.2),
+            ai_rate_hz=250e3,
+            ai_rate_single_hz=250e3,
+            ai_noise=0.24e-3,
+            ai_fifo=1023,
+        ),
+        Product(  # all estimates
             name="NI 9263",
             family="C Series",
             ao_channels=4,
@@ -127,6 +138,7 @@ PRODUCTS: dict[str, Product] = {
             ao_rate_hz=100e3,
         ),
         Product(name="NI 9401", family="C Series", ports=(8,)),
+        Product(name="PCIe-6535", family="Digital I/O", ports=(8, 8, 8, 8)),
         Product(name="cDAQ-9174", family="CompactDAQ Chassis", slots=4, counters=4),
         Product(name="cDAQ-9178", family="CompactDAQ Chassis", slots=8, counters=4),
         Product(name="cDAQ-9185", family="CompactDAQ Chassis", slots=4, counters=4),

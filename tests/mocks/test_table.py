@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mocks.hysteresis import _RADII, Hysteresis
+from mocks.table import AMPLIFIER_POLE_HZ, MAIN, Plate, Table, make_plate
+
+PLACE = (6.5 / 12, 1.5 / 7)
+RATE_HZ = 50_000.0
+LASER_HZ = 5000.0
+
+
+@pytest.fixture(scope="module")
+def plate() -> Plate:
+    return make_plate(np.random.default_rng(0))
+
+
+def swing(table: Table, volts: np.ndarray, cuts: list[int], start: float = 10.0) -> None:
+    rest = np.zeros(len(volts))
+    for a, b in zip([0, *cuts], [*cuts, len(volts)], strict=True):
+        if b > a:
+            steps = {p: volts[a:b] if p == "A" else rest[a:b] for p in "ABCD"}
+            table.step(start + a / RATE_HZ, 1 / RATE_HZ, steps)
+
+
+def test_the_staircase_response_is_the_plates_own(plate: Plate) -> None:
+    """A whole record's FFT ratio equals plate x staircase x amplifier x laser to a few 1e-5."""
+    table, n = Table(plate, 0.0, LASER_HZ), 100_000
+    t = np.arange(n) / RATE_HZ
+    volts = 50 * np.sin(np.pi * 625 * t**2) * (t < 1)
+    swing(table, volts, [5000, 5001, 40_000])
+    late = 14e-6
+    velocity = table.velocity(PLACE, 10 + t + late)
+    f = np.fft.rfftfreq(n, 1 / RATE_HZ)
+    band = (f > 60) & (f < 600)
+    measured = (np.fft.rfft(velocity) / np.fft.rfft(volts))[band]
+    f = f[band]
+    stairs = np.sinc(f / RATE_HZ) * np.exp(-1j * np.pi * f / RATE_HZ + 2j * np.pi * f * late)
+    poles = 1 / (1 + 1j * f / AMPLIFIER_POLE_HZ) / (1 + 1j * f / LASER_HZ / 1.0001)
+    truth = plate.velocity("A", PLACE, f) * stairs * poles
+    # What still rings at the record's end is all that the ratio cannot know.
+    assert np.linalg.norm(measured - truth) < 2e-3 * np.linalg.norm(truth)
+
+
+def test_how_the_drive_is_cut_into_steps_changes_nothing(plate: Plate) -> None:
+    rng = np.random.default_rng(1)
+    volts = 40 * rng.uniform(-1, 1, 3000)
+    times = 10 + np.sort(rng.uniform(0, 0.07, 500))
+    whole, cut = Table(plate, 0.12, LASER_HZ), Table(plate, 0.12, LASER_HZ)
+    swing(whole, volts, [])
+    swing(cut, volts, [1, 2, 700, 701, 2999])
+    np.testing.assert_allclose(
+        cut.velocity(PLACE, times), whole.velocity(PLACE, times), atol=1e-12 + 1e-9 * 50e-6
+    )
+    np.testing.assert_allclose(cut.voltage("A", times), whole.voltage("A", times), atol=1e-9)
+
+
+def test_patch_a_drives_the_main_mode_best_whatever_the_seed() -> None:
+    for seed in range(20):
+        plate = make_plate(np.random.default_rng(seed))
+        main = plate.natural_hz[[MAIN]]
+        assert abs(main[0] - 263.5) < 3
+        best = {p: abs(plate.velocity(p, PLACE, main)[0]) for p in "ABCD"}
+        assert max(best, key=best.__getitem__) == "A"
+        everywhere = np.abs(plate.velocity("A", PLACE, np.arange(30.0, 620.0, 0.5)))
+        assert abs(np.arange(30.0, 620.0, 0.5)[everywhere.argmax()] - main[0]) < 2
+
+
+def test_patch_and_point_apart_give_zeros_in_the_right_half_plane() -> None:
+    """So that inverting the response as a stable filter fails, as it does on real tables."""
+
+    def zeros(plate: Plate, place: tuple[float, float]) -> np.ndarray:
+        w, zeta = plate.natural_hz / 1e3, plate.damping
+        modes = [np.array([1, 2 * z * x, x * x]) for z, x in zip(zeta, w, strict=True)]
+        strength = plate.shape(place) * plate.coupling("A")
+        total = np.zeros(1)
+        for k, s in enumerate(strength):
+            others = np.array([1.0])
+            for j, mode in enumerate(modes):
+                if j != k:
+                    others = np.convolve(others, mode)
+            total = np.polyadd(total, s * others)
+        return np.roots(total)
+
+    for seed in range(10):
+        plate = make_plate(np.random.default_rng(seed))
+        assert (zeros(plate, PLACE).real > 1e-6).any()
+        assert not (zeros(plate, plate.patches["A"]).real > 1e-6).any()
+
+
+def test_the_loop_has_the_width_that_was_asked_for() -> None:
+    t = np.linspace(0, 3, 6001)
+    strain = Hysteresis(0.12).follow(50 * np.sin(2 * np.pi * t))[2000:]
+    crossing = np.abs(strain[np.isclose(np.sin(2 * np.pi * t[2000:]), 0, atol=1e-9)])
+    assert np.ptp(strain) == pytest.approx(100, rel=1e-6)
+    assert 2 * crossing.max() / np.ptp(strain) == pytest.approx(0.12, rel=1e-6)
+
+
+@given(st.lists(st.floats(-60, 60), min_size=1, max_size=60), st.integers(0, 60))
+def test_hysteresis_equals_its_definition_step_by_step(path: list[float], cut: int) -> None:
+    volts = np.array(path)
+    patch, plain = Hysteresis(0.12), Hysteresis(0.12)
+    strain = np.concatenate([patch.follow(v) for v in (volts[:cut], volts[cut:]) if len(v)])
+    play, expected = np.zeros(len(_RADII)), []
+    for v in volts:
+        play = np.clip(play, v - _RADII, v + _RADII)
+        expected.append(plain._linear * v + plain._weights @ play)
+    np.testing.assert_allclose(strain, expected, atol=1e-9)
