@@ -22,12 +22,11 @@ from instruments.operator import Press
 from instruments.rig_file import RigFile
 from instruments.rig_file import Table as TableSection
 from instruments.sensors import low_pass
-from instruments.vibrometer import Vibrometer
 from mocks.buttons import ButtonPress, Finger, button_named, latest, press_button
 from mocks.nodes import Source
 from mocks.table import Table, make_plate
 
-__all__ = ["Plant", "Truth"]
+__all__ = ["LaserHead", "Plant", "Truth"]
 
 GRAVITY = 9.80665
 AMPLIFIER_GAIN_ERROR = 0.01
@@ -47,6 +46,21 @@ VIBROMETER_NOISE = 0.05e-6
 """m/s per sqrt(Hz) (hardware.md, section 13)."""
 _RING = 0.2
 """Seconds for which a click can be felt after the finger has left."""
+
+
+@dataclass
+class LaserHead:
+    """The optics and the decoder of a vibrometer as they really are, whatever a rig file says."""
+
+    range: float
+    """Full scale (m/s): the output clips there."""
+    sensitivity: float
+    """m/s per V at the output."""
+    bandwidth_hz: float
+    delay: float
+    """Seconds by which the output is late."""
+    level: float = 1.0
+    """Share of the light that comes back, 0 to 1; without light there is only noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +104,9 @@ class Truth:
 
 
 class Plant:
-    """See the module. `vibrometer` is the real arithmetic of the rig's product; None without one."""
+    """See the module. A laser looks at the table once a vibrometer's twin has installed its head."""
 
-    def __init__(self, file: RigFile, clock: Clock, vibrometer: Vibrometer | None) -> None:
+    def __init__(self, file: RigFile, clock: Clock) -> None:
         self.clock = clock
         self.settings = file.simulation
         self.presses: list[ButtonPress] = []
@@ -102,7 +116,6 @@ class Plant:
         self._section = file.table or TableSection(
             button_point=18, patch_capacitance=90e-9, patch_low=-100, patch_high=400
         )
-        self._vibrometer = vibrometer
         self._lock = threading.RLock()
         self._aim = "button"
         self._switched: list[tuple[float, int, str, bool]] = []
@@ -119,7 +132,6 @@ class Plant:
                 self.place("button") if s.collocated else None,
             ),
             s.hysteresis,
-            vibrometer.bandwidth_hz if vibrometer else 5000.0,
         )
         self._gain = 50.0 * (1 + AMPLIFIER_GAIN_ERROR * self.rng("amplifier").uniform(-1, 1))
         self._nodes = self._named_nodes()
@@ -142,6 +154,12 @@ class Plant:
         return (column + 0.5) / self._section.columns, (row + 0.5) / self._section.rows
 
     # What people and instruments do to the plant
+
+    def install(self, node: str, head: LaserHead) -> None:
+        """Put a vibrometer in place, its output wired to `node`."""
+        self.table.laser_pole_hz = head.bandwidth_hz
+        self._nodes[node] = partial(self._laser, head)
+        self._noise[node] = self.rng(f"noise of {node}")
 
     def press(self, request: Press) -> None:
         """A participant presses a button, after their reaction time from now."""
@@ -240,8 +258,6 @@ class Plant:
             nodes[sensors.activation.channels[0]] = self._contact
         if sensors.drive:
             nodes[sensors.drive.channels[0]] = self._monitor
-        if self._vibrometer:
-            nodes[self._vibrometer.channel] = self._laser
         return nodes
 
     def _gauge(
@@ -295,11 +311,11 @@ class Plant:
         volts = [self.table.voltage(p, times) for p in self.table.plate.patches]
         return np.asarray(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
 
-    def _laser(self, times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        vibrometer = self._vibrometer
-        assert vibrometer is not None
-        velocity = self.table.velocity(self.place(self._aim), times - vibrometer.delay)
-        rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * vibrometer.bandwidth_hz
+    def _laser(self, head: LaserHead, times: FloatArray, rng: np.random.Generator) -> FloatArray:
+        velocity = self.table.velocity(self.place(self._aim), times - head.delay) * (head.level > 0)
+        rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
         density = VIBROMETER_NOISE * self.settings.vibrometer_noise_scale
+        # Noise grows as the light fades (an estimate: with the root of its share, and tenfold at most).
+        density /= np.sqrt(max(head.level, 0.01))
         velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
-        return np.clip(velocity, -vibrometer.range, vibrometer.range) / vibrometer.sensitivity
+        return np.asarray(np.clip(velocity, -head.range, head.range) / head.sensitivity)

@@ -8,7 +8,6 @@ from typing import Any
 
 from instruments.rig import Driver, Mode
 from instruments.rig_file import Device, RigFile, validate
-from instruments.vibrometer import Vibrometer
 from mocks.clock import VirtualClock
 from mocks.plant import Plant, Truth
 
@@ -28,7 +27,7 @@ class Simulation:
         self.clock = VirtualClock()
         self._file = file
         self._stack = ExitStack()
-        self.plant = Plant(file, self.clock, self._vibrometer())
+        self.plant = Plant(file, self.clock)
 
     @property
     def truth(self) -> Truth:
@@ -52,13 +51,3 @@ class Simulation:
     def close(self) -> None:
         """Stop every wire. May be called again."""
         self._stack.close()
-
-    def _vibrometer(self) -> Vibrometer | None:
-        device = self._file.vibrometer
-        if device is None:
-            return None
-        (entry,) = metadata.entry_points(group="haploop.drivers", name=device.driver)
-        driver: Driver = entry.load()
-        settings = validate(driver.Settings, device.settings, f"[vibrometer] of {self._file.name}")
-        vibrometer: Vibrometer = driver.open(settings, self.clock)
-        return vibrometer

@@ -116,19 +116,29 @@ class Table:
     The laser's own pole is part of the transfer function, its delay is not: ask for earlier times.
     """
 
-    def __init__(self, plate: Plate, hysteresis: float, laser_pole_hz: float) -> None:
+    def __init__(self, plate: Plate, hysteresis: float, laser_pole_hz: float = 5000.0) -> None:
         self.plate = plate
         w = 2 * np.pi * plate.natural_hz
         modes = w * (-plate.damping + 1j * np.sqrt(1 - plate.damping**2))
         self._amplifier = 2 * np.pi * AMPLIFIER_POLE_HZ
-        # Two equal poles would need another formula; a ten-thousandth apart they do not.
-        self._laser = 2 * np.pi * laser_pole_hz * (1.0001 if laser_pole_hz == AMPLIFIER_POLE_HZ else 1.0)
-        self._poles = np.concatenate([modes, [-self._amplifier, -self._laser, -self._amplifier]])
+        self._poles = np.concatenate([modes, [-self._amplifier, 0.0, -self._amplifier]])
+        self.laser_pole_hz = laser_pole_hz
         self._hysteresis = {patch: Hysteresis(hysteresis) for patch in plate.patches}
         zero = np.zeros(1)
         rest = dict.fromkeys(plate.patches, zero)
         begin = {patch: np.zeros(len(self._poles), complex) for patch in plate.patches}
         self._stretches = deque([_Stretch(0.0, np.inf, rest, rest, begin)])
+
+    @property
+    def laser_pole_hz(self) -> float:
+        """The pole of the laser's output; to be set before the table has moved."""
+        return self._laser / 2 / np.pi
+
+    @laser_pole_hz.setter
+    def laser_pole_hz(self, value: float) -> None:
+        # Two equal poles would need another formula; a ten-thousandth apart they do not.
+        self._laser = 2 * np.pi * value * (1.0001 if value == AMPLIFIER_POLE_HZ else 1.0)
+        self._poles[-2] = -self._laser
 
     def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
         """From `start` on, the amplifier's output at each patch ((steps,) V, all alike in length).

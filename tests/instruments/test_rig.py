@@ -80,7 +80,7 @@ def test_the_strictest_rating_is_the_limit(open: OpenRig) -> None:
 
 def test_an_unknown_patch_or_channel_is_named(open: OpenRig) -> None:
     rig = open()
-    with pytest.raises(ConfigurationError, match="'E'|E"):
+    with pytest.raises(ConfigurationError, match="E"):
         rig.excite(tone(rig), ["E"], ["drive"])
     with pytest.raises(ConfigurationError, match="lasr"):
         rig.excite(tone(rig), ["A"], ["lasr"])
@@ -128,5 +128,5 @@ def test_signals_during_clean_up_do_not_cut_it_short(tmp_path: Path, kind: signa
                 print(sorted(rig.relay.connected()), flush=True)
         """)
     )
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True, timeout=60)
     assert done.stdout.splitlines() == (["[]"] if kind is signal.SIGINT else [])
