@@ -79,3 +79,14 @@ def test_a_base_is_merged_table_by_table(tmp_path: Path) -> None:
 def test_a_base_that_is_its_own_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="builds on this file itself"):
         load_rig_file(written(tmp_path, 'base = "rig.toml"\n'))
+
+
+def test_every_shipped_rig_loads() -> None:
+    for file in SHIPPED.parent.glob("*.toml"):
+        assert load_rig_file(file).name == file.stem
+
+
+def test_only_rigs_that_say_so_are_simulated() -> None:
+    assert load_rig_file("simulated").simulate == "twin"
+    assert load_rig_file("haptable").simulate is None
+    assert load_rig_file("minimal").simulate is None

@@ -301,7 +301,7 @@ def test_finds_the_only_box_or_says_what_there_is(wired: Setup, monkeypatch: pyt
     assert hub is not None
     assert wired.relay.identity == f"Yocto-MaxiCoupler {hub.serial}"
     other = settings(hub=hub.url, serial="MXCOUPL1-FFFFF")
-    with pytest.raises(InstrumentError, match="MXCOUPL1-FFFFF.* with error 404"):
+    with pytest.raises(InstrumentError, match=r"MXCOUPL1-FFFFF.* with error 404"):
         Yocto.open(other, wired.bench.clock)
     listing = hub._listing()
     modules = listing["services"]["whitePages"]
