@@ -164,14 +164,14 @@ class Rig:
         self.limits_for(len(patches)).check(drive, rate_hz)
         padded = np.concatenate([drive, np.zeros(max(1, round(tail * rate_hz)))])
         play = {self.amplifier.input: self.amplifier.to_input(padded)}
-        self.daq.zero()
-        self.relay.connect(patches)
 
         def each(block: Block) -> None:
             self.relay.renew()
             progress(block.volts.shape[1] / rate_hz)
 
         try:
+            self.daq.zero()
+            self.relay.connect(patches)
             with self.daq.stream(channels, rate_hz, round(rate_hz / 10), len(padded), play) as stream:
                 return stream.capture(each)
         finally:

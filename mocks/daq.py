@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 
 import numpy as np
-from instruments.ni_daqmx import NiDaq
 
 from instruments.arrays import FloatArray
 from instruments.daq import Block, Daq, Stream
 from instruments.errors import ConfigurationError, LimitError
+from instruments.ni_daqmx import NiDaq
 from mocks.converter import convert, noise_of
 from mocks.nodes import Run
 from mocks.plant import Plant

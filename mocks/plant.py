@@ -24,7 +24,7 @@ from instruments.rig_file import Table as TableSection
 from instruments.sensors import low_pass
 from mocks.buttons import ButtonPress, Finger, button_named, latest, press_button
 from mocks.nodes import Source
-from mocks.table import Table, make_plate
+from mocks.table import MAIN, Table, make_plate
 
 __all__ = ["LaserHead", "Plant", "Truth"]
 
@@ -42,8 +42,8 @@ ACCELEROMETER_NOISE = 300e-6 * GRAVITY
 ACCELEROMETER_CLIP = 3.6 * GRAVITY
 CONTACT = 5.0
 """V across a closed contact."""
-VIBROMETER_NOISE = 0.05e-6
-"""m/s per sqrt(Hz) (hardware.md, section 13)."""
+VIBROMETER_NOISE = 0.02e-6
+"""m/s per sqrt(Hz) of the 20 mm/s range (estimate; hardware.md, section 5a)."""
 _RING = 0.2
 """Seconds for which a click can be felt after the finger has left."""
 
@@ -77,7 +77,7 @@ class Truth:
     @property
     def resonance_hz(self) -> float:
         """Natural frequency of the mode near 263.5 Hz."""
-        return float(self._plant.table.plate.natural_hz[2])
+        return float(self._plant.table.plate.natural_hz[MAIN])
 
     def velocity_response(self, patch: str, point: str, frequencies: FloatArray) -> ComplexArray:
         """(frequencies,) m/s per V at the patch, hysteresis left out."""
@@ -114,7 +114,7 @@ class Plant:
         self.peak = 0.0
         self._file = file
         self._section = file.table or TableSection(
-            button_point=18, patch_capacitance=90e-9, patch_low=-100, patch_high=400
+            button_point=20, patch_capacitance=90e-9, patch_low=-100, patch_high=400
         )
         self._lock = threading.RLock()
         self._aim = "button"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -20,13 +20,14 @@ _LATENCY = (3e-3, 10e-3)
 """Seconds from the command to the box's own processor, jittered (estimate; hardware.md, section 13)."""
 _OPERATE = 1e-3
 """Seconds from there to the contact (estimate; hardware.md, section 13)."""
-_CHANNELS = 8
 
 
 class Contacts(Protocol):
     """What a box asks of the plant."""
 
-    clock: Clock
+    @property
+    def clock(self) -> Clock:
+        """The plant's time."""
 
     def rng(self, name: str) -> np.random.Generator:
         """The plant's seeded randomness for one of its parts."""
@@ -78,12 +79,13 @@ class _Channel:
 
 
 class RelayBox:
-    """Eight channels with pulse timers, whose contacts switch patches of the plant.
+    """Channels with pulse timers, whose contacts switch patches of the plant.
 
-    `channels` says which patch each wired channel switches. Commands arrive late and in order;
-    what has happened by some time is worked out when somebody asks. Contacts are reported by
-    `advance` alone, so a plant may call it while it holds its own lock. Safe to share between
-    threads. Times are in seconds of `clock`.
+    `channels` says which patch each wired channel switches, `numbers` which channels there are.
+    Commands arrive late and in order, and questions queue behind them, so that what is read back is
+    never older than what was sent; the contacts follow in time. What has happened is worked out
+    when somebody asks. Contacts are reported by `advance` alone, so a plant may call it while it
+    holds its own lock. Safe to share between threads. Times are in seconds of `clock`.
     """
 
     def __init__(
@@ -92,6 +94,7 @@ class RelayBox:
         switch: Callable[[str, bool, float], None],
         clock: Clock,
         rng: np.random.Generator,
+        numbers: Iterable[int] = range(1, 9),
     ) -> None:
         self.faults: list[BoxFault] = []
         self._patches = dict(channels)
@@ -99,7 +102,7 @@ class RelayBox:
         self._clock = clock
         self._rng = rng
         self._lock = threading.Lock()
-        self._channels = {number: _Channel() for number in range(1, _CHANNELS + 1)}
+        self._channels = {number: _Channel() for number in numbers}
         self._arriving: list[tuple[float, Callable[[float], None]]] = []
         self._switched: list[tuple[str, bool, float]] = []
         self._latest = -math.inf
@@ -135,21 +138,19 @@ class RelayBox:
     def states(self) -> dict[int, ChannelState]:
         """What the box reports now; `remaining` is its pulse timer's."""
         with self._lock:
-            now = self._clock.now()
-            self._run(now)
+            now = self._arrive()
             return {n: ChannelState(c.closed, c.pulse_end - now) for n, c in self._channels.items()}
 
     def limits(self) -> dict[int, float]:
         """Seconds that each channel may stay closed; infinite without a limit."""
         with self._lock:
-            self._run(self._clock.now())
+            self._arrive()
             return {n: c.limit for n, c in self._channels.items()}
 
     def delays(self) -> dict[int, float]:
         """Seconds until each channel's delayed pulse begins; infinite without one."""
         with self._lock:
-            now = self._clock.now()
-            self._run(now)
+            now = self._arrive()
             return {n: c.delayed - now for n, c in self._channels.items()}
 
     def advance(self, until: float) -> None:
@@ -165,11 +166,18 @@ class RelayBox:
             if channel not in self._channels:
                 raise KeyError(channel)
             arrival = self._clock.now() + float(self._rng.uniform(*_LATENCY))
-            if self._strikes("lost", channel):
-                return
-            if self._arriving:
-                arrival = max(arrival, self._arriving[-1][0])
-            self._arriving.append((arrival, command))
+            if not self._strikes("lost", channel):
+                self._latest = max(arrival, self._latest)
+                self._arriving.append((self._latest, command))
+
+    def _arrive(self) -> float:
+        """When a question that is asked now reaches the box; everything until then has happened.
+
+        No later command can overtake it, so looking ahead of the clock to that time is safe.
+        """
+        at = max(self._clock.now(), self._latest)
+        self._run(at)
+        return at
 
     def _run(self, until: float) -> None:
         while True:
@@ -203,13 +211,13 @@ class RelayBox:
                 self._switched.append((self._patches[number], closed, at + _OPERATE))
 
     def _strikes(self, kind: str, channel: int) -> bool:
-        return any([fault.strikes(kind, channel) for fault in self.faults])
+        return any(fault.strikes(kind, channel) for fault in self.faults)
 
 
-def box_in(plant: Contacts, patches: Mapping[str, int]) -> RelayBox:
+def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] = range(1, 9)) -> RelayBox:
     """A box wired to a plant: each patch on its channel."""
     wiring = {channel: patch for patch, channel in patches.items()}
-    box = RelayBox(wiring, plant.switch, plant.clock, plant.rng("relay"))
+    box = RelayBox(wiring, plant.switch, plant.clock, plant.rng("relay"), numbers)
     plant.every(box.advance)
     return box
 

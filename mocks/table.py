@@ -6,7 +6,7 @@ size has to be chosen, and a channel that a multiplexed card samples 14 us late 
 14 us later.
 
 Geometry and damping are estimates (hardware.md, section 8): a simply supported pane of soda-lime
-glass, 0.45 x 0.35 m, of the thickness that puts its (1, 2) mode at the paper's 263.5 Hz.
+glass, 0.50 x 0.35 m, of the thickness that puts its (2, 2) mode at the paper's 263.5 Hz.
 """
 
 from __future__ import annotations
@@ -23,16 +23,27 @@ from mocks.hysteresis import Hysteresis
 
 __all__ = ["Plate", "Table", "make_plate"]
 
-WIDTH, HEIGHT = 0.45, 0.35
+WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
 """The ceramic of a P-876.A12 (found; hardware.md, section 3)."""
-MODES = ((1, 1), (2, 1), (1, 2), (3, 1), (2, 2), (3, 2), (1, 3), (4, 1), (2, 3), (4, 2), (3, 3), (5, 1))
-MAIN = MODES.index((1, 2))
 MAIN_HZ = 263.5
-PATCHES = {"A": (0.30, 0.14), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
+_HIGHEST = 3.2
+"""Modes are kept up to this multiple of the main one: those above the band stiffen what is in it."""
+
+
+def _curvature(m: int, n: int) -> float:
+    return (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
+
+
+MODES = sorted(
+    ((m, n) for m in range(1, 9) for n in range(1, 9) if _curvature(m, n) < _HIGHEST * _curvature(2, 2)),
+    key=lambda mode: _curvature(*mode),
+)
+MAIN = MODES.index((2, 2))
+PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
 """Centres, as fractions of width and height, near the edges. A drives the main mode best."""
-MAIN_VELOCITY = 3.3e-3 / 50
-"""m/s per V at the main mode's antinode: 2 um of displacement at 50 V, an estimate."""
+MAIN_VELOCITY = 5.0e-3 / 50
+"""m/s per V at the main mode's antinode: 3 um of displacement at 50 V, an estimate."""
 AMPLIFIER_POLE_HZ = 5000.0
 _REMEMBERED = 30.0
 _CACHED = 16

@@ -12,54 +12,26 @@ from __future__ import annotations
 import json
 import math
 import socket
-import socketserver
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, Literal, Self, cast
+from typing import Any, Self
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from instruments.yocto import Yocto
+from mocks.loopback import Loopback, ReplyFault
 from mocks.relay import Contacts, RelayBox, box_in
 
-__all__ = ["ReplyFault", "YoctoHub", "wire"]
+__all__ = ["YoctoHub", "wire"]
 
 _SERIAL = "MXCOUPL1-1A2B3"  # the form is known, the first part is an estimate
 _HUB_SERIAL = "VIRTHUB0-0000000001"
 _FIRMWARE = "60000"
+_INDEX = 1
+"""The module's place in the hub's list; the hub itself is 0."""
 _LONGEST_REQUEST = 8192
 _POLL = 0.05
 """Real seconds between two looks at the box on behalf of a stream of notifications."""
-
-
-@dataclass
-class ReplyFault:
-    """A misbehaviour of the hub or the network, put into `YoctoHub.faults`.
-
-    It strikes requests whose path contains `path`, after letting `after` of them through, `times`
-    times. Commands reach the box all the same, except with "not found", which is what a hub says
-    whose module is unplugged.
-    """
-
-    kind: Literal["silence", "delay", "drip", "garbled", "truncated", "not found", "password", "disconnect"]
-    path: str = ""
-    after: int = 0
-    times: float = math.inf
-    delay: float = 0.05
-    """Real seconds: before the reply with "delay", between its bytes with "drip"."""
-    seen: int = 0
-    fired: int = 0
-
-    def strikes(self, path: str) -> bool:
-        """Whether it does so now; counts itself."""
-        if self.path not in path:
-            return False
-        self.seen += 1
-        struck = self.seen > self.after and self.fired < self.times
-        self.fired += struck
-        return struck
 
 
 class YoctoHub:
@@ -70,14 +42,11 @@ class YoctoHub:
     ) -> None:
         self.serial = serial or _SERIAL
         self.faults: list[ReplyFault] = []
-        self.closing = threading.Event()
         self._box = box
-        self._server = _Server((host, port), self)
-        self.url = f"http://{host}:{self._server.server_address[1]}"
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
+        self._loopback = Loopback(self._serve, port, host)
+        self.url = f"http://{self._loopback.address}"
 
     def __enter__(self) -> Self:
-        self._thread.start()
         return self
 
     def __exit__(
@@ -86,17 +55,36 @@ class YoctoHub:
         self.close()
 
     def close(self) -> None:
-        """Stop serving and cut every connection, as a hub that is killed does. May be called again."""
-        if self.closing.is_set():
-            return
-        self.closing.set()
-        if self._thread.is_alive():
-            self._server.shutdown()
-            self._thread.join()
-        self._server.cut()
-        self._server.server_close()
+        """Stop, as a hub that is killed does. May be called again."""
+        self._loopback.close()
 
-    def answer(self, target: str) -> bytes:
+    def _serve(self, link: socket.socket) -> None:
+        target = _target(link)
+        if target is None:
+            return
+        if target.startswith("/not.byn"):
+            self._notify(link)
+            return
+        fault = next((f for f in self.faults if f.strikes(target)), None)
+        if fault is None:
+            link.sendall(self._answer(target))
+            return
+        special = {"not found": _NOT_FOUND, "password": _PASSWORD}
+        reply = special.get(fault.kind) or self._answer(target)
+        fault.send(link, reply, self._loopback.closing, spare=reply.index(b"\r\n\r\n") + 4)
+
+    def _notify(self, link: socket.socket) -> None:
+        """The endless stream: a position to start from, then each channel's changes."""
+        link.sendall(b"HTTP/1.1 200 OK\r\n\r\n" + b"YN01@0\n")
+        sent = self._values()
+        while not self._loopback.closing.wait(_POLL):
+            values = self._values()
+            changed = {c: v for c, v in values.items() if v != sent[c]}
+            lines = "".join(f"y{chr(65 + _INDEX)}{chr(48 + c - 1)}{v}\n" for c, v in changed.items())
+            link.sendall(lines.encode() or b"\n")
+            sent = values
+
+    def _answer(self, target: str) -> bytes:
         """The whole reply to a request for `target`."""
         url = urlsplit(target)
         path = unquote(url.path)
@@ -111,7 +99,7 @@ class YoctoHub:
             return _NOT_FOUND
         return self._attribute(path[len(root) + 1 :], url.query)
 
-    def values(self) -> dict[int, str]:
+    def _values(self) -> dict[int, str]:
         """What each channel advertises: A is open, B is closed."""
         return {channel: "AB"[state.closed] for channel, state in self._box.states().items()}
 
@@ -167,14 +155,14 @@ class YoctoHub:
             "productName": "VirtualHub",
             "firmwareRelease": _FIRMWARE,
             "protocol": "",
-            "port": [f"http:{self._server.server_address[1]}"],
+            "port": [f"http:{self._loopback.port}"],
             "securityMode": 1,
         }
 
     def _listing(self) -> dict[str, Any]:
         modules = [
             _white_page(_HUB_SERIAL, "VirtualHub", "/api", 0),
-            _white_page(self.serial, "Yocto-MaxiCoupler", f"/bySerial/{self.serial}/api", 1),
+            _white_page(self.serial, "Yocto-MaxiCoupler", f"/bySerial/{self.serial}/api", _INDEX),
         ]
         relays = [
             {
@@ -184,7 +172,7 @@ class YoctoHub:
                 "advertisedValue": value,
                 "index": channel - 1,
             }
-            for channel, value in self.values().items()
+            for channel, value in self._values().items()
         ]
         return {
             "module": _module(_HUB_SERIAL, "VirtualHub"),
@@ -216,6 +204,20 @@ def wire(settings: Yocto.Settings, plant: Contacts) -> Iterator[dict[str, object
     """Serve a hub on a box in the plant; gives the settings that point the driver at it."""
     with YoctoHub(box_in(plant, settings.patches), serial=settings.serial) as hub:
         yield {"hub": hub.url}
+
+
+def _target(link: socket.socket) -> str | None:
+    """What is asked for; the HTTP version may be missing, an empty line always ends the request."""
+    request = b""
+    while b"\r\n\r\n" not in request:
+        more = link.recv(4096)
+        request += more
+        if not more or len(request) > _LONGEST_REQUEST:
+            return None
+    words = request.split(b"\r\n", 1)[0].split()
+    if len(words) < 2 or words[0] != b"GET":
+        return None
+    return words[1].decode("ascii", "replace")
 
 
 def _ok(body: str) -> bytes:
@@ -259,98 +261,3 @@ def _white_page(serial: str, product: str, url: str, index: int) -> dict[str, An
         "beacon": 0,
         "index": index,
     }
-
-
-class _Server(socketserver.ThreadingTCPServer):
-    daemon_threads = True
-    request_queue_size = 64
-
-    def __init__(self, address: tuple[str, int], hub: YoctoHub) -> None:
-        self.hub = hub
-        self._links: set[socket.socket] = set()
-        self._guard = threading.Lock()
-        super().__init__(address, _Connection)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        with self._guard:
-            self._links.add(request)
-        super().process_request(request, client_address)
-
-    def shutdown_request(self, request: Any) -> None:
-        with self._guard:
-            self._links.discard(request)
-        super().shutdown_request(request)
-
-    def cut(self) -> None:
-        """Wake every thread that waits for its client."""
-        with self._guard:
-            links = list(self._links)
-        for link in links:
-            with suppress(OSError):
-                link.shutdown(socket.SHUT_RDWR)
-
-
-class _Connection(socketserver.BaseRequestHandler):
-    request: socket.socket
-
-    def handle(self) -> None:
-        hub = cast(_Server, self.server).hub
-        with suppress(OSError):
-            target = self._target()
-            if target is None:
-                return
-            if target.startswith("/not.byn"):
-                self._notify(hub)
-            else:
-                self._reply(hub, target)
-
-    def _target(self) -> str | None:
-        """What is asked for; the HTTP version may be missing, an empty line always ends the request."""
-        request = b""
-        while b"\r\n\r\n" not in request:
-            more = self.request.recv(4096)
-            request += more
-            if not more or len(request) > _LONGEST_REQUEST:
-                return None
-        words = request.split(b"\r\n", 1)[0].split()
-        if len(words) < 2 or words[0] != b"GET":
-            return None
-        return words[1].decode("ascii", "replace")
-
-    def _reply(self, hub: YoctoHub, target: str) -> None:
-        fault = next((f for f in hub.faults if f.strikes(target)), None)
-        kind = fault.kind if fault else None
-        reply = _NOT_FOUND if kind == "not found" else hub.answer(target)
-        head, end, body = reply.partition(b"\r\n\r\n")
-        match kind:
-            case "silence":
-                self.request.recv(1)  # returns when the client gives up, or the hub is closed
-                return
-            case "disconnect":
-                return
-            case "password":
-                reply = _PASSWORD
-            case "garbled":
-                reply = head + end + bytes(b ^ 0x5A for b in body)
-            case "truncated":
-                reply = reply[: len(head + end) + len(body) // 2]
-            case "delay" if fault:
-                hub.closing.wait(fault.delay)
-            case "drip" if fault:
-                for position in range(len(reply)):
-                    self.request.sendall(reply[position : position + 1])
-                    if hub.closing.wait(fault.delay):
-                        return
-                return
-        self.request.sendall(reply)
-
-    def _notify(self, hub: YoctoHub) -> None:
-        """The endless stream: a position to start from, then each channel's changes."""
-        self.request.sendall(b"HTTP/1.1 200 OK\r\n\r\n" + b"YN01@0\n")
-        sent = hub.values()
-        while not hub.closing.wait(_POLL):
-            values = hub.values()
-            changed = {c: v for c, v in values.items() if v != sent[c]}
-            lines = "".join(f"y{chr(65 + 1)}{chr(48 + c - 1)}{v}\n" for c, v in changed.items())
-            self.request.sendall(lines.encode() or b"\n")
-            sent = values

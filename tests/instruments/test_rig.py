@@ -125,7 +125,7 @@ def test_signals_during_clean_up_do_not_cut_it_short(tmp_path: Path, kind: signa
             except KeyboardInterrupt:
                 pass
             finally:
-                print(sorted(rig.relay.connected()), flush=True)
+                print(sorted(rig.simulation.truth.closed), flush=True)
         """)
     )
     done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True, timeout=60)

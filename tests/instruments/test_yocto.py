@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-import numpy as np
+import hypothesis
+import hypothesis.strategies as st
 import pytest
 from pydantic import ValidationError
 
@@ -15,40 +17,17 @@ from instruments.errors import ConfigurationError, InstrumentError
 from instruments.relay import Relay
 from instruments.yocto import Yocto
 from mocks.clock import VirtualClock
+from mocks.loopback import Loopback, ReplyFault
 from mocks.relay import BoxFault, RelayBox, RelayTwin, box_in
-from mocks.yocto_hub import ReplyFault, YoctoHub, wire
+from mocks.yocto_hub import YoctoHub, wire
+from tests.instruments.contacts import Contacts
 
 PATCHES = {"A": 1, "B": 2, "C": 3, "D": 8}
 
 
-class Bench:
-    """A plant that is nothing but contacts."""
-
-    def __init__(self) -> None:
-        self.clock = VirtualClock()
-        self.events: list[tuple[float, str, bool]] = []
-        self._callbacks: list[Callable[[float], None]] = []
-
-    def rng(self, name: str) -> np.random.Generator:
-        return np.random.default_rng(7)
-
-    def every(self, callback: Callable[[float], None]) -> None:
-        self._callbacks.append(callback)
-
-    def switch(self, patch: str, closed: bool, at: float) -> None:
-        self.events.append((at, patch, closed))
-
-    def closed(self) -> set[str]:
-        """Which contacts are closed now."""
-        for callback in self._callbacks:
-            callback(self.clock.now())
-        done = sorted(e for e in self.events if e[0] <= self.clock.now())
-        return {p for p in PATCHES if [c for _, q, c in done if q == p][-1:] == [True]}
-
-
 @dataclass
 class Setup:
-    bench: Bench
+    bench: Contacts
     box: RelayBox
     relay: Relay
     hub: YoctoHub | None = field(default=None)
@@ -60,7 +39,7 @@ def settings(**changes: object) -> Yocto.Settings:
 
 @pytest.fixture(params=["twin", "wire"])
 def setup(request: pytest.FixtureRequest) -> Iterator[Setup]:
-    bench = Bench()
+    bench = Contacts(PATCHES)
     if request.param == "twin":
         twin = RelayTwin(settings(), bench)
         yield Setup(bench, twin.box, twin)
@@ -72,7 +51,7 @@ def setup(request: pytest.FixtureRequest) -> Iterator[Setup]:
 
 @pytest.fixture
 def wired() -> Iterator[Setup]:
-    bench = Bench()
+    bench = Contacts(PATCHES)
     box = box_in(bench, PATCHES)
     with YoctoHub(box) as hub:
         yield Setup(bench, box, Yocto.open(settings(hub=hub.url), bench.clock), hub)
@@ -101,7 +80,9 @@ def test_breaks_before_it_makes(setup: Setup) -> None:
     setup.relay.connect(["A"])
     setup.relay.connect(["B"])
     assert setup.bench.closed() == {"B"}
-    assert [(p, c) for _, p, c in sorted(setup.bench.events)] == [("A", True), ("A", False), ("B", True)]
+    events = sorted(setup.bench.events)
+    assert [(p, c) for _, p, c in events] == [("A", True), ("A", False), ("B", True)]
+    assert events[2][0] - events[1][0] > 0.01
 
 
 def test_unknown_patch_changes_nothing(setup: Setup) -> None:
@@ -224,8 +205,8 @@ def test_close_changes_no_channel_and_may_be_called_again(setup: Setup) -> None:
         (ReplyFault("disconnect"), "cannot be talked to"),
         (ReplyFault("not found"), "answered .* with error 404"),
         (ReplyFault("password"), "asks for a password"),
-        (ReplyFault("garbled", path="api.json"), "something else than whole JSON"),
-        (ReplyFault("truncated", path="api.json"), "something else than whole JSON"),
+        (ReplyFault("garbled", asked="api.json"), "something else than whole JSON"),
+        (ReplyFault("truncated", asked="api.json"), "something else than whole JSON"),
     ],
     ids=lambda value: value.kind if isinstance(value, ReplyFault) else "",
 )
@@ -258,7 +239,7 @@ def test_a_slow_hub_is_no_fault(wired: Setup) -> None:
 def test_one_refused_command_does_not_keep_the_others_closed(wired: Setup) -> None:
     assert wired.hub is not None
     wired.relay.connect(["A", "B", "C"])
-    wired.hub.faults.append(ReplyFault("not found", path="ctx=relay1"))
+    wired.hub.faults.append(ReplyFault("not found", asked="ctx=relay1"))
     with pytest.raises(InstrumentError, match="404"):
         wired.relay.connect([])
     wired.bench.clock.sleep(0.1)
@@ -286,7 +267,7 @@ def test_nobody_at_the_address() -> None:
 
 
 def test_opening_fails_when_the_time_limit_did_not_arrive() -> None:
-    bench = Bench()
+    bench = Contacts(PATCHES)
     box = box_in(bench, PATCHES)
     box.faults.append(BoxFault("lost", channel=3))
     with (
@@ -324,6 +305,7 @@ def test_finds_the_only_box_or_says_what_there_is(wired: Setup, monkeypatch: pyt
         ({"state": "B"}, "state"),
         ({"state": True}, "state"),
         ({"pulseTimer": -1}, "pulseTimer"),
+        ({"pulseTimer": 10**400}, "pulseTimer"),
         ({"pulseTimer": None}, "pulseTimer"),
         ({"pulseTimer": 0, "state": 1}, "dead-man"),
         ({"pulseTimer": 3_600_000, "state": 1}, "dead-man"),
@@ -368,7 +350,7 @@ def test_a_hub_without_a_port_is_on_the_hubs_own_port() -> None:
 
 
 def test_wire_gives_what_points_the_driver_at_it() -> None:
-    bench = Bench()
+    bench = Contacts(PATCHES)
     asked = settings(serial="MXCOUPL2-ABCDE")
     with wire(asked, bench) as override:
         relay = Yocto.open(asked.model_copy(update=override), bench.clock)
@@ -377,3 +359,50 @@ def test_wire_gives_what_points_the_driver_at_it() -> None:
         assert relay.identity == "Yocto-MaxiCoupler MXCOUPL2-ABCDE"
     with pytest.raises(InstrumentError, match="cannot be talked to"):
         relay.connected()
+
+
+REPLIES = st.one_of(
+    st.binary(max_size=200),
+    st.builds(
+        lambda head, body: b"HTTP/1.1 200 OK\r\n" + head + b"\r\n\r\n" + body,
+        st.sampled_from(
+            [b"", b"Content-Length: 5", b"Content-Length: -1", b"Transfer-Encoding: chunked", b"X" * 70_000]
+        ),
+        st.one_of(
+            st.binary(max_size=200),
+            st.sampled_from([b"null", b"[]", b"[" * 100_000, b"9" * 5000, b'{"module": []}', b"\xff\xfe"]),
+            st.dictionaries(
+                st.sampled_from(["module", "services", "relay1"]),
+                st.recursive(
+                    st.none() | st.integers() | st.text(),
+                    lambda x: (
+                        st.lists(x)
+                        | st.dictionaries(
+                            st.sampled_from(
+                                ["whitePages", "serialNumber", "productName", "state", "pulseTimer"]
+                            ),
+                            x,
+                        )
+                    ),
+                    max_leaves=5,
+                ),
+            ).map(lambda tree: json.dumps(tree).encode()),
+        ),
+    ),
+)
+
+
+@hypothesis.settings(max_examples=60, deadline=None)
+@hypothesis.given(reply=REPLIES)
+@hypothesis.example(b"HTTP/1.1 200 OK\r\n\r\n" + b"[" * 100_000)
+@hypothesis.example(b"HTTP/1.1 200 OK\r\n\r\n" + b"9" * 5000)
+def test_whatever_answers_at_the_address_is_one_clear_error(reply: bytes) -> None:
+    """Nothing that is not a hub is taken for one, and nothing but our own errors comes out."""
+
+    def serve(link: socket.socket) -> None:
+        link.recv(4096)
+        link.sendall(reply)
+
+    with Loopback(serve) as somebody, pytest.raises((InstrumentError, ConfigurationError)) as caught:
+        Yocto.open(settings(hub=f"http://{somebody.address}", timeout=1), VirtualClock())
+    assert somebody.address in str(caught.value)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mocks.hysteresis import _RADII, Hysteresis
 from mocks.table import AMPLIFIER_POLE_HZ, MAIN, Plate, Table, make_plate
 
-PLACE = (6.5 / 12, 1.5 / 7)
+PLACE = (8.5 / 12, 1.5 / 7)
 RATE_HZ = 50_000.0
 LASER_HZ = 5000.0
 

@@ -1,0 +1,155 @@
+"""What every wire over TCP does alike: serve on loopback, misbehave when asked to, stop cleanly."""
+
+from __future__ import annotations
+
+import math
+import socket
+import socketserver
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Literal, Self
+
+__all__ = ["Loopback", "ReplyFault"]
+
+_LOOK = 0.02
+"""Real seconds between two looks at whether to stop."""
+
+
+@dataclass
+class ReplyFault:
+    """A misbehaviour of the far end or of the line to it, put into the `faults` of a wire.
+
+    It strikes requests that contain `asked`, after letting `after` of them through, `times` times.
+    What was asked for has been done all the same, except with "not found", which is what a hub
+    answers for a module that is unplugged.
+    """
+
+    kind: Literal[
+        "silence",
+        "delay",
+        "drip",
+        "garbled",
+        "truncated",
+        "disconnect",
+        "terminator",
+        "not found",
+        "password",
+    ]
+    asked: str = ""
+    after: int = 0
+    times: float = math.inf
+    delay: float = 0.05
+    """Real seconds: before the reply with "delay", between its bytes with "drip"."""
+    seen: int = 0
+    fired: int = 0
+
+    def strikes(self, request: str) -> bool:
+        """Whether it does so now; counts itself."""
+        if self.asked not in request:
+            return False
+        self.seen += 1
+        struck = self.seen > self.after and self.fired < self.times
+        self.fired += struck
+        return struck
+
+    def send(self, link: socket.socket, reply: bytes, closing: threading.Event, spare: int = 0) -> bool:
+        """Send a reply as this fault would have it, the first `spare` bytes intact.
+
+        True when the connection may go on. Kinds that only a protocol can give a meaning are sent
+        as they are: its wire has put them into the reply.
+        """
+        head, body = reply[:spare], reply[spare:]
+        match self.kind:
+            case "silence":
+                with suppress(OSError):
+                    link.recv(1)  # returns when the client gives up, or the wire is closed
+                return False
+            case "disconnect":
+                return False
+            case "truncated":
+                link.sendall(head + body[: len(body) // 2])
+                return False
+            case "garbled":
+                link.sendall(head + bytes(byte ^ 0x5A for byte in body))
+            case "drip":
+                for position in range(len(reply)):
+                    link.sendall(reply[position : position + 1])
+                    if closing.wait(self.delay):
+                        return False
+            case "delay":
+                closing.wait(self.delay)
+                link.sendall(reply)
+            case _:
+                link.sendall(reply)
+        return True
+
+
+class Loopback:
+    """A TCP server: `serve(link)` has a thread for each connection, which is closed when it returns.
+
+    OSError in `serve` is the client's leaving, or this end's closing, and is no error.
+    """
+
+    def __init__(
+        self, serve: Callable[[socket.socket], None], port: int = 0, host: str = "127.0.0.1"
+    ) -> None:
+        self.closing = threading.Event()
+        """Set when the server stops: whoever waits in `serve` waits on this."""
+        self._server = _Server((host, port), serve)
+        self.port: int = self._server.server_address[1]
+        self.address = f"{host}:{self.port}"
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(_LOOK,), daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop serving and cut every connection, as a program that is killed does. May be called again."""
+        if not self.closing.is_set():
+            self.closing.set()
+            self._server.shutdown()
+            self._thread.join()
+            self._server.cut()
+            self._server.server_close()
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    daemon_threads = False  # so that server_close waits for every connection's thread
+    request_queue_size = 64
+
+    def __init__(self, address: tuple[str, int], serve: Callable[[socket.socket], None]) -> None:
+        self._serve = serve
+        self._links: set[socket.socket] = set()
+        self._guard = threading.Lock()
+        super().__init__(address, socketserver.BaseRequestHandler)
+
+    def process_request(self, request: socket.socket, client_address: object) -> None:  # type: ignore[override]
+        with self._guard:
+            self._links.add(request)
+        super().process_request(request, client_address)
+
+    def finish_request(self, request: socket.socket, client_address: object) -> None:  # type: ignore[override]
+        request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with suppress(OSError):
+            self._serve(request)
+
+    def shutdown_request(self, request: socket.socket) -> None:  # type: ignore[override]
+        with self._guard:
+            self._links.discard(request)
+        super().shutdown_request(request)
+
+    def cut(self) -> None:
+        """Wake every thread that waits for its client."""
+        with self._guard:
+            for link in self._links:
+                with suppress(OSError):
+                    link.shutdown(socket.SHUT_RDWR)

@@ -1,0 +1,92 @@
+"""The twin and the wire of a serial relay board: `instruments.serial_relay` says what it speaks."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Self
+
+from instruments.relay_board import BoardRelay
+from instruments.serial_relay import DIGITS, PROMPT, SerialRelay
+from mocks.loopback import Loopback, ReplyFault
+from mocks.relay import BoxBoard, Contacts, RelayBox, box_in
+
+__all__ = ["SerialRelayTwin", "SerialRelayWire", "wire"]
+
+_CHANNELS = range(8)
+_FIRMWARE = "00000008"
+
+
+class SerialRelayTwin(BoardRelay):
+    """The twin of `instruments.serial_relay.SerialRelay`, with the same settings."""
+
+    def __init__(self, settings: SerialRelay.Settings, plant: Contacts) -> None:
+        self.box = box_in(plant, settings.patches, range(len(DIGITS)))
+        board = BoxBoard("The relay board (twin)", self.box, math.inf)
+        super().__init__(settings, plant.clock, board)
+
+
+class SerialRelayWire:
+    """A board that is reached as `socket://` on loopback while its context lasts."""
+
+    def __init__(self, box: RelayBox, port: int = 0, host: str = "127.0.0.1") -> None:
+        self.faults: list[ReplyFault] = []
+        self._box = box
+        self._loopback = Loopback(self._serve, port, host)
+        self.url = f"socket://{self._loopback.address}"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop, as a board that is unplugged does. May be called again."""
+        self._loopback.close()
+
+    def _serve(self, link: socket.socket) -> None:
+        pending = b""
+        while more := link.recv(256):
+            pending += more
+            while b"\r" in pending:
+                line, pending = pending.split(b"\r", 1)
+                command = line.decode("ascii", "replace")
+                if not self._reply(link, command):
+                    return
+
+    def _reply(self, link: socket.socket, command: str) -> bool:
+        answer = self._do(command)
+        echo = f"{command}\n\r"
+        reply = (echo + (f"{answer}\n\r" if answer else "")).encode() + PROMPT
+        fault = next((f for f in self.faults if f.strikes(command)), None)
+        if fault is None:
+            link.sendall(reply)
+            return True
+        if fault.kind == "terminator":
+            reply = reply.replace(PROMPT, b"\n")
+        return fault.send(link, reply, self._loopback.closing)
+
+    def _do(self, command: str) -> str:
+        """What the board answers; nothing to a command that it does not know."""
+        match command.split():
+            case ["ver"]:
+                return _FIRMWARE
+            case ["relay", "on" | "off" | "read" as what, digit] if digit in [*DIGITS[: len(_CHANNELS)]]:
+                channel = DIGITS.index(digit)
+                if what == "read":
+                    return "on" if self._box.states()[channel].closed else "off"
+                self._box.set_state(channel, what == "on")
+        return ""
+
+
+@contextmanager
+def wire(settings: SerialRelay.Settings, plant: Contacts) -> Iterator[dict[str, object]]:
+    """Serve a board on a box in the plant; gives the settings that point the driver at it."""
+    with SerialRelayWire(box_in(plant, settings.patches, _CHANNELS)) as board:
+        yield {"port": board.url}

@@ -1,0 +1,273 @@
+"""The vibrometer role on the OFV-5000: the same scenario on the twin and through its serial lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from instruments import ConfigurationError, InstrumentError, load_rig_file
+from instruments.ofv5000 import Ofv5000
+from instruments.ofv5000_codec import (
+    Command,
+    duration_of,
+    frequency_of,
+    level_of,
+    sensitivity_of,
+    sensitivity_text,
+)
+from mocks.clock import VirtualClock
+from mocks.line_server import DirectLine, LineServer
+from mocks.loopback import ReplyFault
+from mocks.ofv5000 import Controller, twin, wire
+from mocks.plant import LaserHead, Plant
+
+RANGE = "Get,VeloDec,0,Range"
+
+
+def settings(**changes: object) -> Ofv5000.Settings:
+    basic = {"port": "COM3", "channel": "laser", "sensitivity": 0.005, "timeout": 0.2}
+    return Ofv5000.Settings.model_validate(basic | changes)
+
+
+def controller(clock: VirtualClock, sensitivity: float = 0.005) -> Controller:
+    return Controller(LaserHead(sensitivity * 10, sensitivity, 20e3, 12.3e-6), "VeloDec,0", 10.0, clock)
+
+
+@dataclass
+class Setup:
+    clock: VirtualClock
+    controller: Controller
+    laser: Ofv5000
+    server: LineServer | None = field(default=None)
+
+
+@pytest.fixture(params=["twin", "wire"])
+def setup(request: pytest.FixtureRequest) -> Iterator[Setup]:
+    clock = VirtualClock()
+    box = controller(clock)
+    if request.param == "twin":
+        yield Setup(clock, box, Ofv5000(settings(), clock, DirectLine(box.answer)))
+        return
+    with LineServer(box.answer) as server:
+        laser = Ofv5000.open(settings(port=f"socket://{server.address}"), clock)
+        yield Setup(clock, box, laser, server)
+        laser.close()
+
+
+@pytest.fixture
+def wired() -> Iterator[Setup]:
+    clock = VirtualClock()
+    box = controller(clock)
+    with LineServer(box.answer) as server:
+        laser = Ofv5000.open(settings(port=f"socket://{server.address}"), clock)
+        yield Setup(clock, box, laser, server)
+        laser.close()
+
+
+def faulty(wired: Setup, kind: str, **more: object) -> ReplyFault:
+    assert wired.server is not None
+    fault = ReplyFault(kind, **more)  # type: ignore[arg-type]
+    wired.server.faults.append(fault)
+    return fault
+
+
+def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
+    laser = setup.laser
+    assert laser.identity == "OFV-5000 Vibrometer Controller"
+    assert laser.channel == "laser"
+    assert laser.declared is None
+    assert laser.sensitivity == 0.005
+    assert laser.range == pytest.approx(0.05)
+    assert laser.delay == pytest.approx(12.3e-6)
+    assert laser.bandwidth_hz == 20e3
+    assert laser.to_velocity(np.array([2.0]))[0] == pytest.approx(0.01)
+
+
+def test_signal_level_is_a_share_of_full_light(setup: Setup) -> None:
+    setup.controller.head.level = 0.25
+    assert setup.laser.signal_level() == 0.25
+    setup.controller.head.level = 0.0
+    assert setup.laser.signal_level() == 0.0
+
+
+def test_setting_the_range_scales_the_head(setup: Setup) -> None:
+    setup.laser.set_range(0.02)
+    assert setup.laser.sensitivity == setup.controller.head.sensitivity == 0.02
+    assert setup.laser.range == setup.controller.head.range == pytest.approx(0.2)
+
+
+def test_a_range_that_the_decoder_has_not_is_noticed(setup: Setup) -> None:
+    with pytest.raises(InstrumentError, match=r"given the range 3mm/s/V but reads 5mm/s/V"):
+        setup.laser.set_range(0.003)
+    assert setup.laser.sensitivity == 0.005
+
+
+def test_a_range_changed_at_the_front_panel_is_found_by_reading_it_again(setup: Setup) -> None:
+    setup.laser.check_range()
+    setup.controller.head.sensitivity = 0.05
+    with pytest.raises(ConfigurationError, match=r"set to the range 50mm/s/V.* says 5mm/s/V.*\[vibrometer\]"):
+        setup.laser.check_range()
+
+
+def test_autofocus_waits_for_the_search(setup: Setup) -> None:
+    before = setup.clock.now()
+    setup.laser.autofocus()
+    assert 2.5 < setup.clock.now() - before < 4
+
+
+def test_autofocus_gives_up_at_its_deadline(setup: Setup) -> None:
+    setup.controller.focusable = False
+    before = setup.clock.now()
+    with pytest.raises(InstrumentError, match="no focus within 30 s"):
+        setup.laser.autofocus()
+    assert setup.clock.now() - before < 31
+
+
+def test_an_echoing_interface_gives_the_same_answers(setup: Setup) -> None:
+    setup.controller.echo = True
+    setup.laser.set_range(0.02)
+    assert setup.laser.sensitivity == 0.02
+    assert setup.laser.signal_level() == pytest.approx(0.8, abs=1e-2)
+    setup.laser.autofocus()
+
+
+def test_opening_refuses_another_range_and_changes_none() -> None:
+    clock = VirtualClock()
+    box = controller(clock, sensitivity=0.05)
+    with LineServer(box.answer) as server:
+        wanted = settings(port=f"socket://{server.address}")
+        with pytest.raises(ConfigurationError, match="is set to the range 50mm/s/V"):
+            Ofv5000.open(wanted, clock)
+        assert box.head.sensitivity == 0.05
+        laser = Ofv5000.connect(wanted, clock)
+        assert laser.sensitivity == 0.05, "what is measured is scaled by what is set"
+        laser.set_range(wanted.sensitivity)
+        laser.check_range()
+        laser.close()
+        laser.close()
+
+
+def test_a_decoder_without_highest_frequency_needs_it_in_the_rig_file() -> None:
+    clock = VirtualClock()
+    box = controller(clock)
+    lines = {"Get,VeloDec,0,MaxFreq": ["Not Available"]}
+    line = DirectLine(lambda asked: lines.get(asked) or box.answer(asked))
+    with pytest.raises(ConfigurationError, match="give 'bandwidth_hz'"):
+        Ofv5000(settings(), clock, line)
+    assert Ofv5000(settings(bandwidth_hz=5000), clock, line).bandwidth_hz == 5000
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("silence", r"did not answer 'Get,VeloDec,0,Range' within 0.2 s.*'port' and 'baud'"),
+        ("terminator", r"'5mm/s/V\\r'.* ends in a carriage return.*set its terminator to LF"),
+        ("garbled", r"which is no text: check 'baud'"),
+        ("drip", r"no line end within 0.2 s"),
+        ("disconnect", r"was lost after 'Get,VeloDec,0,Range'.*cable"),
+    ],
+)
+def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Setup, kind: str, sentence: str) -> None:
+    fault = faulty(wired, kind, asked=RANGE, times=1)
+    with pytest.raises(InstrumentError, match=rf"^OFV-5000 at socket://\S+ .*{sentence}"):
+        wired.laser.check_range()
+    assert fault.fired == 1
+    assert wired.laser.sensitivity == 0.005, "nothing was taken for data"
+    wired.laser.check_range()
+
+
+def test_half_an_answer_is_no_answer(wired: Setup) -> None:
+    faulty(wired, "truncated", asked=RANGE)
+    with pytest.raises(InstrumentError, match=r"OFV-5000 at .* was lost after 'Get,VeloDec,0,Range'"):
+        wired.laser.check_range()
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one(wired: Setup) -> None:
+    assert wired.server is not None
+    wired.laser.signal_level()
+    fault = faulty(wired, "delay", asked="SignalLevel", times=1, delay=0.25)
+    with pytest.raises(InstrumentError, match="did not answer"):
+        wired.laser.signal_level()
+    assert fault.fired == 1
+    wired.laser.check_range()
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        (RANGE, "5um"),
+        (RANGE, "-5mm/s/V"),
+        ("Get,SignalLevel,0,Value", "513"),
+        ("Get,SignalLevel,0,Value", "4.5"),
+        ("Get,VeloDec,0,SignalDelay", "soon"),
+    ],
+)
+def test_an_answer_that_cannot_be_right_is_refused(asked: str, answer: str) -> None:
+    clock = VirtualClock()
+    box = controller(clock)
+    line = DirectLine(lambda line: [answer] if line == asked else box.answer(line))
+    with pytest.raises(InstrumentError, match=rf"OFV-5000 at COM3 answered '{asked}' with '{answer}'"):
+        Ofv5000(settings(), clock, line).signal_level()
+
+
+def test_something_else_at_the_port_is_named() -> None:
+    with pytest.raises(InstrumentError, match=r"COM3 calls itself 'Arduino'.*correct 'port'"):
+        Ofv5000(settings(), VirtualClock(), DirectLine(lambda _: ["Arduino"]))
+
+
+def test_a_loop_back_is_told_from_an_echo() -> None:
+    with pytest.raises(InstrumentError, match="loop-back"):
+        Ofv5000(settings(), VirtualClock(), DirectLine(lambda line: [line] * 20))
+
+
+def test_no_such_port_is_one_sentence() -> None:
+    with pytest.raises(InstrumentError, match=r"OFV-5000 at socket://127.0.0.1:1 cannot be opened"):
+        Ofv5000.open(settings(port="socket://127.0.0.1:1"), VirtualClock())
+
+
+def test_settings_name_a_velocity_decoder() -> None:
+    with pytest.raises(ValidationError, match="decoder"):
+        settings(decoder="DisplDec,0")
+
+
+@pytest.mark.parametrize("kind", ["twin", "wire"])
+def test_a_wrong_range_shows_in_the_data(kind: str) -> None:
+    clock = VirtualClock()
+    plant = Plant(load_rig_file("simulated"), clock)
+    times = 1.0 + np.arange(5000) / 50_000
+    clock.sleep(2)
+    if kind == "twin":
+        laser = twin(settings(), plant)
+        noise = plant.read("laser", times).std()
+        laser.set_range(0.05)
+        assert plant.read("laser", times).std() == pytest.approx(noise / 10, rel=0.1)
+        return
+    with wire(settings(), plant) as address:
+        laser = Ofv5000.open(settings(**address), clock)
+        noise = plant.read("laser", times).std()
+        laser.set_range(0.05)
+        assert plant.read("laser", times).std() == pytest.approx(noise / 10, rel=0.1)
+        laser.close()
+
+
+def test_codec() -> None:
+    assert str(Command("Set", "VeloDec,0", "Range", "5mm/s/V")) == "Set,VeloDec,0,Range,5mm/s/V"
+    for line in ("Get,VeloDec,1,Range", "GetDevInfo,Controller,0,Name", "Set,SensorHead,0,AutoFocusArea,1,2"):
+        command = Command.parse(line + "\r\n")
+        assert command is not None
+        assert str(command) == line
+    for line in ("", "Get,VeloDec,0", "Set,VeloDec,0,Range", "Put,VeloDec,0,Range", "Get,VeloDec,x,Range"):
+        assert Command.parse(line) is None
+    for text, value in (("5mm/s/V", 0.005), ("0.5 m/s/V", 0.5), ("100um/s/V", 1e-4)):
+        assert sensitivity_of(text) == pytest.approx(value)
+    assert sensitivity_of(sensitivity_text(0.125)) == 0.125
+    assert duration_of("12.3 us") == duration_of("12.3") == pytest.approx(12.3e-6)
+    assert duration_of("1.1ms") == pytest.approx(1.1e-3)
+    assert frequency_of("20 kHz") == frequency_of("20kHz") == 20e3
+    assert frequency_of("1.5 MHz") == 1.5e6
+    assert frequency_of("Not Available") is None
+    assert level_of("512") == 1.0

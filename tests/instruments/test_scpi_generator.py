@@ -1,0 +1,341 @@
+"""The generator role on both families: the same scenario on the twins and by VISA through a socket."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from instruments import ConfigurationError, InstrumentError, LimitError, load_rig_file
+from instruments.arrays import FloatArray
+from instruments.generator import Sweep
+from instruments.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
+from mocks.clock import VirtualClock
+from mocks.generator_box import DG1000Z, KEYSIGHT_33500, Box, Product
+from mocks.line_server import DirectLine, LineServer
+from mocks.loopback import ReplyFault
+from mocks.nodes import Run, Source
+from mocks.plant import Plant
+from mocks.scpi_generator import keysight, keysight_wire
+
+SWEEP = Sweep(start_hz=1, stop_hz=625, duration=2, amplitude=0.8)
+FAMILIES = {"keysight": (Keysight33500, KEYSIGHT_33500), "rigol": (Dg1000z, DG1000Z)}
+
+
+class Bench:
+    """A plant that is nothing but an open input, whose volts are remembered."""
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock()
+        self.runs: list[Run] = []
+        self._source: Source | None = None
+
+    def drive(self, node: str, source: Source) -> None:
+        assert node == "amplifier"
+        self._source = source
+
+    def advance(self, until: float) -> None:
+        if self._source:
+            self.runs.extend(self._source.take(until))
+
+    def volts(self, start: float, stop: float) -> FloatArray:
+        """Steps of 20 us from `start` to `stop` (s), which may be now at the latest."""
+        self.advance(self.clock.now())
+        times = np.arange(start, stop, 20e-6) + 1e-6
+        out = np.zeros(len(times))
+        for run in self.runs:
+            index = np.floor((times - run.start) / run.period + 1e-6).astype(int)
+            here = index >= 0
+            out[here] = run.values[np.minimum(index[here], len(run.values) - 1)]
+        return out
+
+
+def settings(**changes: object) -> ScpiGenerator.Settings:
+    basic = {"resource": "TCPIP::127.0.0.1::5025::SOCKET", "output": "amplifier", "timeout": 0.2}
+    return ScpiGenerator.Settings.model_validate(basic | changes)
+
+
+@dataclass
+class Setup:
+    bench: Bench
+    box: Box
+    open: Callable[..., ScpiGenerator]
+    server: LineServer | None = None
+
+
+def setups(family: str, kind: str) -> Iterator[Setup]:
+    driver, product = FAMILIES[family]
+    bench = Bench()
+    box = Box(product, bench, "amplifier")
+    if kind == "twin":
+        yield Setup(bench, box, lambda **s: driver(settings(**s), bench.clock, DirectLine(box.answer)))
+        return
+    opened: list[ScpiGenerator] = []
+    with LineServer(box.answer) as server:
+        resource = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
+
+        def opener(**changes: object) -> ScpiGenerator:
+            opened.append(driver.open(settings(resource=resource, visa="@py", **changes), bench.clock))
+            return opened[-1]
+
+        yield Setup(bench, box, opener, server)
+        for generator in opened:
+            generator.close()
+
+
+@pytest.fixture(params=[(f, k) for f in FAMILIES for k in ("twin", "wire")], ids="-".join)
+def setup(request: pytest.FixtureRequest) -> Iterator[Setup]:
+    yield from setups(*request.param)
+
+
+@pytest.fixture
+def wired() -> Iterator[Setup]:
+    yield from setups("keysight", "wire")
+
+
+def tell(setup: Setup, *commands: str) -> str:
+    """What the box answers at its front, past the driver."""
+    return "".join(line for command in commands for line in setup.box.answer(command))
+
+
+def test_opening_changes_nothing(setup: Setup) -> None:
+    tell(setup, "OUTP ON", "FREQ 263.5", "VOLT 1")
+    generator = setup.open()
+    assert generator.is_on
+    assert float(tell(setup, "FREQ?")) == 263.5
+    assert generator.load == 50
+    assert generator.amplitude == pytest.approx(0.5)
+    assert generator.identity.split()[2] in ("33522B", "DG1062Z")
+
+
+def test_a_sweep_reaches_the_amplifier_only_with_its_trigger(setup: Setup) -> None:
+    generator = setup.open()
+    generator.configure(SWEEP)
+    assert generator.load == math.inf
+    assert generator.amplitude == pytest.approx(0.8)
+    generator.arm()
+    setup.bench.clock.sleep(1)
+    assert not generator.is_on
+    start = setup.bench.clock.now()
+    generator.trigger()
+    assert generator.is_on
+    setup.bench.clock.sleep(SWEEP.duration)
+    generator.off()
+    setup.bench.clock.sleep(0.5)
+    assert not setup.bench.volts(0, start).any()
+    t = np.arange(0, SWEEP.duration, 20e-6)
+    expected = 0.8 * np.sin(2 * np.pi * (t + (625 - 1) * t**2 / (2 * SWEEP.duration)))
+    np.testing.assert_allclose(
+        setup.bench.volts(start, start + SWEEP.duration)[: len(t)], expected, atol=1e-6
+    )
+    assert not setup.bench.volts(start + SWEEP.duration + 20e-6, setup.bench.clock.now()).any()
+    assert generator.errors() == ()
+
+
+def test_an_untriggered_or_finished_sweep_stands_at_its_start_frequency(setup: Setup) -> None:
+    generator = setup.open()
+    generator.configure(Sweep(start_hz=50, stop_hz=400, duration=0.5, amplitude=0.5))
+    generator.arm()
+    generator.trigger()
+    begin = setup.bench.clock.now()
+    setup.bench.clock.sleep(1)
+    after = setup.bench.volts(begin + 0.6, begin + 1)
+    assert np.abs(after).max() == pytest.approx(0.5, rel=1e-3)
+    assert np.count_nonzero(np.diff(np.sign(after)) > 0) == pytest.approx(20, abs=1)
+
+
+def test_the_load_halves_or_doubles_the_volts(setup: Setup) -> None:
+    generator = setup.open(load=50)
+    generator.configure(SWEEP)
+    assert generator.load == 50
+    assert generator.amplitude == pytest.approx(0.8), "as the instrument sees it"
+    generator.arm()
+    generator.trigger()
+    begin = setup.bench.clock.now()
+    setup.bench.clock.sleep(1)
+    assert np.abs(setup.bench.volts(begin, begin + 1)).max() == pytest.approx(1.6, rel=1e-3)
+
+
+def test_configuring_switches_the_output_off_first(setup: Setup) -> None:
+    tell(setup, "OUTP1 ON", "SOUR1:FUNC DC", "VOLT:OFFS 4", "BURS:STAT ON")
+    generator = setup.open()
+    generator.configure(SWEEP)
+    assert not generator.is_on
+    assert float(tell(setup, "VOLT:OFFS?")) == 0
+    assert tell(setup, "FUNC?;:BURS:STAT?") in ("SIN;0", "SIN;OFF")
+
+
+def test_more_volts_than_the_rig_allows_are_refused_before_anything_is_sent(setup: Setup) -> None:
+    generator = setup.open()
+    tell(setup, "OUTP ON")
+    with pytest.raises(LimitError, match=r"1.2 V peak was refused: 'highest' in \[generator\] is 1 V"):
+        generator.configure(Sweep(1, 625, 2, 1.2))
+    assert generator.is_on
+
+
+def test_the_instruments_own_words_for_what_it_refuses(setup: Setup) -> None:
+    generator = setup.open(highest=50)
+    with pytest.raises(
+        InstrumentError, match=r"refused a setting: -222 Data out of range; value clipped to upper"
+    ):
+        generator.configure(Sweep(1, 625, 2, 20))
+    with pytest.raises(ConfigurationError, match="no sweep to arm"):
+        generator.arm()
+    with pytest.raises(InstrumentError, match="-222"):
+        generator.configure(Sweep(1, 625, 1000, 0.5))
+
+
+def test_errors_of_somebody_else_are_not_blamed_on_the_sweep(setup: Setup) -> None:
+    tell(setup, "NONSENSE 1")
+    generator = setup.open()
+    generator.configure(SWEEP)
+    tell(setup, "NONSENSE 1", "FREQ banana")
+    assert generator.errors() == ("-113 Undefined header", "-104 Data type error")
+    assert generator.errors() == ()
+
+
+def test_no_trigger_without_arming(setup: Setup) -> None:
+    generator = setup.open()
+    with pytest.raises(ConfigurationError, match="not armed"):
+        generator.trigger()
+    generator.configure(SWEEP)
+    generator.arm()
+    generator.off()
+    generator.off()
+    with pytest.raises(ConfigurationError, match="not armed"):
+        generator.trigger()
+    assert not generator.is_on
+
+
+def test_a_trigger_that_is_ignored_leaves_the_output_off(setup: Setup) -> None:
+    generator = setup.open()
+    generator.configure(SWEEP)
+    generator.arm()
+    tell(setup, "SWE:STAT OFF")
+    with pytest.raises(InstrumentError, match="did not start the sweep: -211 Trigger ignored"):
+        generator.trigger()
+    assert not generator.is_on
+
+
+class Deaf(Box):
+    """An instrument that passes over some commands without a word."""
+
+    def __init__(self, product: Product, plant: Bench, deaf: str) -> None:
+        super().__init__(product, plant, "amplifier")
+        answer = self.answer
+        self.answer = lambda line: [] if deaf in line and "?" not in line else answer(line)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    ("deaf", "sentence"),
+    [
+        ("LOAD", r"given inf for load but reads 50"),
+        ("VOLT ", r"given 1.6 for swing but reads"),
+        ("FREQ:STOP", r"given 625 for stop_hz but reads 1000"),
+        ("SWE:TIME", r"given 2 for duration but reads 1"),
+    ],
+)
+def test_a_setting_that_was_not_taken_is_read_back(family: str, deaf: str, sentence: str) -> None:
+    driver, product = FAMILIES[family]
+    bench = Bench()
+    box = Deaf(product, bench, deaf)
+    with pytest.raises(InstrumentError, match=sentence):
+        driver(settings(), bench.clock, DirectLine(box.answer)).configure(SWEEP)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_an_output_that_stays_on_is_said(family: str) -> None:
+    driver, product = FAMILIES[family]
+    bench = Bench()
+    box = Deaf(product, bench, "OFF")
+    box.answer("OUTP1 ON")
+    with pytest.raises(InstrumentError, match="switch its output off but reads on: switch it off by hand"):
+        driver(settings(), bench.clock, DirectLine(box.answer)).off()
+
+
+def test_another_instrument_is_refused() -> None:
+    bench = Bench()
+    box = Box(DG1000Z, bench, "amplifier")
+    with pytest.raises(InstrumentError, match=r"Rigol Technologies,DG1062Z.* not for: correct 'driver'"):
+        Keysight33500(settings(), bench.clock, DirectLine(box.answer))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("silence", r"(did not answer|was lost after) 'OUTP1\?'"),
+        ("terminator", r"answered 'OUTP1\?' with b'0\\r' and no line feed within 0.2 s"),
+        ("garbled", r"answered 'OUTP1\?' with .* which is no text"),
+        ("truncated", r"'OUTP1\?'"),
+        ("drip", r"no line feed within 0.2 s"),
+        ("disconnect", r"'OUTP1\?'"),
+    ],
+)
+def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Setup, kind: str, sentence: str) -> None:
+    generator = wired.open()
+    assert wired.server is not None
+    fault = ReplyFault(kind, asked="OUTP1?", times=1, delay=0.15)  # type: ignore[arg-type]
+    wired.server.faults.append(fault)
+    with pytest.raises(InstrumentError, match=rf"^The generator at TCPIP::\S+ .*{sentence}"):
+        assert generator.is_on
+    assert fault.fired == 1
+    assert not generator.is_on, "the next question opens a new connection"
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one(wired: Setup) -> None:
+    generator = wired.open()
+    assert wired.server is not None
+    fault = ReplyFault("delay", asked="VOLT?", times=1, delay=0.25)
+    wired.server.faults.append(fault)
+    with pytest.raises(InstrumentError, match="did not answer"):
+        generator.amplitude  # noqa: B018
+    assert fault.fired == 1
+    assert generator.load == 50
+
+
+def test_a_generator_that_has_gone_is_one_sentence(wired: Setup) -> None:
+    generator = wired.open()
+    assert wired.server is not None
+    wired.server.close()
+    for _ in range(2):
+        with pytest.raises(InstrumentError, match=r"^The generator at TCPIP::"):
+            generator.off()
+
+
+@pytest.mark.parametrize("resource", ["TCPIP::127.0.0.1::1::SOCKET", "nonsense"])
+def test_no_such_resource_is_one_sentence(resource: str) -> None:
+    with pytest.raises(InstrumentError, match=rf"^The generator at {resource}"):
+        Keysight33500.open(settings(resource=resource, visa="@py"), VirtualClock())
+
+
+@pytest.mark.parametrize("sweep", [(0, 625, 20, 1), (10, 10, 1, 1), (1, 625, 0, 1), (1, math.inf, 1, 1)])
+def test_a_sweep_that_no_generator_can_play(sweep: tuple[float, float, float, float]) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be played"):
+        Sweep(*sweep)
+
+
+@pytest.mark.parametrize("kind", ["twin", "wire"])
+def test_a_sweep_moves_the_table(kind: str) -> None:
+    clock = VirtualClock()
+    plant = Plant(load_rig_file("simulated"), clock)
+
+    def play(generator: ScpiGenerator) -> None:
+        plant.switch("A", True, clock.now())
+        generator.configure(Sweep(200, 300, 1, 0.8))
+        generator.arm()
+        generator.trigger()
+        clock.sleep(1.5)
+        generator.off()
+        generator.close()
+
+    if kind == "twin":
+        play(keysight(settings(), plant))
+    else:
+        with keysight_wire(settings(), plant) as address:
+            play(Keysight33500.open(settings(**address), clock))
+    assert plant.truth.peak == pytest.approx(40, rel=0.02)
+    assert plant.truth.patch_voltages["A"] == 0
