@@ -95,7 +95,9 @@ class World:
 
     def press(self, button: str, at: float) -> SyntheticPress:
         shape = SHAPES.get(button, SHAPES["push"])
-        press = SyntheticPress(shape, at, float(self.rng.uniform(0.85, 1.2)), float(self.rng.uniform(0.9, 1.1)))
+        press = SyntheticPress(
+            shape, at, float(self.rng.uniform(0.85, 1.2)), float(self.rng.uniform(0.9, 1.1))
+        )
         instants = [press.activation] if shape.maintained else [press.activation, press.opening]
         flips = []
         for instant in instants:
@@ -124,8 +126,9 @@ class World:
 class WorldStream(Stream):
     def __init__(self, daq, channels, rate_hz, block):
         self.daq, self.channels, self.rate_hz, self.block = daq, tuple(channels), rate_hz, block
-        self.delays = np.array([15e-6 * i if c.startswith("gauge") else 14e-6 * (i - 6)
-                                for i, c in enumerate(channels)])
+        self.delays = np.array(
+            [15e-6 * i if c.startswith("gauge") else 14e-6 * (i - 6) for i, c in enumerate(channels)]
+        )
         self.full_scale = np.array([FULL_SCALE[c[:5]] for c in channels])
         self.start = daq.clock.now()
         self.closed = False
@@ -139,8 +142,10 @@ class WorldStream(Stream):
             k = np.arange(first, first + self.block)
             self.daq.clock.sleep_until(self.start + (first + self.block) / self.rate_hz)
             volts = np.stack(
-                [self.daq.world.volts(c, self.start + k / self.rate_hz + d)
-                 for c, d in zip(self.channels, self.delays, strict=True)]
+                [
+                    self.daq.world.volts(c, self.start + k / self.rate_hz + d)
+                    for c, d in zip(self.channels, self.delays, strict=True)
+                ]
             )
             width = self.full_scale[:, None] / 32768
             codes = np.clip(np.rint(volts / width), -32768, 32767)

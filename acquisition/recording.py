@@ -1,0 +1,186 @@
+"""The reader of one recording file: raw volts, and SI arrays that are computed when they are asked for."""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from acquisition.layout import CODES, Event, Header, from_codes, read_header
+from acquisition.scan import Contents, opened, read_contents
+from instruments import DataError, Sensor, Sensors
+from instruments.arrays import BoolArray, FloatArray
+
+__all__ = ["Recording"]
+
+
+class Recording:
+    """One participant's presses of one button, as `Recording.open` reads them.
+
+    Opening reads the header only. Arrays are (channels, samples); sample k of a channel was taken
+    at (k + delay * rate_hz) / rate_hz seconds (`delay`). Any of them may raise DataError when the
+    file turns out to be damaged.
+    """
+
+    def __init__(self, path: Path, header: Header, state: str) -> None:
+        self.path = path
+        self.header = header
+        self._state = state
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """A recording, finished or not. Raises DataError for what is not one, or is damaged."""
+        path = Path(path)
+        with opened(path) as file:
+            return cls(path, *read_header(file, path))
+
+    def __repr__(self) -> str:
+        return f"<Recording {self.path.name}: {self.button} by {self.participant}, {self._state}>"
+
+    @property
+    def button(self) -> str:
+        """The button that was pressed."""
+        return self.header.button
+
+    @property
+    def participant(self) -> str:
+        """The pseudonym of who pressed it."""
+        return self.header.participant
+
+    @property
+    def rig(self) -> str:
+        """The name of the rig that recorded it."""
+        return self.header.rig_name
+
+    @property
+    def simulated(self) -> bool:
+        """Whether that rig was simulated."""
+        return self.header.simulated
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second and channel."""
+        return self.header.rate_hz
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the rows of `volts`."""
+        return self.header.channels
+
+    @property
+    def complete(self) -> bool:
+        """Whether it ran to its end: every press that was asked for, and a finished file."""
+        return self._state == "finished"
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return int(self.volts.shape[1]) / self.rate_hz
+
+    @property
+    def events(self) -> list[Event]:
+        """What happened meanwhile, each with its sample index, its kind and a sentence."""
+        return list(self._contents.events)
+
+    @property
+    def blocks(self) -> NDArray[np.void]:
+        """The blocks as they came: first, count, overload (a bit per channel), time (s, rig's clock)."""
+        return self._contents.blocks
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 of the samples and of what turns them into SI; of a finished file, as stored in it."""
+        return self._contents.stored_hash or self.header.content_hash(self._contents.codes)
+
+    @cached_property
+    def sensors(self) -> Sensors:
+        """The rig's sensors as they were."""
+        try:
+            return Sensors.model_validate(json.loads(self.header.rig)["sensors"])
+        except (ValidationError, ValueError, KeyError):
+            raise DataError(
+                f"{self.path} was recorded with sensors that this haploop does not understand: update it."
+            ) from None
+
+    @cached_property
+    def volts(self) -> FloatArray:
+        """(channels, samples) V, as acquired."""
+        return from_codes(self._contents.codes, self.header.full_scale)
+
+    @cached_property
+    def force(self) -> FloatArray:
+        """(samples,) N: Fz above the gauges' rest, which is their mean while hands were off."""
+        return np.asarray(self._sensor("force").to_si(self._gauges)[2])
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """(3, samples) m/s^2 along x, y, z."""
+        sensor = self._sensor("acceleration")
+        return sensor.to_si(self._rows(sensor))
+
+    @cached_property
+    def activation(self) -> FloatArray:
+        """(samples,): 1.0 where the contact is closed, 0.0 where it is open."""
+        sensor = self._sensor("activation")
+        return np.asarray(sensor.to_si(self._rows(sensor))[0])
+
+    @cached_property
+    def saturated(self) -> BoolArray:
+        """(samples,): a sensor or its converter stood at the end of its range."""
+        # 32767 is full scale on the way up; a card's last code on the way down is -32768.
+        edge = np.any(np.abs(self._contents.codes.astype(np.int32)) >= CODES - 1, axis=0)
+        accelerometer = self._sensor("acceleration")
+        edge |= accelerometer.saturated(self._rows(accelerometer))
+        return np.asarray(edge | self._sensor("force").saturated(self._gauges))
+
+    def delay(self, quantity: str) -> float:
+        """Seconds from a sample's clock edge to the instant that `quantity` was taken at.
+
+        `quantity` is "force", "acceleration" (z) or "activation". A multiplexed card takes its
+        channels one after the other; a force that several gauges carry belongs to the mean of
+        their instants, weighted as they weigh in Fz.
+        """
+        sensor = self._sensor(quantity)
+        delays = self.header.delays[self._indices(sensor)]
+        if quantity == "force":
+            weights = np.abs(np.asarray(self._fz_weights))
+            return float(np.average(delays, weights=weights))
+        return float(delays[-1])
+
+    @cached_property
+    def _contents(self) -> Contents:
+        return read_contents(self.path)
+
+    @cached_property
+    def _gauges(self) -> FloatArray:
+        """(6, samples) V above rest: what the box weighs, and the gauges' own offsets, are no force."""
+        gauges = self._rows(self._sensor("force"))
+        if not gauges.size:
+            return gauges
+        end = next((e.sample for e in self.events if e.kind == "rest"), None)
+        length = max(1, round(self.header.rest * self.rate_hz))
+        start = max(0, end - length) if end is not None else 0
+        return np.asarray(gauges - gauges[:, start : start + length].mean(axis=1, keepdims=True))
+
+    @property
+    def _fz_weights(self) -> tuple[float, ...]:
+        force = self.sensors.force
+        assert force is not None
+        return force.matrix[2]
+
+    def _sensor(self, name: str) -> Sensor:
+        sensor: Sensor | None = getattr(self.sensors, name)
+        if sensor is None:
+            raise DataError(f"{self.path} has no {name} sensor.")
+        return sensor
+
+    def _indices(self, sensor: Sensor) -> list[int]:
+        return [self.channels.index(name) for name in sensor.channels]
+
+    def _rows(self, sensor: Sensor) -> FloatArray:
+        return self.volts[self._indices(sensor)]

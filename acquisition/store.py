@@ -1,0 +1,296 @@
+"""The writer: a recording file that is whole at every moment, at the speed of the raw disk.
+
+Arm: a complete HDF5 file with all metadata and room for every block is laid out, closed, allocated
+and brought to the disk before the first sample; a disk that is too small shows here. Record: each
+block is one positioned write into the dataset's own bytes, with its CRC, and no call of HDF5.
+Commit: a thread of its own asks the disk to keep what was written, so that a busy disk never holds
+up a block. Why each of these: docs/format.md, "Guarantees".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+import threading
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import h5py
+import numpy as np
+
+from acquisition.layout import EVENT, Event, Header, block_dtype, to_codes, write_header
+from instruments import Block, ConfigurationError, InstrumentError
+
+__all__ = ["Writer", "check_target", "fresh_file"]
+
+_COMMIT_PERIOD = 0.075
+"""Seconds between two requests to the disk (measured: 50 to 100 ms costs nothing)."""
+_MARGIN = 1 << 20
+"""Bytes left free beside the file itself and its finished copy."""
+
+
+def check_target(path: Path) -> None:
+    """Make the folder, and refuse a target that exists or cannot be written: ConfigurationError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"The folder {path.parent} cannot be written ({error.strerror}); choose another."
+        ) from None
+    if path.exists():
+        raise ConfigurationError(
+            f"{path} exists and is never overwritten: move it away, or record another button or participant."
+        )
+
+
+@contextlib.contextmanager
+def fresh_file(path: Path, replace: bool = False) -> Iterator[Path]:
+    """A temporary path beside `path`, which takes its place, on the disk, when the block succeeds.
+
+    Without `replace` a file that meanwhile exists at `path` is left as it is: ConfigurationError.
+    """
+    # Not tempfile's: its files can be read by their owner only, and a lab shares its folder.
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        with temporary.open("r+b") as file:
+            os.fsync(file.fileno())
+        if replace:
+            temporary.replace(path)
+        else:
+            _move(temporary, path)
+        _sync_folder(path.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+class Writer:
+    """A recording file that is being filled; a context that closes it.
+
+    `capacity` is how many blocks of `block` samples it has room for.
+    Raises ConfigurationError when the file exists or the disk is too small.
+    """
+
+    def __init__(self, path: Path, header: Header, block: int, capacity: int) -> None:
+        self.path = path
+        self._header = header
+        self._dtype = block_dtype(len(header.channels), block)
+        self._record = np.zeros(1, dtype=self._dtype)
+        self._capacity = capacity
+        # Three a press (told, seen, and one spare) and some for what goes wrong.
+        self._events_left = 3 * header.presses + 32
+        self._slot = 0
+        self._written = 0
+        self._committed = 0
+        self._failure: OSError | None = None
+        self._stop = threading.Event()
+        self._arm()
+        self._file = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        self._thread = threading.Thread(target=self._commit, name="haploop-committer", daemon=True)
+        self._thread.start()
+
+    @property
+    def written(self) -> int:
+        """Samples that the operating system has: a kill does not lose them."""
+        return self._written
+
+    @property
+    def committed(self) -> int:
+        """Samples that the disk says it has: a power cut does not lose them."""
+        return self._committed
+
+    def write(self, block: Block, time: float) -> None:
+        """Append a block that came at `time` (s of the rig's clock); one that was written is left alone.
+
+        Raises InstrumentError when the disk refuses, when there is no room, or after a gap.
+        """
+        if block.first < self._written:
+            return
+        count = block.volts.shape[1]
+        if block.first > self._written or count > self._dtype["samples"].shape[1]:
+            raise InstrumentError(
+                f"A block of {count} samples at {block.first} does not follow sample {self._written}."
+            )
+        if self._slot >= self._capacity:
+            raise InstrumentError(f"{self.path} is full after {self._written} samples: record fewer presses.")
+        codes, beyond = to_codes(block.volts, self._header.full_scale)
+        record = self._record[0]
+        record["first"] = block.first
+        record["count"] = count
+        record["time"] = time
+        record["overload"] = _mask(block.overload | beyond)
+        record["samples"][:, :count] = codes
+        record["samples"][:, count:] = 0
+        raw = self._record.view(np.uint8).data
+        record["crc"] = zlib.crc32(raw[:-4])
+        self._put(raw, self._blocks_at + self._slot * len(raw))
+        self._slot += 1
+        self._written = block.end
+
+    def note(self, index: int, kind: str, text: str) -> Event:
+        """Keep an event; when there is no room left for any, the last one says so."""
+        if self._events_left == 1:
+            kind, text = "events-full", "There was no room for further events."
+        if self._events_left:
+            record = np.array((index, kind.encode()[:16], text.encode()[:232]), dtype=EVENT)
+            self._put(record.tobytes(), self._events_at)
+            self._events_at += EVENT.itemsize
+            self._events_left -= 1
+        return Event(index, kind, text)
+
+    def close(self) -> None:
+        """Bring all to the disk and let go of the file, which stays a readable recording.
+
+        May be called again. Raises InstrumentError when the disk refuses.
+        """
+        if self._file < 0:
+            return
+        self._stop.set()
+        self._thread.join()
+        file, self._file = self._file, -1
+        try:
+            os.fsync(file)
+            self._committed = self._written
+        except OSError as error:
+            self._failure = error
+        finally:
+            os.close(file)
+        self._check()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _arm(self) -> None:
+        size = self._capacity * self._dtype.itemsize
+        try:
+            free = shutil.disk_usage(self.path.parent).free
+            # Twice: the finished copy stands beside this file until it takes its place.
+            if free < 2 * size + _MARGIN:
+                raise ConfigurationError(
+                    f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, and this recording needs "
+                    f"{(2 * size + _MARGIN) / 1e6:.0f} MB: make room, or record fewer presses."
+                )
+            with fresh_file(self.path) as temporary:
+                self._lay_out(temporary)
+        except OSError as error:
+            raise ConfigurationError(
+                f"{self.path} cannot be laid out ({error.strerror or error}); "
+                f"it needs {size / 1e6:.0f} MB in a folder that can be written."
+            ) from None
+
+    def _lay_out(self, temporary: Path) -> None:
+        with h5py.File(temporary, "w") as file:
+            write_header(file, self._header, "recording")
+            places = []
+            for name, dtype, length in (
+                ("events", EVENT, self._events_left),
+                ("blocks", self._dtype, self._capacity),
+            ):
+                plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+                plan.set_layout(h5py.h5d.CONTIGUOUS)
+                plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+                plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+                space = h5py.h5s.create_simple((length,))
+                kind = h5py.h5t.py_create(dtype, logical=True)
+                dataset = h5py.h5d.create(file.id, name.encode(), kind, space, plan)
+                places.append((dataset.get_offset(), length * dtype.itemsize))
+        (self._events_at, _), (self._blocks_at, _) = places
+        with temporary.open("r+b") as raw:
+            for place, length in places:
+                _allocate(raw.fileno(), place, length)
+
+    def _put(self, data: bytes | memoryview, place: int) -> None:
+        self._check()
+        try:
+            if hasattr(os, "pwrite"):
+                done = os.pwrite(self._file, data, place)
+            else:
+                os.lseek(self._file, place, os.SEEK_SET)
+                done = os.write(self._file, data)
+        except OSError as error:
+            self._failure = error
+            self._check()
+        else:
+            if done != len(data):
+                self._failure = OSError(0, f"only {done} of {len(data)} bytes were taken")
+                self._check()
+
+    def _commit(self) -> None:
+        kept = 0
+        while not self._stop.wait(_COMMIT_PERIOD):
+            reached = self._written
+            if reached == kept:
+                continue
+            try:
+                getattr(os, "fdatasync", os.fsync)(self._file)
+            except OSError as error:
+                self._failure = error
+                return
+            self._committed = kept = reached
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise InstrumentError(
+                f"The disk refused to write {self.path} ({self._failure.strerror or self._failure}); "
+                f"{self._committed} samples are safe in it."
+            ) from self._failure
+
+
+def _mask(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
+    """One bit a channel, the first channel lowest; a 33rd channel and later ones share the last bit."""
+    return sum(1 << bit for bit in {min(int(i), 31) for i in np.flatnonzero(flags)})
+
+
+def _allocate(file: int, place: int, length: int) -> None:
+    """Have the disk set `length` zero bytes at `place` aside, so that it cannot run full later."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file, place, length)
+        return
+    os.lseek(file, place, os.SEEK_SET)
+    while length > 0:
+        length -= os.write(file, bytes(min(length, 1 << 20)))
+
+
+def _move(source: Path, target: Path) -> None:
+    """Rename without overwriting, also when another program makes `target` at this moment."""
+    try:
+        if os.name == "nt":
+            source.rename(target)  # refuses an existing target
+        else:
+            _link(source, target)
+    except FileExistsError:
+        raise ConfigurationError(f"{target} exists and is never overwritten: move it away.") from None
+
+
+def _link(source: Path, target: Path) -> None:
+    try:
+        os.link(source, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a disk without hard links, such as a USB stick
+        if target.exists():
+            raise FileExistsError from None
+        source.rename(target)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Bring the new name to the disk, where a folder can be opened (not on Windows)."""
+    if os.name == "nt":
+        return
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
