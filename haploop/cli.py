@@ -1,0 +1,407 @@
+"""The command line: `haploop demo`, `record`, `show`, `calibrate`, `check`, `twin`.
+
+Exit codes: 0 done and passed; 1 done, and what was measured is out of tolerance; 2 the request or
+the configuration is wrong; 3 an instrument failed; 130 or 143 stopped by Ctrl-C or SIGTERM. What
+goes wrong is one sentence on standard error. Heavy imports wait until a command needs them, so
+that `haploop --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from instruments import HaploopError
+
+if TYPE_CHECKING:
+    from instruments import Rig
+    from instruments.rig import Mode
+
+__all__ = ["cli", "main"]
+
+INTERNAL_ERROR = 70
+"""A bug in haploop: none of the documented codes, and sysexits' EX_SOFTWARE."""
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM, which leaves by the same way as Ctrl-C: through every context's exit."""
+
+
+@dataclass
+class _Session:
+    """What an interrupted command can say about itself."""
+
+    rig_opened: bool = False
+    recordings: Path | None = None
+
+
+class _Commands(click.Group):
+    """A group whose every failure is one sentence and an exit code."""
+
+    def main(self, *args: Any, **extra: Any) -> NoReturn:
+        session = _Session()
+        extra |= {"standalone_mode": False, "obj": session}
+        try:
+            with _sigterm_as_interrupt():
+                result = super().main(*args, **extra)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # Whoever read the output has gone, as in `haploop show FILE | head`.
+            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115
+            sys.exit(0)
+        except click.Abort as stop:
+            self._fail(*_interrupted(session, stop.__cause__))
+        except KeyboardInterrupt as stop:
+            self._fail(*_interrupted(session, stop))
+        except click.exceptions.NoArgsIsHelpError as error:
+            click.echo(error.format_message())
+            result = 0
+        except click.UsageError as error:
+            command = error.ctx.command_path if error.ctx else "haploop"
+            self._fail(f"{error.format_message().rstrip('.')}. Try '{command} --help'.", 2)
+        except click.ClickException as error:
+            self._fail(error.format_message(), 2)
+        except HaploopError as error:
+            self._fail(str(error), error.exit_code)
+        except OSError as error:
+            self._fail(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", 2)
+        except Exception as error:
+            if os.environ.get("HAPLOOP_TRACEBACK"):
+                raise
+            self._fail(
+                f"haploop itself failed ({type(error).__name__}: {error}). "
+                "Please report it, with what HAPLOOP_TRACEBACK=1 shows.",
+                INTERNAL_ERROR,
+            )
+        sys.exit(result if isinstance(result, int) else 0)
+
+    @staticmethod
+    def _fail(sentence: str, code: int) -> NoReturn:
+        click.echo("Error: " + " ".join(sentence.split()), err=True)
+        sys.exit(code)
+
+
+@contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        raise _Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupted(session: _Session, cause: BaseException | None) -> tuple[str, int]:
+    # Had the safe state not been read back, its own error would have come here instead.
+    sentence = "Stopped."
+    if session.rig_opened:
+        sentence = "Stopped: the output is zero and the relay is open."
+    if session.recordings is not None and any(session.recordings.glob("*.h5")):
+        sentence += f" What was recorded until now is in {session.recordings} and can be read."
+    return sentence, 143 if isinstance(cause, _Terminated) else 130
+
+
+_RIG = click.option(
+    "--rig",
+    "-r",
+    default="simulated",
+    show_default=True,
+    metavar="FILE",
+    help="Rig file, or the name of a rig that haploop ships.",
+)
+_SIMULATE = click.option(
+    "--simulate",
+    type=click.Choice(["twin", "wire"]),
+    help="Simulate the rig: twins in process, or wires that the real drivers talk to.",
+)
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
+_PATH = click.Path(path_type=Path)
+
+
+@click.group(cls=_Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="haploop", message="haploop %(version)s")
+def cli() -> None:
+    """From a physical button to a verified digital one.
+
+    Exit codes: 0 done and passed, 1 out of tolerance, 2 wrong request, 3 an instrument failed.
+    """
+
+
+@cli.command()
+@click.option("--out", "-o", type=_PATH, help="Folder for the results.  [default: a new haploop-demo]")
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="Which simulated world.  [default: the rig file's, 0]"
+)
+@click.option(
+    "--participants",
+    type=click.IntRange(1, 99),
+    default=1,
+    show_default=True,
+    help="How many press the buttons.",
+)
+@_RIG
+@_SIMULATE
+@_JSON
+@click.pass_obj
+def demo(
+    session: _Session,
+    out: Path | None,
+    seed: int | None,
+    participants: int,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Run the whole loop on a simulated rig and write a report."""
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps, note, print_json  # noqa: PLC0415
+    from haploop.demo import claim_folder, run_demo  # noqa: PLC0415
+    from instruments import load_rig_file  # noqa: PLC0415
+
+    load_rig_file(rig)
+    folder = claim_folder(out)
+    session.recordings = folder / "recordings"
+    with Steps() as steps:
+
+        def progress(step: str, done: float, of: float) -> None:
+            session.rig_opened = True
+            steps(step, done, of)
+
+        summary = run_demo(
+            folder, rig, seed=seed, participants=participants, mode=simulate, progress=progress
+        )
+    if as_json:
+        print_json(summary)
+        note(f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).")
+    else:
+        display.demo(summary)
+    return 0 if summary["passed"] else 1
+
+
+@cli.command()
+@click.argument("button")
+@click.option("--participant", "-p", required=True, help="Pseudonym of who presses, P01 for example.")
+@click.option("--presses", "-n", type=click.IntRange(min=1), default=10, show_default=True)
+@click.option(
+    "--out", "-o", type=_PATH, default=Path("recordings"), show_default=True, help="Folder for the recording."
+)
+@_RIG
+@_SIMULATE
+@_JSON
+@click.pass_obj
+def record(
+    session: _Session,
+    button: str,
+    participant: str,
+    presses: int,
+    out: Path,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5."""
+    import haploop  # noqa: PLC0415
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps  # noqa: PLC0415
+
+    step = f"Record the {button} button, {participant}"
+    with _rig(session, rig, simulate) as opened, Steps() as steps:
+        out.mkdir(parents=True, exist_ok=True)
+        session.recordings = out
+        recording = haploop.record(
+            opened, button, participant, presses, out, lambda done, of: steps(step, done, of)
+        )
+    display.show(recording.path, as_json)
+    return 0
+
+
+@cli.command()
+@click.argument("file", type=_PATH)
+@click.option("--plot", type=_PATH, metavar="OUT.png", help="Also draw it.")
+@_JSON
+def show(file: Path, plot: Path | None, as_json: bool) -> int:
+    """What is in a recording, a representative press, a calibration or a drive FILE."""
+    from haploop import show as display  # noqa: PLC0415
+
+    display.show(file, as_json, plot)
+    return 0
+
+
+@cli.command()
+@click.argument("file", type=_PATH)
+@_JSON
+def recover(file: Path, as_json: bool) -> int:
+    """Make an interrupted recording FILE whole, in a new file beside it."""
+    import acquisition  # noqa: PLC0415
+    from haploop import show as display  # noqa: PLC0415
+
+    display.show(acquisition.recover(file), as_json)
+    return 0
+
+
+@cli.command()
+@click.option("--patch", default="A", show_default=True, help="Patch to excite.")
+@click.option(
+    "--point",
+    default="button",
+    show_default=True,
+    help="Where the laser is aimed: button, or a grid point's number.",
+)
+@click.option("--out", "-o", type=_PATH, default=Path("calibration.h5"), show_default=True, metavar="FILE.h5")
+@_RIG
+@_SIMULATE
+@_JSON
+@click.pass_obj
+def calibrate(
+    session: _Session, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
+) -> int:
+    """Measure the table's response and fit its model."""
+    import haploop  # noqa: PLC0415
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps  # noqa: PLC0415
+
+    _new_file(out)
+    step = f"Calibrate patch {patch} at the {point} point"
+    with _rig(session, rig, simulate) as opened, Steps() as steps:
+        _on_table(opened, point)
+        calibration = haploop.calibrate(opened, patch, point, lambda done, of: steps(step, done, of))
+    calibration.save(out)
+    display.show(out, as_json)
+    return 0
+
+
+@cli.command()
+@click.argument("recordings", nargs=-1, required=True, type=_PATH)
+@click.option(
+    "--calibration", "-c", required=True, type=_PATH, metavar="FILE", help="As `haploop calibrate` wrote it."
+)
+@click.option(
+    "--out", "-o", type=_PATH, metavar="DIR", help="Keep the representative press, the drive and a plot here."
+)
+@_RIG
+@_SIMULATE
+@_JSON
+@click.pass_obj
+def check(
+    session: _Session,
+    recordings: Sequence[Path],
+    calibration: Path,
+    out: Path | None,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Play what stands for RECORDINGS of one button on the table, measure it, and compare."""
+    import haploop  # noqa: PLC0415
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps  # noqa: PLC0415
+
+    table = haploop.Calibration.load(calibration)
+    press = haploop.representative([haploop.Recording.open(path) for path in recordings])
+    with _rig(session, rig, simulate) as opened, Steps() as steps:
+        if table.response.simulated != opened.simulated:
+            raise haploop.ConfigurationError(
+                f"{calibration} is of a {_kind(table.response.simulated)} table and the rig {opened.name!r} "
+                f"is {_kind(opened.simulated)}: calibrate that rig first."
+            )
+        drive = haploop.drive_for(press, table, opened.limits)
+        step = f"Play and measure the {press.button} button"
+        result = haploop.check(opened, drive, progress=lambda done, of: steps(step, done, of))
+    if out is not None:
+        display.keep(out, press, result)
+    display.check(press, result, as_json)
+    return 0 if result.passed else 1
+
+
+@cli.group(no_args_is_help=True)
+def twin() -> None:
+    """Serve simulated instruments to other programs."""
+
+
+@twin.command()
+@click.option("--port", type=click.IntRange(0, 65535), default=0, show_default=True, help="0: any free one.")
+@click.option("--rig", "-r", metavar="FILE", help="Serve the devices of this rig.  [default: simulated]")
+@click.option("--devices", type=_PATH, metavar="FILE.ini", help="Serve those of a text export of NI MAX.")
+def ni(port: int, rig: str | None, devices: Path | None) -> None:
+    """Simulated NI-DAQmx devices, for any program that uses nidaqmx over gRPC.
+
+    The first line on standard output is "Server listening on port N". Ctrl-C ends it.
+    """
+    from instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
+    from mocks.ni import inventory_from_file, inventory_of, run  # noqa: PLC0415
+
+    if devices is not None and rig is not None:
+        raise click.UsageError("--rig and --devices both name devices: give one of them.")
+    if devices is not None:
+        inventory = inventory_from_file(devices)
+    else:
+        file = load_rig_file(rig or "simulated")
+        named = file.daq.settings.get("devices")
+        if file.daq.driver != "ni-daqmx" or not named:
+            raise ConfigurationError(
+                f"The rig {file.name!r} names no NI devices in [daq]: name another rig, or give --devices."
+            )
+        inventory = inventory_of(named)
+    run(inventory, port)
+
+
+def _kind(simulated: bool) -> str:
+    return "simulated" if simulated else "real"
+
+
+def _on_table(rig: Rig, point: str) -> None:
+    from instruments import ConfigurationError  # noqa: PLC0415
+
+    points = rig.table.rows * rig.table.columns
+    if point != "button" and not (point.isdecimal() and int(point) < points):
+        raise ConfigurationError(
+            f"{point!r} is no point of the table: it is 'button', or a number from 0 to {points - 1}."
+        )
+
+
+def _new_file(path: Path) -> None:
+    """Refuse before anything is measured what could not be written after it."""
+    from instruments import ConfigurationError  # noqa: PLC0415
+
+    if path.exists():
+        raise ConfigurationError(f"{path} exists, and nothing is overwritten: name another file with --out.")
+    if not path.parent.is_dir():
+        raise ConfigurationError(f"There is no folder {path.parent} to write {path.name} to.")
+
+
+@contextmanager
+def _rig(session: _Session, rig: str, simulate: Mode | None) -> Iterator[Rig]:
+    """The rig, opened; says so when it is simulated."""
+    from haploop.console import note  # noqa: PLC0415
+    from instruments import open_rig  # noqa: PLC0415
+
+    with open_rig(rig, simulate=simulate) as opened:
+        session.rig_opened = True
+        if opened.simulated:
+            seed = opened.file.simulation.seed
+            note(f"Everything here is simulated ({opened.mode}, seed {seed}).")
+        yield opened
+
+
+def main() -> None:
+    """The `haploop` command."""
+    for stream in (sys.stdout, sys.stderr):
+        # A console or a pipe that cannot show a sign gets a replacement, not an error.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    cli()

@@ -1,0 +1,77 @@
+"""How the command line speaks: progress on standard error, results on standard output."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+__all__ = ["Steps", "note", "print_json", "print_line", "print_table"]
+
+
+class Steps:
+    """Steps of a longer command on standard error: a bar each on a terminal, else a line each."""
+
+    def __init__(self) -> None:
+        self._console = _console(stderr=True)
+        self._tasks: dict[str, TaskID] = {}
+        self._progress = Progress(
+            SpinnerColumn(finished_text="[green]done[/green]"),
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TimeElapsedColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+
+    def __call__(self, step: str, done: float, of: float) -> None:
+        """`step` is `done` of `of`; a step that was not heard of before begins."""
+        if step not in self._tasks:
+            self._tasks[step] = self._progress.add_task(step, total=of)
+            if self._progress.disable:
+                self._console.print(step, markup=False, highlight=False)
+        self._progress.update(self._tasks[step], completed=done, total=of)
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+
+def note(sentence: str) -> None:
+    """A sentence to the person, on standard error."""
+    _console(stderr=True).print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+
+def print_json(values: Mapping[str, Any]) -> None:
+    """The one JSON object that a command with `--json` prints. Refuses what JSON cannot say (nan)."""
+    print(json.dumps(values, indent=2, allow_nan=False))
+
+
+def print_line(sentence: str) -> None:
+    """A sentence on standard output."""
+    _console(stderr=False).print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+
+def print_table(table: Table) -> None:
+    """A table on standard output, as wide as it needs to be when that is no terminal."""
+    console = _console(stderr=False)
+    if not console.is_terminal:
+        console.width = 160
+    console.print(table)
+
+
+def _console(stderr: bool) -> Console:
+    # Made when needed: standard output may have been replaced since the program began.
+    return Console(file=sys.stderr if stderr else sys.stdout)

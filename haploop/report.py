@@ -1,0 +1,62 @@
+"""The report: one HTML file that needs nothing beside it, the same whenever it is made from the same run."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
+
+from haploop.plotting import png
+
+__all__ = ["Plate", "render"]
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A figure with its title and its caption."""
+
+    figure: Figure
+    title: str
+    caption: str
+
+
+def render(summary: Mapping[str, Any], plates: Sequence[Plate]) -> str:
+    """The report of a demo's summary (see `haploop.demo`) as HTML, with the plates as PNG inside."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters.update(percent=_percent, fixed=_fixed, minute=_minute, rest=_rest)
+    template = environment.from_string(
+        (resources.files("haploop") / "report.html").read_text(encoding="utf-8")
+    )
+    images = [
+        {
+            "title": plate.title,
+            "caption": plate.caption,
+            "data": base64.b64encode(png(plate.figure)).decode("ascii"),
+        }
+        for plate in plates
+    ]
+    return template.render(s=summary, plates=images)
+
+
+def _percent(value: float | None, digits: int = 1) -> str:
+    return "not measured" if value is None else f"{100 * value:.{digits}f} %"
+
+
+def _fixed(value: float | None, digits: int = 2, unit: str = "") -> str:
+    return "not measured" if value is None else f"{value:.{digits}f}{unit and ' ' + unit}"
+
+
+def _minute(date: str) -> str:
+    return f"{datetime.fromisoformat(date):%Y-%m-%d %H:%M} UTC"
+
+
+def _rest(share: float | None) -> float | None:
+    return None if share is None else 1 - share

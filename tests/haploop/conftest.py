@@ -1,0 +1,45 @@
+"""One demo for all tests of the front door: it takes half a minute."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from haploop.cli import cli
+
+Run = Callable[..., Result]
+
+
+@dataclass(frozen=True)
+class Demo:
+    folder: Path
+    result: Result
+    summary: dict[str, Any]
+
+
+@pytest.fixture
+def run() -> Run:
+    """Runs the command line in this process; nothing may escape as an exception."""
+
+    def runner(*args: object) -> Result:
+        result = CliRunner().invoke(cli, [str(arg) for arg in args])
+        assert result.exception is None or isinstance(result.exception, SystemExit)
+        assert "Traceback" not in result.output
+        return result
+
+    return runner
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory, mode: str) -> Demo:
+    folder = tmp_path_factory.mktemp("front") / "demo"
+    simulate = mode if mode in ("twin", "wire") else "twin"
+    result = CliRunner().invoke(cli, ["demo", "--json", "--out", str(folder), "--simulate", simulate])
+    assert result.exit_code in (0, 1), result.output
+    return Demo(folder, result, json.loads(result.stdout))
