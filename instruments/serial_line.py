@@ -85,12 +85,14 @@ class SerialLine:
         port, self._port = self._port, None
         if port is None:
             return
-        # pyserial leaves its socket open when the other end has gone first.
+        # pyserial waits 0.3 s after closing a socket, and leaves it open when the far end went first.
         link = getattr(port, "_socket", None)
+        if link is not None:
+            port.is_open = False
+            link.close()
+            return
         with suppress(serial.SerialException, OSError):
             port.close()
-        if link is not None:
-            link.close()
 
     def _opened(self) -> Any:
         if self._port is None:

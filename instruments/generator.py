@@ -1,0 +1,97 @@
+"""The generator role: a source of its own that plays a linear sine sweep, as the paper's did."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from instruments.errors import ConfigurationError
+
+__all__ = ["Generator", "Sweep"]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One linear sine sweep. Raises ConfigurationError for one that no generator can play."""
+
+    start_hz: float
+    """Above zero: no generator starts at 0 Hz (the paper's sweep is 0 to 625 Hz)."""
+    stop_hz: float
+    duration: float
+    """Seconds from start to stop."""
+    amplitude: float
+    """V peak at the load that the generator is set to."""
+
+    def __post_init__(self) -> None:
+        values = (self.start_hz, self.stop_hz, self.duration, self.amplitude)
+        if not all(math.isfinite(v) and v > 0 for v in values) or self.stop_hz <= self.start_hz:
+            raise ConfigurationError(
+                f"A sweep from {self.start_hz:g} to {self.stop_hz:g} Hz in {self.duration:g} s at "
+                f"{self.amplitude:g} V cannot be played: it must rise from above 0 Hz, last, and have volts."
+            )
+
+
+class Generator(ABC):
+    """A function generator. Safe state: output off. Opening the driver changes nothing.
+
+    A sweep is configured with the output off, armed, triggered, and after its duration switched
+    off: until then the output goes on at the start frequency. What really reaches the patches is
+    measured by the DAQ; no generator shares its clock.
+    """
+
+    identity: str
+    output: str
+    """Name of the amplifier input that its output is wired to."""
+
+    @property
+    @abstractmethod
+    def load(self) -> float:
+        """Ohms that the instrument takes for its load, read back; infinite for an open input.
+
+        Its volts are volts at that load: an open input gets twice the volts that are set for 50 ohm.
+        """
+
+    @property
+    @abstractmethod
+    def amplitude(self) -> float:
+        """V peak at `load`, read back."""
+
+    @property
+    @abstractmethod
+    def is_on(self) -> bool:
+        """Whether the output is on, read back."""
+
+    @abstractmethod
+    def configure(self, sweep: Sweep) -> None:
+        """Switch the output off, set the sweep and the load, and read each back.
+
+        Raises LimitError for more volts than the rig file allows, InstrumentError with the
+        instrument's own words for what it refuses, or when it reads back something else.
+        """
+
+    @abstractmethod
+    def arm(self) -> None:
+        """Make the configured sweep wait for `trigger`; the output stays off.
+
+        Raises ConfigurationError when none is configured, InstrumentError.
+        """
+
+    @abstractmethod
+    def trigger(self) -> None:
+        """Switch the output on and start the armed sweep, and return at once.
+
+        Raises ConfigurationError when none is armed, InstrumentError (with the output off).
+        """
+
+    @abstractmethod
+    def off(self) -> None:
+        """Reach the safe state and read it back. Idempotent. Raises InstrumentError."""
+
+    @abstractmethod
+    def errors(self) -> tuple[str, ...]:
+        """Take everything out of the instrument's own error queue, oldest first."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the instrument without changing it. May be called again."""

@@ -1,0 +1,103 @@
+r"""The lines of Polytec's OFV-5000: text in, values out, no I/O. Driver and wire share it.
+
+A command is `Get,DEVICE,INDEX,ATTRIBUTE`, `GetDevInfo,...` alike, or `Set,...,VALUE`; each line ends
+with `\n`, and a Set is not answered (hardware.md, section 5b: what public code really sends). The
+forms of the replies were found there too, except where a function says that it is an estimate.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal, cast
+
+__all__ = [
+    "LEVEL_FULL",
+    "Command",
+    "duration_of",
+    "frequency_of",
+    "is_command",
+    "level_of",
+    "sensitivity_of",
+    "sensitivity_text",
+]
+
+Verb = Literal["Get", "Set", "GetDevInfo"]
+
+LEVEL_FULL = 512
+"""Signal level of full light (found for VibroFlex, Polytec's newer controller)."""
+
+_NUMBER = r"(?P<number>\d+(?:\.\d*)?|\.\d+)"
+_VELOCITY = {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "m": 1.0}
+_TIME = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "": 1e-6}
+_FREQUENCY = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
+
+
+@dataclass(frozen=True)
+class Command:
+    """One line to the controller. `str(command)` is what travels."""
+
+    verb: Verb
+    device: str
+    """The device and its index: `VeloDec,0`."""
+    attribute: str
+    value: str | None = None
+    """What is set; None in a question. May hold commas."""
+
+    def __str__(self) -> str:
+        parts = [self.verb, self.device, self.attribute]
+        return ",".join(parts if self.value is None else [*parts, self.value])
+
+    @classmethod
+    def parse(cls, text: str) -> Command | None:
+        """The command that a line holds; None when it holds none."""
+        words = text.strip().split(",", 4)
+        verb, wanted = words[0], 5 if words[0] == "Set" else 4
+        if verb not in ("Get", "Set", "GetDevInfo") or len(words) != wanted or not words[2].isdigit():
+            return None
+        value = words[4] if wanted == 5 else None
+        return cls(cast(Verb, verb), f"{words[1]},{words[2]}", words[3], value)
+
+
+def is_command(text: str) -> bool:
+    """Whether a line that came back is the interface's echo of a command, not an answer."""
+    return text.startswith(("Get,", "Set,", "GetDevInfo,"))
+
+
+def sensitivity_of(text: str) -> float:
+    """A velocity decoder's range, `5mm/s/V`, as m/s per V. Raises ValueError."""
+    return _quantity(text, r"(?P<unit>[uµ]m|mm|m)/s/V", _VELOCITY)
+
+
+def sensitivity_text(sensitivity: float) -> str:
+    """m/s per V as the controller names its ranges, in mm/s."""
+    return f"{sensitivity * 1e3:.6g}mm/s/V"
+
+
+def duration_of(text: str) -> float:
+    """A signal delay, `12.3 us`, as seconds. Raises ValueError.
+
+    Public code only takes the number; that a bare number is in microseconds is an estimate.
+    """
+    return _quantity(text, r"(?P<unit>[nuµm]?s)?", _TIME)
+
+
+def frequency_of(text: str) -> float | None:
+    """A highest frequency, `20 kHz`, in Hz; None for `Not Available`. Raises ValueError."""
+    if text.strip().lower() == "not available":
+        return None
+    return _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])", _FREQUENCY)
+
+
+def level_of(text: str) -> float:
+    """A signal level, 0 to 512, as a share of full light. Raises ValueError."""
+    if not re.fullmatch(r"\d{1,3}", text) or int(text) > LEVEL_FULL:
+        raise ValueError(f"no level of 0 to {LEVEL_FULL}")
+    return int(text) / LEVEL_FULL
+
+
+def _quantity(text: str, unit: str, scales: dict[str, float]) -> float:
+    found = re.fullmatch(rf"{_NUMBER}\s*{unit}", text.strip())
+    if found is None:
+        raise ValueError("no number with a known unit")
+    return float(found["number"]) * scales[(found["unit"] or "").lower()]

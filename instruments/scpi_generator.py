@@ -1,0 +1,381 @@
+"""Function generators by SCPI over VISA: Keysight's 33500 family and Rigol's DG1000Z.
+
+The Rigol's commands are its programming guide's. Of the Keysight's, trigger and output were found
+and the sweep is what the family is known for (hardware.md, section 9). A generator that waits for
+its trigger puts out the start frequency, not zero: so the output comes on with the trigger.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self
+
+import pyvisa
+from pydantic import BaseModel, ConfigDict, Field
+from pyvisa.constants import StatusCode
+
+from instruments.clock import Clock, RealClock
+from instruments.errors import ConfigurationError, InstrumentError, LimitError
+from instruments.generator import Generator, Sweep
+from instruments.serial_line import Line
+
+__all__ = ["Dg1000z", "Keysight33500", "ScpiGenerator", "VisaLine"]
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+_INFINITE = 9e37
+"""SCPI writes infinity as 9.9E+37."""
+_TOLERANCE = 1e-3
+"""Relative: instruments round to four digits and more."""
+_QUEUE = 50
+"""Errors that a queue holds at most (20 in either family)."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How one family says it; `{n}` is the channel."""
+
+    models: str
+    """Pattern of the model that the instrument names."""
+    still: tuple[str, ...]
+    """No sweep, no burst, a sine: the ground on which settings cannot conflict."""
+    setup: tuple[str, ...]
+    read: dict[str, str]
+    """Questions for what was set, by the name of the value."""
+    arm: tuple[str, ...]
+    armed: tuple[str, str]
+    """A question, and the answers (a pattern) that mean armed."""
+    fire: str
+
+
+_SETUP = (
+    "OUTP{n}:LOAD {load}",
+    "SOUR{n}:VOLT:UNIT VPP",
+    "SOUR{n}:VOLT:OFFS 0",
+    "SOUR{n}:VOLT {swing:.6g}",
+    "SOUR{n}:FREQ:STAR {start_hz:.9g}",
+    "SOUR{n}:FREQ:STOP {stop_hz:.9g}",
+    "SOUR{n}:SWE:SPAC LIN",
+    "SOUR{n}:SWE:TIME {duration:.9g}",
+    "SOUR{n}:SWE:RTIM 0",
+)
+_READ = {
+    "load": "OUTP{n}:LOAD?",
+    "swing": "SOUR{n}:VOLT?",
+    "offset": "SOUR{n}:VOLT:OFFS?",
+    "start_hz": "SOUR{n}:FREQ:STAR?",
+    "stop_hz": "SOUR{n}:FREQ:STOP?",
+    "duration": "SOUR{n}:SWE:TIME?",
+}
+_STILL = ("SOUR{n}:SWE:STAT OFF", "SOUR{n}:BURS:STAT OFF", "SOUR{n}:FUNC SIN")
+
+KEYSIGHT = Dialect(
+    models=r"335\d\d[AB]|336\d\dA",
+    still=_STILL,
+    setup=(*_SETUP, "SOUR{n}:SWE:HTIM 0", "TRIG{n}:SOUR BUS"),
+    read=_READ,
+    arm=("SOUR{n}:FREQ:MODE SWE",),
+    armed=("SOUR{n}:FREQ:MODE?", "SWE.*"),
+    fire="*TRG",
+)
+RIGOL = Dialect(
+    models=r"DG10\d\dZ",
+    still=_STILL,
+    setup=(
+        *_SETUP,
+        "SOUR{n}:SWE:HTIM:STAR 0",
+        "SOUR{n}:SWE:HTIM:STOP 0",
+        "SOUR{n}:SWE:TRIG:SOUR MAN",
+    ),
+    read=_READ,
+    arm=("SOUR{n}:SWE:STAT ON",),
+    armed=("SOUR{n}:SWE:STAT?", "ON|1"),
+    fire=":SOUR{n}:SWE:TRIG:IMM",
+)
+
+
+class ScpiGenerator(Generator):
+    """See `Generator`. A subclass adds its family's dialect."""
+
+    dialect: Dialect
+
+    class Settings(BaseModel):
+        """The `[generator]` table of a rig file."""
+
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+        resource: Annotated[str, Field(min_length=1)]
+        """VISA name: USB0::..., or TCPIP::HOST::PORT::SOCKET (5025 for Keysight, 5555 for Rigol)."""
+        output: str
+        """Name of the amplifier input that its output is wired to."""
+        channel: Annotated[int, Field(ge=1, le=2)] = 1
+        load: Literal["inf", 50] = "inf"
+        """Ohms of what the output is wired to; an amplifier's input is as good as open."""
+        highest: Positive = 1.0
+        """V peak that the generator may ever be set to: 50 V at a patch behind a gain of 50."""
+        visa: str = ""
+        """VISA library: empty for the vendor's, or pyvisa-py where there is none; "@py" for that one."""
+        timeout: Annotated[float, Field(gt=0, le=60)] = 2.0
+        """Seconds in which a question must have been answered completely."""
+
+    def __init__(self, settings: Settings, clock: Clock, line: Line) -> None:
+        """Check who is at the other end of `line`. Raises InstrumentError."""
+        self.output = settings.output
+        self._settings = settings
+        self._line = line
+        self._sweep: Sweep | None = None
+        self._armed = False
+        self.identity = f"The generator at {settings.resource}"
+        words = [word.strip() for word in self._ask("*IDN?").split(",")]
+        if len(words) != 4 or not re.fullmatch(self.dialect.models, words[1]):
+            raise InstrumentError(
+                f"{self.identity} says that it is {','.join(words)[:80]!r}, which this driver is not for: "
+                "correct 'driver' or 'resource' in [generator]."
+            )
+        self.identity = f"{words[0]} {words[1]} {words[2]}"
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """Connect and ask who it is; nothing is changed. Raises InstrumentError."""
+        line = VisaLine(settings.resource, settings.visa, settings.timeout)
+        try:
+            return cls(settings, clock, line)
+        except BaseException:
+            line.close()
+            raise
+
+    @property
+    def load(self) -> float:
+        """See `Generator.load`."""
+        return self._number("load")
+
+    @property
+    def amplitude(self) -> float:
+        """See `Generator.amplitude`."""
+        return self._number("swing") / 2
+
+    @property
+    def is_on(self) -> bool:
+        """See `Generator.is_on`."""
+        question = self._named("OUTP{n}?")
+        answer = self._ask(question).upper()
+        if answer not in ("0", "1", "ON", "OFF"):
+            raise self._wrong(question, answer)
+        return answer in ("1", "ON")
+
+    def configure(self, sweep: Sweep) -> None:
+        """See `Generator.configure`."""
+        if sweep.amplitude > self._settings.highest:
+            raise LimitError(
+                f"A sweep of {sweep.amplitude:g} V peak was refused: 'highest' in [generator] is "
+                f"{self._settings.highest:g} V."
+            )
+        self._sweep = None
+        self.off()
+        for command in self.dialect.still:
+            self._tell(command)
+        # What the settings before it provoked is nobody's error.
+        self._tell("*CLS")
+        wanted = {
+            "load": float(self._settings.load),
+            "swing": 2 * sweep.amplitude,
+            "offset": 0.0,
+            "start_hz": sweep.start_hz,
+            "stop_hz": sweep.stop_hz,
+            "duration": sweep.duration,
+        }
+        for command in self.dialect.setup:
+            self._tell(command, **(wanted | {"load": str(self._settings.load).upper()}))
+        self._complain("refused a setting")
+        for name, value in wanted.items():
+            found = self._number(name)
+            if not math.isclose(found, value, rel_tol=_TOLERANCE, abs_tol=1e-6):
+                raise InstrumentError(
+                    f"{self.identity} was given {value:g} for {name} but reads {found:g}: "
+                    "choose what it can do, or check for a second program."
+                )
+        self._sweep = sweep
+
+    def arm(self) -> None:
+        """See `Generator.arm`."""
+        if self._sweep is None:
+            raise ConfigurationError(f"{self.identity} has no sweep to arm: configure one first.")
+        self.off()
+        for command in self.dialect.arm:
+            self._tell(command)
+        self._complain("cannot be armed")
+        question, pattern = self.dialect.armed
+        answer = self._ask(self._named(question))
+        if not re.fullmatch(pattern, answer.upper()):
+            raise self._wrong(self._named(question), answer)
+        self._armed = True
+
+    def trigger(self) -> None:
+        """See `Generator.trigger`."""
+        if not self._armed:
+            raise ConfigurationError(f"{self.identity} is not armed: arm it before the trigger.")
+        self._armed = False
+        try:
+            # One message: a second one may wait 40 ms for the network's sake.
+            self._tell("OUTP{n} ON;" + self.dialect.fire)
+            self._complain("did not start the sweep")
+            if not self.is_on:
+                raise InstrumentError(f"{self.identity} did not switch its output on: is it overloaded?")
+        except InstrumentError:
+            self.off()
+            raise
+
+    def off(self) -> None:
+        """See `Generator.off`."""
+        self._armed = False
+        self._tell("OUTP{n} OFF")
+        if self.is_on:
+            raise InstrumentError(
+                f"{self.identity} was told to switch its output off but reads on: switch it off by hand."
+            )
+
+    def errors(self) -> tuple[str, ...]:
+        """See `Generator.errors`."""
+        found: list[str] = []
+        while len(found) < _QUEUE:
+            answer = self._ask("SYST:ERR?")
+            entry = re.fullmatch(r"([+-]?\d+)\s*,\s*\"?(.*?)\"?", answer)
+            if entry is None:
+                raise self._wrong("SYST:ERR?", answer)
+            if int(entry[1]) == 0:
+                return tuple(found)
+            found.append(f"{int(entry[1])} {entry[2]}")
+        raise InstrumentError(f"{self.identity} reports errors without end, the last {found[-1]!r}.")
+
+    def close(self) -> None:
+        """See `Generator.close`."""
+        self._line.close()
+
+    def _complain(self, what: str) -> None:
+        found = self.errors()
+        if found:
+            self._sweep = None
+            raise InstrumentError(f"{self.identity} {what}: {'; '.join(found)}.")
+
+    def _number(self, name: str) -> float:
+        question = self._named(self.dialect.read[name])
+        answer = self._ask(question)
+        try:
+            value = math.inf if answer.upper().startswith("INF") else float(answer)
+        except ValueError:
+            raise self._wrong(question, answer) from None
+        return math.inf if value > _INFINITE else value
+
+    def _named(self, command: str, **values: object) -> str:
+        return command.format(n=self._settings.channel, **values)
+
+    def _tell(self, command: str, **values: object) -> None:
+        self._line.send(self._named(command, **values))
+
+    def _ask(self, question: str) -> str:
+        self._line.send(question)
+        return self._line.receive(question).strip()
+
+    def _wrong(self, question: str, answer: str) -> InstrumentError:
+        return InstrumentError(
+            f"{self.identity} answered {question!r} with {answer[:60]!r}, which cannot be right: "
+            "check for a second program that uses it."
+        )
+
+
+class Keysight33500(ScpiGenerator):
+    """A 33500 or 33600 of Keysight's or Agilent's. See `Generator`."""
+
+    dialect = KEYSIGHT
+
+
+class Dg1000z(ScpiGenerator):
+    """A DG1000Z of Rigol's. See `Generator`."""
+
+    dialect = RIGOL
+
+
+class VisaLine:
+    """See `Line`. After a failure the session is closed, and the next line opens another: a late
+    reply is not taken for the answer to a later question, and an instrument that comes back is found.
+    """
+
+    def __init__(self, resource: str, library: str, timeout: float) -> None:
+        self._resource = resource
+        self._library = library
+        self._timeout = timeout
+        self._clock = RealClock()
+        self._session: Any = None
+
+    def send(self, text: str) -> None:
+        """See `Line.send`."""
+        session = self._opened()
+        try:
+            session.write(text)
+        except (pyvisa.Error, OSError) as error:
+            raise self._failed(f"cannot be sent {text!r} ({error}): check its cable and power") from None
+
+    def receive(self, asked: str) -> str:
+        """See `Line.receive`."""
+        session = self._opened()
+        reply = b""
+        try:
+            if session.resource_class == "SOCKET":
+                # Byte by byte, so that a wrong terminator shows what has come.
+                deadline = self._clock.now() + self._timeout
+                while not reply.endswith(b"\n"):
+                    session.timeout = max(1.0, 1e3 * (deadline - self._clock.now()))
+                    reply += session.read_bytes(1)
+                    if self._clock.now() > deadline:
+                        raise self._failed(self._late(asked, reply))
+            else:
+                reply = session.read_raw()
+        except pyvisa.VisaIOError as error:
+            if error.error_code != StatusCode.error_timeout:
+                raise self._failed(f"was lost after {asked!r} ({error}): check its cable") from None
+            raise self._failed(self._late(asked, reply)) from None
+        except (pyvisa.Error, OSError) as error:
+            raise self._failed(f"was lost after {asked!r} ({error}): check its cable and power") from None
+        try:
+            text = reply.decode("ascii").strip()
+        except UnicodeDecodeError:
+            text = ""
+        if not text.isprintable() or not text:
+            raise self._failed(f"answered {asked!r} with {reply[:60]!r}, which is no text: restart it")
+        return text
+
+    def close(self) -> None:
+        """See `Line.close`."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.close()
+
+    def _opened(self) -> Any:
+        if self._session is None:
+            # The manager is shared by the whole process and stays: closing it would close every session.
+            try:
+                self._session = pyvisa.ResourceManager(self._library).open_resource(
+                    self._resource, open_timeout=round(1e3 * self._timeout)
+                )
+                self._session.timeout = 1e3 * self._timeout
+                self._session.read_termination = self._session.write_termination = "\n"
+            except Exception as error:  # pyvisa-py raises bare Exceptions too
+                self.close()
+                reason = " ".join(str(error).split())
+                raise InstrumentError(
+                    f"The generator at {self._resource} cannot be opened ({reason}): correct 'resource' in "
+                    "[generator], switch it on, or install a VISA library (pyvisa-py is one)."
+                ) from None
+        return self._session
+
+    def _failed(self, sentence: str) -> InstrumentError:
+        self.close()
+        return InstrumentError(f"The generator at {self._resource} {sentence}.")
+
+    def _late(self, asked: str, reply: bytes) -> str:
+        within = f"within {self._timeout:g} s"
+        if not reply:
+            return f"did not answer {asked!r} {within}: is it on, and does it know that command?"
+        return f"answered {asked!r} with {reply[-60:]!r} and no line feed {within}: check its terminator"

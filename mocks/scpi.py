@@ -1,0 +1,190 @@
+"""An instrument that speaks SCPI: headers in long and short form, an error queue, common commands.
+
+Written from the rules of SCPI-99 and IEEE 488.2 as instruments follow them: any case, an optional
+leading colon, numeric suffixes, several commands on a line, the second relative to the first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+__all__ = ["Entry", "ScpiDevice", "ScpiError", "number_of", "word_of"]
+
+_QUEUE = 20
+_UNITS = {
+    "": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "MV": 1e-3, "VPP": 1.0, "MVPP": 1e-3,
+    "VRMS": 1.0, "DBM": 1.0, "S": 1.0, "MS": 1e-3, "US": 1e-6, "OHM": 1.0, "KOHM": 1e3, "DEG": 1.0,
+    "PCT": 1.0,
+}  # fmt: skip
+
+
+class ScpiError(Exception):
+    """What goes into the error queue."""
+
+    def __init__(self, number: int, text: str) -> None:
+        super().__init__(number, text)
+        self.number, self.text = number, text
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What a header does, for the numeric suffix that it came with (1 without one)."""
+
+    get: Callable[[int, str], str] | None = None
+    """The answer to a question with an argument (usually empty)."""
+    put: Callable[[int, str], None] | None = None
+    """Take an argument, and raise ScpiError for one that is wrong."""
+
+
+class ScpiDevice:
+    """One instrument. `entries` has headers as manuals write them: `[:SOURce#]:FREQuency[:CW]`."""
+
+    def __init__(
+        self,
+        identity: str,
+        entries: Mapping[str, Entry],
+        reset: Callable[[], None],
+        trigger: Callable[[], None],
+        plus: bool = True,
+    ) -> None:
+        self.identity = identity
+        self.errors: deque[ScpiError] = deque()
+        self._entries = [(_pattern(header), entry) for header, entry in entries.items()]
+        self._reset = reset
+        self._trigger = trigger
+        self._no_error = f'{"+" if plus else ""}0,"No error"'
+        self._events = 0
+        self._enabled = {"*ESE": 0, "*SRE": 0}
+
+    def answer(self, line: str) -> Sequence[str]:
+        """The one line that answers all questions of a line, if there are any."""
+        replies: list[str] = []
+        path = ""
+        for part in _split(line):
+            try:
+                reply, path = self._execute(part.strip(), path)
+            except ScpiError as error:
+                self.fail(error)
+                break  # the rest of a message whose beginning was not understood is dropped
+            if reply is not None:
+                replies.append(reply)
+        return [";".join(replies)] if replies else []
+
+    def fail(self, error: ScpiError) -> None:
+        """Queue an error; the last place of a full queue says that there were more."""
+        self._events |= 0x20 if error.number > -200 else 0x10
+        if len(self.errors) < _QUEUE:
+            self.errors.append(error)
+        else:
+            self.errors[-1] = ScpiError(-350, "Queue overflow")
+
+    def _execute(self, part: str, path: str) -> tuple[str | None, str]:
+        if not part:
+            return None, path
+        header, _, argument = part.partition(" ")
+        header, argument = header.upper(), argument.strip()
+        asked = header.endswith("?")
+        if header.startswith("*"):
+            return self._common(header, argument), path
+        name = header.rstrip("?")
+        # A tolerant reading: relative to the command before it, else from the root.
+        for full in [name] if name.startswith(":") else [f"{path}:{name}", f":{name}"]:
+            for pattern, entry in self._entries:
+                if found := pattern.fullmatch(full):
+                    suffix = next((int(g) for g in found.groups() if g), 1)
+                    return self._use(entry, asked, suffix, argument), full.rpartition(":")[0]
+        raise ScpiError(-113, "Undefined header")
+
+    def _use(self, entry: Entry, asked: bool, suffix: int, argument: str) -> str | None:
+        if asked and entry.get:
+            return entry.get(suffix, argument)
+        if asked or entry.put is None:
+            raise ScpiError(-113, "Undefined header")
+        entry.put(suffix, argument)
+        return None
+
+    def next_error(self) -> str:
+        """The oldest error as the instrument writes it, taken out of the queue."""
+        if not self.errors:
+            return self._no_error
+        error = self.errors.popleft()
+        return f'{error.number},"{error.text}"'
+
+    def _common(self, header: str, argument: str) -> str | None:
+        if header in (constant := {"*IDN?": self.identity, "*OPC?": "1", "*TST?": "0", "*OPT?": "0"}):
+            return constant[header]
+        match header:
+            case "*ESR?":
+                events, self._events = self._events, 0
+                return str(events)
+            case "*STB?":
+                return str(0x04 * bool(self.errors) + 0x20 * bool(self._events & self._enabled["*ESE"]))
+            case "*ESE?" | "*SRE?":
+                return str(self._enabled[header[:-1]])
+            case "*ESE" | "*SRE":
+                self._enabled[header] = int(number_of(argument))
+            case "*CLS":
+                self.errors.clear()
+                self._events = 0
+            case "*RST":
+                self._reset()
+            case "*TRG":
+                self._trigger()
+            case "*OPC":
+                self._events |= 0x01
+            case "*WAI":
+                pass  # nothing here takes time
+            case _:
+                raise ScpiError(-113, "Undefined header")
+        return None
+
+
+def number_of(argument: str, special: Mapping[str, float] | None = None) -> float:
+    """A number with or without a unit, or one of `special` (MINimum, INFinity). Raises ScpiError."""
+    for name, value in (special or {}).items():
+        if re.fullmatch(_keyword(name), argument.upper()):
+            return value
+    found = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z]*)", argument)
+    if found is None:
+        raise ScpiError(-104, "Data type error") if argument else ScpiError(-109, "Missing parameter")
+    if found[2].upper() not in _UNITS:
+        raise ScpiError(-131, "Invalid suffix")
+    return float(found[1]) * _UNITS[found[2].upper()]
+
+
+def word_of(argument: str, words: Sequence[str]) -> str:
+    """The short form of the one of `words` (`LINear`) that was meant. Raises ScpiError."""
+    if not argument:
+        raise ScpiError(-109, "Missing parameter")
+    for word in words:
+        if re.fullmatch(_keyword(word), argument.upper()):
+            return _short(word)
+    raise ScpiError(-224, "Illegal parameter value")
+
+
+def _short(word: str) -> str:
+    return re.sub(r"[a-z]+", "", word)
+
+
+def _keyword(word: str) -> str:
+    short = _short(word)
+    return f"{short}(?:{word[len(short) :].upper()})?"
+
+
+def _pattern(header: str) -> re.Pattern[str]:
+    groups = header.replace("[", "(?:").replace("]", ")?")
+    return re.compile(
+        re.sub(
+            r"([A-Z]+[a-z]*)(#?)",
+            lambda m: _keyword(m[1]) + (r"(\d*)" if m[2] else ""),
+            groups,
+        )
+    )
+
+
+def _split(line: str) -> list[str]:
+    """The commands of a line; a semicolon within quotes does not part any."""
+    return re.findall(r"(?:\"[^\"]*\"|'[^']*'|[^;\"'])+|[\"']", line)
