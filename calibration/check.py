@@ -1,0 +1,189 @@
+"""The closed loop: play a drive, measure the surface, and compare with what it should have done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.signal import hilbert
+
+from calibration.drive import Drive
+from calibration.response import drive_monitor, overloaded, prepare
+from calibration.spectra import band_window, fade, third_octaves
+from instruments import Capture, ConfigurationError, Rig
+from instruments.arrays import FloatArray
+
+__all__ = ["Check", "check"]
+
+TOLERANCE = 0.20
+"""About the just noticeable difference of a vibration's amplitude."""
+FLOORS = 1.6
+"""A check cannot ask for much less than what the plays themselves differ by."""
+CORRELATION = 0.97
+_TAIL = 0.1
+"""Seconds recorded after the drive, so that the vibrometer's delay cuts nothing off."""
+_EXCESS = 1.02
+"""Measured volts over the limit that are believed to be the monitor's noise and gain."""
+_HELD = 30.0
+"""dB below the strongest third-octave band down to which a band is said to hold energy."""
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """What was measured when a drive was played, against its target, with no gain or lag fitted.
+
+    `measured` is (samples,) m/s^2, the mean of the plays, on the clock of `drive.target` and in its
+    band. `nrmse` is the rms of the difference over the target's rms; `floor` is the standard error
+    of the mean of the plays, over the same. `third_octave` holds centres (Hz) and the target's and
+    measured levels (dB re 1 m/s^2); the error is the rms difference over the bands within 30 dB of
+    the strongest. `reasons` says why it did not pass, and is empty when it did.
+    """
+
+    drive: Drive
+    plays: int
+    measured: FloatArray
+    nrmse: float
+    correlation: float
+    envelope_correlation: float
+    floor: float
+    third_octave: tuple[FloatArray, FloatArray, FloatArray]
+    third_octave_error_db: float
+    drive_measured_peak: float
+    """Largest voltage that the monitor saw at the patch (V)."""
+    overload: bool
+    tolerance: float
+    reasons: tuple[str, ...]
+    simulated: bool
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing speaks against it."""
+        return not self.reasons
+
+
+def check(
+    rig: Rig,
+    drive: Drive,
+    plays: int = 8,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Check:
+    """Play a drive `plays` times and compare what the surface did with the drive's target.
+
+    `progress` is told the plays done and in all. A signal that leaves its range, a dead patch or a
+    blocked laser is a check that fails, with its reason. Raises ConfigurationError for fewer than
+    two plays or a drive made for another sample rate, and what `Rig.excite` raises.
+    """
+    if plays < 2:
+        raise ConfigurationError("A check needs at least 2 plays: their difference is its floor.")
+    if drive.rate_hz != rig.table.rate_hz:
+        raise ConfigurationError(
+            f"The drive has {drive.rate_hz:g} samples/s and the rig plays {rig.table.rate_hz:g}: "
+            "calibrate on this rig and compute it again."
+        )
+    prepare(rig, drive.point)
+    channels = (drive_monitor(rig), rig.vibrometer.channel)
+    accelerations, peaks, problems = [], [], []
+    for play in range(plays):
+        capture = rig.excite(drive.volts, (drive.patch,), channels, _TAIL)
+        accelerations.append(_acceleration(rig, capture, drive))
+        peaks.append(_peak(rig, capture))
+        problems.append(overloaded(rig, capture))
+        progress(play + 1, plays)
+
+    measured = np.mean(accelerations, axis=0)
+    target = drive.target
+    size = _rms(target)
+    nrmse = _rms(measured - target) / size
+    floor = float(np.sqrt(np.mean(np.var(accelerations, axis=0, ddof=1)) / plays)) / size
+    centres, wanted_db = third_octaves(target, drive.rate_hz, *drive.band)
+    _, measured_db = third_octaves(measured, drive.rate_hz, *drive.band)
+    held = wanted_db > wanted_db.max(initial=-np.inf) - _HELD
+    difference = (measured_db - wanted_db)[held]
+    result = Check(
+        drive=drive,
+        plays=plays,
+        measured=measured,
+        nrmse=nrmse,
+        correlation=_correlation(measured, target),
+        envelope_correlation=_correlation(np.abs(hilbert(measured)), np.abs(hilbert(target))),
+        floor=floor,
+        third_octave=(centres, wanted_db, measured_db),
+        third_octave_error_db=float(np.sqrt(np.mean(difference**2))) if len(difference) else 0.0,
+        drive_measured_peak=max(peaks),
+        overload=any(problems),
+        tolerance=max(TOLERANCE, FLOORS * floor),
+        reasons=(),
+        simulated=rig.simulated or drive.simulated,
+    )
+    overload = next((p for p in problems if p), None)
+    return replace(result, reasons=_reasons(result, overload, rig.limits.peak))
+
+
+def _acceleration(rig: Rig, capture: Capture, drive: Drive) -> FloatArray:
+    """(samples,) m/s^2 of one play, on the drive's clock and in its band."""
+    laser = capture.channels.index(rig.vibrometer.channel)
+    velocity = rig.vibrometer.to_velocity(capture.volts[laser])
+    velocity = velocity - velocity[: max(1, round(0.05 * drive.rate_hz))].mean()
+    edge = round(_TAIL / 4 * capture.rate_hz)
+    length = next_fast_len(len(velocity), real=True)
+    f = rfftfreq(length, 1 / capture.rate_hz)
+    late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.vibrometer.response(f)
+    window = band_window(f, *drive.band, outside=True)
+    spectrum = rfft(velocity * fade(len(velocity), 0, edge), length)
+    return np.asarray(irfft(spectrum * window * 2j * np.pi * f / late, length)[: len(drive.target)])
+
+
+def _peak(rig: Rig, capture: Capture) -> float:
+    assert rig.sensors.drive is not None
+    monitor = capture.channels.index(rig.sensors.drive.channels[0])
+    return float(np.abs(rig.sensors.drive.to_si(capture.volts[[monitor]])).max())
+
+
+def _reasons(result: Check, overload: str | None, peak: float) -> tuple[str, ...]:
+    drive, reasons = result.drive, []
+    if overload:
+        reasons.append(overload)
+    if result.drive_measured_peak > _EXCESS * peak:
+        reasons.append(
+            f"The patch got {result.drive_measured_peak:.1f} V, and the rig's limit is {peak:.1f} V."
+        )
+    if result.drive_measured_peak < 0.8 * drive.peak:
+        reasons.append(
+            f"The patch got {result.drive_measured_peak:.2g} V where the drive has {drive.peak:.1f} V: "
+            "check the amplifier, the relay and the drive monitor."
+        )
+    moved = _rms(result.measured) / _rms(drive.target)
+    # Written so that a number which is no number fails too.
+    if not result.nrmse <= result.tolerance:
+        reasons.append(
+            f"The surface differs from the target by {result.nrmse:.1%} rms, "
+            f"and {result.tolerance:.1%} is accepted."
+        )
+    if not result.correlation >= CORRELATION:
+        reasons.append(
+            f"The correlation with the target is {result.correlation:.3f}, and {CORRELATION} is needed."
+        )
+    if reasons and moved < 0.3:
+        reasons.append(
+            f"The surface moved {moved:.1%} of what was wanted: the patch is not connected, or the laser "
+            "does not see the surface."
+        )
+    elif reasons and result.floor > TOLERANCE / FLOORS:
+        reasons.append(
+            f"The plays differ among themselves by {result.floor:.1%} of the target, as a mean of "
+            f"{result.plays}: the vibrometer's noise hides what the surface did."
+        )
+    return tuple(reasons)
+
+
+def _rms(signal: FloatArray) -> float:
+    return float(np.sqrt(np.mean(signal**2)))
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    """Pearson's; zero when a signal does not move at all."""
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0 else 0.0

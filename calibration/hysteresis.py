@@ -1,0 +1,108 @@
+"""A patch's hysteresis: how its strain lags behind its voltage, and the voltage that undoes it.
+
+A piezo patch strains more per volt the larger the swing, and later: at 10 to 15 % of loop width
+(hardware.md, section 13) a small vibration is a third weaker than a sweep at full voltage says. A
+Prandtl-Ishlinskii sum of play operators describes that and has an exact inverse (Kuhnen, European
+Journal of Control 9, 2003). It is fitted to sweeps at several levels, so nothing has to be added to
+the rig.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from calibration.response import Response
+from instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["Hysteresis", "fit_hysteresis"]
+
+_SHARES = np.array([0.0, 0.03, 0.07, 0.13, 0.2, 0.3, 0.45, 0.65])
+"""Radii that are fitted, over the largest level; 0 is the part without hysteresis."""
+_TRUST = 1e-3
+_RIDGE = 1e-4
+"""Keeps the weights small where the levels do not tell them apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hysteresis:
+    """Weights (radii,) of play operators with half-widths `radii` (V), rising from 0.
+
+    Strain is in volts: `level` is the amplitude at which the gain has magnitude one, and the phase
+    there is the lag that the response, measured at that level, holds already.
+    """
+
+    radii: FloatArray
+    weights: FloatArray
+    level: float
+
+    def gain(self, amplitude: float) -> complex:
+        """Strain per volt of a sine of `amplitude` volts: its first harmonic."""
+        return complex(_first_harmonic(self.radii, amplitude) @ self.weights)
+
+    def reach(self, volts: float) -> float:
+        """The largest strain (V) that `volts` reaches."""
+        return float(self.weights @ np.maximum(volts - self.radii, 0.0))
+
+    def strain(self, volts: FloatArray) -> FloatArray:
+        """(samples,) V of strain that (samples,) V make, from rest."""
+        return _play(volts, self.radii, self.weights)
+
+    def volts(self, strain: FloatArray) -> FloatArray:
+        """(samples,) V that make a strain ((samples,) V) from rest: the inverse of `strain`."""
+        slope = np.cumsum(self.weights)
+        # Radii of the inverse are the strains at which each operator begins to move.
+        radii = np.array([self.reach(r) for r in self.radii])
+        return _play(strain, radii, np.diff(1 / slope, prepend=0.0))
+
+
+def fit_hysteresis(response: Response) -> Hysteresis:
+    """The hysteresis that makes the response differ between levels as it was measured to do.
+
+    Without a difference it is a gain of one. Non-negative least squares in the weights, which keeps
+    the loop invertible.
+    """
+    full = response.level
+    radii = _SHARES * full
+    at_full = _first_harmonic(radii, full)
+    rows = [at_full.real, *(_RIDGE * np.eye(len(radii))[1:])]
+    for level, ratio in zip(response.levels, response.level_gain, strict=True):
+        equation = _first_harmonic(radii, float(level)) - ratio * at_full
+        # A small sweep in much noise says little; none is believed to better than a thousandth.
+        trust = _TRUST / np.hypot(_TRUST, _uncertainty(response, float(level)))
+        rows += [trust * equation.real, trust * equation.imag]
+    weights, _ = nnls(np.array(rows), np.array([1.0] + [0.0] * (len(rows) - 1)))
+    weights[0] = max(weights[0], 0.1)
+    found = Hysteresis(radii, np.asarray(weights), full)
+    return Hysteresis(radii, weights / abs(found.gain(full)), full)
+
+
+def _uncertainty(response: Response, level: float) -> float:
+    """Standard deviation of the relative gain that one sweep at `level` gave."""
+    single = response.deviation * np.sqrt(response.repeats) * response.level / level
+    return float(np.linalg.norm(np.abs(response.velocity) * single) / np.linalg.norm(response.velocity) ** 2)
+
+
+def _first_harmonic(radii: FloatArray, amplitude: float) -> ComplexArray:
+    """Describing function of play operators (Gelb and Vander Velde, 1968, appendix B: backlash)."""
+    share = np.minimum(radii / amplitude, 1.0)
+    x = 1 - 2 * share
+    real = (np.pi / 2 + np.arcsin(x) + x * np.sqrt(1 - x**2)) / np.pi
+    return np.asarray(real - 1j * (4 / np.pi) * share * (1 - share))
+
+
+def _play(signal: FloatArray, radii: FloatArray, weights: FloatArray) -> FloatArray:
+    """Weighted sum of play operators, from rest: exact between turning points, whatever the rate."""
+    steps = np.sign(np.diff(signal, prepend=0.0))
+    moving = np.flatnonzero(steps)
+    turns = moving[1:][np.diff(steps[moving]) != 0] if len(moving) else moving
+    out = np.empty(len(signal))
+    state = np.zeros((len(radii), 1))
+    for begin, end in zip([0, *turns], [*turns, len(signal)], strict=True):
+        piece = signal[begin:end]
+        moved = np.clip(state, piece - radii[:, None], piece + radii[:, None])
+        out[begin:end] = weights @ moved
+        state = moved[:, -1:]
+    return out

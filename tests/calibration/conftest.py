@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition import Representative
+from calibration import Calibration, calibrate
+from instruments import Capture, Rig, open_rig
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    rig: Rig
+    calibration: Calibration
+
+
+@pytest.fixture(scope="session")
+def calibrated(mode: str) -> Iterator[Calibrated]:
+    """One calibration for all tests: it takes a minute of the table's time."""
+    simulate = mode if mode in ("twin", "wire") else None
+    with open_rig("simulated" if simulate else mode, simulate=simulate) as rig:  # type: ignore[arg-type]
+        yield Calibrated(rig, calibrate(rig))
+
+
+@pytest.fixture
+def press() -> Representative:
+    return make_press()
+
+
+def make_press(
+    partials: tuple[tuple[float, float, float], ...] = ((235, 10, 0.010), (120, 3, 0.014)), at: float = 0.3
+) -> Representative:
+    """A snap that rings in partials of (Hz, m/s^2, decay in s)."""
+    t = np.arange(round(0.6 * 5000)) / 5000
+    since = np.maximum(t - at, 0)
+    shape = sum(a * np.exp(-since / decay) * np.sin(2 * np.pi * f * since) for f, a, decay in partials)
+    rest = np.zeros(len(t))
+    return Representative(
+        button="push",
+        rate_hz=5000.0,
+        acceleration=np.asarray(shape),
+        force=rest,
+        activation=np.asarray(t > at, dtype=np.float64),
+        activation_index=round(at * 5000),
+        members=1,
+        spread=rest,
+        bandwidth_hz=500.0,
+        sources=(("P01-push.h5", "0" * 64),),
+        left_out=(),
+        method="made for a test",
+        simulated=True,
+    )
+
+
+def tamper(rig: Rig, monkeypatch: pytest.MonkeyPatch, **change: Callable[[np.ndarray], Any]) -> None:
+    """From now on, what the rig captures of a channel is changed on its way: drive=..., laser=..."""
+    excite = rig.excite
+
+    def changed(*args: Any, **more: Any) -> Capture:
+        capture = excite(*args, **more)
+        volts = capture.volts.copy()
+        for name, how in change.items():
+            volts[capture.channels.index(name)] = how(volts[capture.channels.index(name)])
+        return replace(capture, volts=volts)
+
+    monkeypatch.setattr(rig, "excite", changed)

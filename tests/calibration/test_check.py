@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition import Representative
+from calibration import Drive, calibrate, check, drive_for
+from calibration.spectra import third_octaves
+from instruments import ConfigurationError
+from tests.calibration.conftest import Calibrated, make_press, tamper
+from tests.conftest import OpenRig
+
+
+@pytest.fixture(scope="session")
+def drive(calibrated: Calibrated) -> Drive:
+    return drive_for(make_press(), calibrated.calibration, calibrated.rig.limits)
+
+
+def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive: Drive) -> None:
+    seen: list[tuple[int, int]] = []
+    result = check(calibrated.rig, drive, progress=lambda done, total: seen.append((done, total)))
+    assert result.passed and result.reasons == ()
+    assert result.nrmse == pytest.approx(drive.predicted_error, abs=0.02)
+    assert result.correlation > 0.99 and result.envelope_correlation > 0.99
+    assert 0 < result.floor < 0.02 and result.tolerance == 0.20
+    assert result.third_octave_error_db < 2
+    assert not result.overload
+    assert result.drive_measured_peak == pytest.approx(drive.peak, rel=0.03)
+    assert result.measured.shape == drive.target.shape
+    assert result.simulated == calibrated.rig.simulated
+    assert seen == [(n, 8) for n in range(1, 9)]
+    # What it says of itself is what its arrays say.
+    difference = result.measured - drive.target
+    assert result.nrmse == pytest.approx(np.std(difference) / np.std(drive.target), rel=1e-3)
+
+
+def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
+    """A tone of 1 m/s^2 rms stands at 0 dB in its own band, and nowhere else."""
+    t = np.arange(50000) / 50000
+    centres, levels = third_octaves(np.sqrt(2) * np.sin(2 * np.pi * 260 * t), 50e3, 100, 600)
+    assert centres == pytest.approx([100, 125.9, 158.5, 199.5, 251.2, 316.2, 398.1, 501.2], abs=0.1)
+    assert levels[4] == pytest.approx(0, abs=1e-6)
+    assert np.all(np.delete(levels, 4) < -60)
+    found, wanted, measured = check(calibrated.rig, drive, plays=2).third_octave
+    assert np.all((found <= drive.band[1]) & (found >= drive.band[0]))
+    assert len(found) == len(wanted) == len(measured) > 2
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        (lambda v: 0 * v, "does not see the surface"),
+        (lambda v: 1e-3 * np.random.default_rng(0).standard_normal(len(v)), "does not see the surface"),
+        (lambda v: 0.7 * v, "differs from the target"),
+        (lambda v: np.roll(v, 50), "differs from the target"),
+        (lambda v: -v, "correlation with the target is -0.9"),
+        (lambda v: np.clip(v, -0.3 * np.abs(v).max(), 0.3 * np.abs(v).max()), "differs from the target"),
+        (lambda v: 1000 * v, "range of 20 mm/s"),
+        (lambda v: np.full(len(v), np.nan), "differs from the target"),
+    ],
+)
+def test_what_did_not_follow_never_passes(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch, how: object, says: str
+) -> None:
+    """A blocked laser, noise, 3 dB too little, 1 ms late, upside down, clipped, overloaded, no number."""
+    tamper(calibrated.rig, monkeypatch, laser=how)  # type: ignore[arg-type]
+    result = check(calibrated.rig, drive, plays=2)
+    assert not result.passed
+    assert says in " ".join(result.reasons)
+
+
+def test_noise_alone_does_not_pass_by_its_own_tolerance(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = np.random.default_rng(0)
+    tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.3 * noise.standard_normal(len(v)))
+    result = check(calibrated.rig, drive, plays=2)
+    assert result.tolerance == pytest.approx(1.6 * result.floor) and result.floor > 0.3
+    assert not result.passed
+    assert "noise hides" in " ".join(result.reasons)
+
+
+def test_a_patch_without_volts_is_told(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tamper(calibrated.rig, monkeypatch, drive=lambda v: 0 * v, laser=lambda v: 0 * v)
+    result = check(calibrated.rig, drive, plays=2)
+    assert not result.passed
+    assert "relay" in " ".join(result.reasons)
+
+
+def test_too_much_voltage_at_the_patch_fails(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tamper(calibrated.rig, monkeypatch, drive=lambda v: 1.1 * v)
+    result = check(calibrated.rig, drive, plays=2)
+    assert "the rig's limit" in result.reasons[0]
+
+
+def test_the_floor_is_the_standard_error_of_the_mean(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = np.random.default_rng(3)
+    tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
+    few, many = check(calibrated.rig, drive, plays=2), check(calibrated.rig, drive, plays=8)
+    assert few.floor / many.floor == pytest.approx(2, rel=0.2)
+
+
+def test_yesterdays_drive_fails_on_a_table_that_drifted(open: OpenRig, drive: Drive) -> None:
+    result = check(open(mode_drift=0.03), drive, plays=2)
+    assert not result.passed
+    assert result.nrmse > 0.5
+
+
+@pytest.mark.parametrize(
+    "plant", [{"seed": 12, "damping_scale": 3.0, "vibrometer_noise_scale": 3.16, "hysteresis": 0.15}]
+)
+def test_other_tables_pass_as_expected(open: OpenRig, press: Representative, plant: dict[str, float]) -> None:
+    rig = open(**plant)
+    calibration = calibrate(rig)
+    assert calibration.model.resonance_hz == pytest.approx(rig.simulation.truth.resonance_hz, abs=0.1)
+    result = check(rig, drive_for(press, calibration, rig.limits))
+    assert result.passed
+    assert result.nrmse == pytest.approx(result.drive.predicted_error, abs=0.03)
+
+
+def test_a_check_needs_plays_and_its_own_sample_rate(calibrated: Calibrated, drive: Drive) -> None:
+    with pytest.raises(ConfigurationError, match="2 plays"):
+        check(calibrated.rig, drive, plays=1)
+    with pytest.raises(ConfigurationError, match="samples/s"):
+        check(calibrated.rig, replace(drive, rate_hz=1.0))

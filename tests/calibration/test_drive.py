@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.fft import rfft, rfftfreq
+
+from acquisition import Representative
+from calibration import Drive, drive_for, modulate
+from instruments import DataError
+from tests.calibration.conftest import Calibrated, make_press
+
+
+@pytest.fixture
+def drive(calibrated: Calibrated, press: Representative) -> Drive:
+    return drive_for(press, calibrated.calibration, calibrated.rig.limits)
+
+
+def test_modulation_is_equation_1() -> None:
+    t = np.arange(1000) / 5000
+    a = np.exp(-t)
+    assert modulate(a, 5000.0, 263.5) == pytest.approx(a * np.sin(2 * np.pi * 263.5 * t))
+
+
+def test_a_drive_uses_the_limits_and_keeps_them(calibrated: Calibrated, drive: Drive) -> None:
+    limits = calibrated.rig.limits
+    limits.check(drive.volts, drive.rate_hz)
+    assert 0.97 * limits.peak < drive.peak <= limits.peak
+    path = float(np.median(np.abs(calibrated.calibration.response.path)))
+    assert drive.peak * path <= limits.peak * (1 + 1e-9)
+    assert drive.volts[[0, -1]] == pytest.approx(0, abs=0.05)
+    assert drive.volts.mean() == pytest.approx(0, abs=1e-6)
+    assert drive.predicted_error <= 0.061
+    assert drive.volts.shape == drive.target.shape
+    assert drive.simulated and drive.calibration == calibrated.calibration.digest
+
+
+def test_the_target_is_the_scaled_press_within_the_band(
+    calibrated: Calibrated, drive: Drive, press: Representative
+) -> None:
+    assert drive.carrier_hz == calibrated.calibration.model.resonance_hz
+    low, high = drive.band
+    assert low < drive.carrier_hz < high
+    modulated = np.zeros(len(drive.target) // 10)
+    begin = 1500
+    modulated[begin : begin + len(press.acceleration)] = modulate(
+        press.acceleration, press.rate_hz, drive.carrier_hz
+    )
+    f = rfftfreq(len(modulated), 1 / press.rate_hz)
+    wanted = rfft(modulated) * drive.scale
+    got = rfft(drive.target)[: len(f)] / 10
+    inside = (f > 1.35 * low) & (f < 0.93 * high)
+    assert np.abs(got - wanted)[inside].max() < 0.02 * np.abs(wanted).max()
+    beyond = (f < 0.95 * low) | (f > 1.02 * high)
+    assert np.abs(got[beyond]).max() < 0.01 * np.abs(wanted).max()
+    share = (np.abs(got) ** 2).sum() / (np.abs(wanted) ** 2).sum()
+    assert drive.in_band == pytest.approx(share, abs=0.02)
+
+
+def test_half_the_limit_gives_about_half_the_scale(
+    calibrated: Calibrated, drive: Drive, press: Representative
+) -> None:
+    limits = replace(calibrated.rig.limits, swing=calibrated.rig.limits.peak)
+    softer = drive_for(press, calibrated.calibration, limits)
+    limits.check(softer.volts, softer.rate_hz)
+    assert softer.scale < 0.7 * drive.scale
+    slow = replace(calibrated.rig.limits, slew=5e3)
+    slow.check(drive_for(press, calibrated.calibration, slow).volts, drive.rate_hz)
+
+
+def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Representative) -> None:
+    narrow = replace(
+        calibrated.calibration,
+        response=replace(calibrated.calibration.response, velocity_range=0.5e-3),
+    )
+    drive = drive_for(press, narrow, calibrated.rig.limits)
+    assert drive.peak < 0.8 * calibrated.rig.limits.peak
+    assert np.abs(drive.target).max() / (2 * np.pi * drive.band[1]) < 0.5e-3
+
+
+def test_the_same_press_gives_the_same_drive(
+    calibrated: Calibrated, drive: Drive, press: Representative
+) -> None:
+    again = drive_for(press, calibrated.calibration, calibrated.rig.limits)
+    assert np.array_equal(again.volts, drive.volts)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"acceleration": np.zeros(3000)}, "no acceleration"),
+        ({"acceleration": np.full(3000, np.nan)}, "no acceleration"),
+        ({"acceleration": np.ones(3)}, "no acceleration"),
+        ({"rate_hz": 44100.0}, "multiple"),
+        ({"rate_hz": 1000.0}, "least"),
+    ],
+)
+def test_a_press_that_cannot_be_driven_is_refused(
+    calibrated: Calibrated, change: dict[str, object], says: str
+) -> None:
+    with pytest.raises(DataError, match=says):
+        drive_for(replace(make_press(), **change), calibrated.calibration, calibrated.rig.limits)  # type: ignore[arg-type]
+
+
+def test_a_response_that_is_noise_is_refused(calibrated: Calibrated, press: Representative) -> None:
+    response = calibrated.calibration.response
+    useless = replace(calibrated.calibration, response=replace(response, coherence=0.1 * response.coherence))
+    with pytest.raises(DataError, match="too noisy"):
+        drive_for(press, useless, calibrated.rig.limits)
+
+
+def test_a_drive_comes_back_from_disk(drive: Drive, tmp_path: Path) -> None:
+    drive.save(tmp_path / "push.h5")
+    back = Drive.load(tmp_path / "push.h5")
+    assert np.array_equal(back.volts, drive.volts) and np.array_equal(back.target, drive.target)
+    assert replace(back, volts=drive.volts, target=drive.target).__dict__ == drive.__dict__

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from calibration import Calibration, Drive
+from instruments import DataError
+from tests.calibration.conftest import Calibrated
+
+
+@pytest.fixture
+def saved(calibrated: Calibrated, tmp_path: Path) -> Path:
+    path = tmp_path / "calibration.h5"
+    calibrated.calibration.save(path)
+    return path
+
+
+def test_a_calibration_comes_back_as_it_was(calibrated: Calibrated, saved: Path) -> None:
+    back, before = Calibration.load(saved), calibrated.calibration
+    assert back.digest == before.digest
+    assert back.response.created == before.response.created
+    assert np.array_equal(back.response.velocity, before.response.velocity)
+    assert back.model.resonances == before.model.resonances
+    assert back.model.band == before.model.band
+    assert [p.name for p in saved.parent.iterdir()] == ["calibration.h5"]
+    with h5py.File(saved) as file:
+        assert file.attrs["software"].startswith("haploop ")
+        assert '"name":"simulated"' in file["response"].attrs["rig_file"] or not before.response.simulated
+
+
+def test_what_was_measured_is_never_overwritten(calibrated: Calibrated, saved: Path) -> None:
+    before = saved.read_bytes()
+    with pytest.raises(DataError, match="never overwritten"):
+        calibrated.calibration.save(saved)
+    assert saved.read_bytes() == before
+
+
+def test_a_file_that_came_to_be_meanwhile_is_kept(
+    calibrated: Calibrated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "calibration.h5"
+    path.write_text("another process")
+    monkeypatch.setattr(Path, "exists", lambda self: False)
+    with pytest.raises(DataError, match="cannot be written"):
+        calibrated.calibration.save(path)
+    assert path.read_text() == "another process"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None:
+    with pytest.raises(DataError, match="There is no file"):
+        Calibration.load(saved.with_name("missing.h5"))
+    with pytest.raises(DataError, match="no haploop drive"):
+        Drive.load(saved)
+    text = saved.with_name("text.h5")
+    text.write_text("hello")
+    with pytest.raises(DataError, match="damaged or no HDF5"):
+        Calibration.load(text)
+    cut = saved.with_name("cut.h5")
+    cut.write_bytes(saved.read_bytes()[:-3000])
+    with pytest.raises(DataError, match="damaged"):
+        Calibration.load(cut)
+    with pytest.raises(DataError, match="cannot be written"):
+        calibrated.calibration.save(saved.parent / "no" / "such" / "folder.h5")
+
+
+def test_one_changed_number_is_noticed(saved: Path) -> None:
+    with h5py.File(saved, "r+") as file:
+        file["response/velocity"][7] *= 1.0001
+    with pytest.raises(DataError, match="does not match its hash"):
+        Calibration.load(saved)
+
+
+def test_another_format_is_refused(saved: Path) -> None:
+    with h5py.File(saved, "r+") as file:
+        file.attrs["format"] = 99
+    with pytest.raises(DataError, match="format 99"):
+        Calibration.load(saved)

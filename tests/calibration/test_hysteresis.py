@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calibration.hysteresis import Hysteresis
+from tests.calibration.conftest import Calibrated
+
+
+@pytest.fixture
+def patch() -> Hysteresis:
+    return Hysteresis(np.array([0, 3, 8, 20.0]), np.array([0.6, 0.2, 0.1, 0.15]), 50.0)
+
+
+def test_the_inverse_undoes_the_loop(patch: Hysteresis) -> None:
+    walk = np.random.default_rng(0).standard_normal(5000).cumsum()
+    strain = patch.strain(walk)
+    assert np.abs(strain - walk).max() > 3
+    assert np.abs(patch.volts(strain) - walk).max() < 1e-9
+    assert np.abs(patch.strain(patch.volts(walk)) - walk).max() < 1e-9
+    assert patch.volts(np.zeros(10)) == pytest.approx(0)
+
+
+@pytest.mark.parametrize("amplitude", [2, 10, 30, 50])
+def test_the_gain_is_the_first_harmonic(patch: Hysteresis, amplitude: float) -> None:
+    turn = 2 * np.pi * np.arange(20000) / 10000
+    strain = patch.strain(amplitude * np.sin(turn))[10000:]
+    measured = 2j * np.mean(strain * np.exp(-1j * turn[10000:])) / amplitude
+    assert patch.gain(amplitude) == pytest.approx(measured, abs=1e-4)
+
+
+def test_what_was_fitted_is_what_was_measured(calibrated: Calibrated) -> None:
+    hysteresis, response = calibrated.calibration.hysteresis, calibrated.calibration.response
+    at_full = hysteresis.gain(response.level)
+    assert abs(at_full) == pytest.approx(1)
+    for level, gain in zip(response.levels, response.level_gain, strict=True):
+        assert hysteresis.gain(level) / at_full == pytest.approx(gain, abs=0.01)
+    if calibrated.rig.simulated:
+        # The loop's opening over its height at 100 Vpp, as the rig file has it.
+        turn = 2 * np.pi * np.arange(20000) / 10000
+        volts = response.level * np.sin(turn)
+        strain = hysteresis.strain(volts)[10000:]
+        opening = strain[5000] - strain[0]
+        assert abs(opening) / np.ptp(strain) == pytest.approx(
+            calibrated.rig.file.simulation.hysteresis, rel=0.15
+        )

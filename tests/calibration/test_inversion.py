@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.fft import rfft, rfftfreq
+
+from calibration.inversion import Plan, loudest, quiet
+from calibration.spectra import fade
+
+
+@pytest.fixture
+def plan() -> Plan:
+    """A click through two modes of opposite sign: the zero between them is in the right half plane."""
+    n, rate = 6000, 5000.0
+    t = np.arange(n) / rate
+    since = np.maximum(t - 0.3, 0)
+    f = rfftfreq(n, 1 / rate)
+    s = 2j * np.pi * f
+    gain = np.zeros(len(f), complex)
+    for hertz, sign in ((200, 1.0), (330, -1.0), (520, 1.0)):
+        w = 2 * np.pi * hertz
+        gain += sign * s**2 / (s**2 + 2 * 0.01 * w * s + w**2)
+    weight = ((f > 150) & (f < 600)).astype(float)
+    wanted = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * weight
+    window = np.zeros(n)
+    window[:4500] = fade(4500, 100, 100)
+    return Plan(wanted, gain, weight, np.full(len(f), 1e-3), window, 0.0)
+
+
+def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
+    drive, error = quiet(plan, 0.01)
+    assert error < 0.01
+    before = drive[:1400]
+    assert np.linalg.norm(before) > 0.02 * np.linalg.norm(drive)
+    causal = np.where(np.arange(len(drive)) < 1500, 0, drive)
+    assert plan.error(causal) > 5 * error
+
+
+@pytest.mark.parametrize("budget", [0.05, 0.15])
+def test_a_limit_is_met_better_by_planning_than_by_regularising(plan: Plan, budget: float) -> None:
+    plain, _ = quiet(plan, budget)
+    planned, error = loudest(plan, budget)
+    assert error <= budget
+    assert np.abs(planned).max() < 0.9 * np.abs(plain).max()
+    assert np.all(np.abs(planned) <= plan.window * np.abs(planned).max() + 1e-12)
+    # Not by being silent: clipping the plain inverse to the same peak is worse.
+    clipped = np.clip(plain, -np.abs(planned).max(), np.abs(planned).max())
+    assert plan.error(clipped) > error
+
+
+def test_noise_and_doubt_are_part_of_what_is_expected(plan: Plan) -> None:
+    drive, error = quiet(plan, 0.05)
+    noisy = replace(plan, noise=0.1 / float(np.abs(drive).max()))
+    assert noisy.error(drive) == pytest.approx(np.hypot(error, 0.1))
+    assert replace(plan, doubt=100 * plan.doubt).error(drive) > 1.5 * error
+
+
+def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
+    hopeless = replace(plan, noise=10.0)
+    drive, error = loudest(hopeless, 0.05)
+    assert error > 0.05
+    assert error <= quiet(hopeless, 0.05)[1] * 1.001
+    assert np.all(np.isfinite(drive))
