@@ -22,6 +22,9 @@ TOLERANCE = 0.20
 FLOORS = 1.6
 """A check cannot ask for much less than what the plays themselves differ by."""
 CORRELATION = 0.97
+LEAST_IN_BAND = 0.25
+"""Share of the modulated press's energy that the drive's band must hold: what matches less of a press
+than this is no match of it."""
 _TAIL = 0.1
 """Seconds recorded after the drive, so that the vibrometer's delay cuts nothing off."""
 _EXCESS = 1.02
@@ -164,6 +167,11 @@ def _reasons(result: Check, overload: str | None, peak: float) -> tuple[str, ...
     if not result.correlation >= CORRELATION:
         reasons.append(
             f"The correlation with the target is {result.correlation:.3f}, and {CORRELATION} is needed."
+        )
+    if not drive.in_band >= LEAST_IN_BAND:
+        reasons.append(
+            f"Only {drive.in_band:.1%} of the press's energy lies in the {drive.band[0]:.0f} to "
+            f"{drive.band[1]:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
         )
     if reasons and moved < 0.3:
         reasons.append(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.ndimage import uniform_filter1d
 
 from calibration import files
-from calibration.inversion import Plan, loudest, quiet
+from calibration.inversion import Plan, loudest
 from calibration.model import Model
 from calibration.record import Calibration
 from calibration.response import Response
@@ -23,12 +22,12 @@ from instruments.arrays import ComplexArray, FloatArray
 if TYPE_CHECKING:
     from acquisition import Representative
 
-__all__ = ["Drive", "drive_for", "modulate"]
+__all__ = ["BAND", "Drive", "drive_for", "modulate"]
 
-_LOWS = (30.0, 40.0, 55.0, 75.0, 100.0, 125.0, 150.0, 175.0, 200.0, 225.0, 245.0)
-_HIGHS = (600.0, 550.0, 500.0, 450.0, 400.0, 350.0, 300.0, 285.0)
-"""Hz: edges of the bands that are considered; the sweep covers the widest fully. A table moves
-little below its first mode and between modes, so that not every press fits every table."""
+BAND = (75.0, 600.0)
+"""Hz: what a drive repeats of a press. Below its first mode a table hardly moves, and the paper's
+sweep ends at 625 Hz. The band is the same for every press and table, so that an error is never
+small because little was asked for."""
 _BEFORE, _AFTER = 0.30, 0.20
 """Seconds that a drive may begin before the press and end after it. The inverse of a table whose
 patch and point differ is not causal: it must move the plate before, to be still where it must."""
@@ -36,8 +35,8 @@ _FADE = 0.02
 _LEAST_RATE = 5000.0
 """Samples/s at least that the drive is optimised at: four samples a period of the highest line."""
 _BUDGET = 0.06
-"""Expected error that is accepted, for the sake of more of the press (a wider band) and then of a
-louder drive. Under a third of what a check accepts: what cannot be expected needs room too."""
+"""Expected error that is accepted for the sake of a louder drive. Under a third of what a check
+accepts: what cannot be expected needs room too."""
 _PLAYS = 8
 """Plays that a check averages, for the noise that is expected in it."""
 _SMOOTH = 21
@@ -95,19 +94,25 @@ def modulate(acceleration: FloatArray, rate_hz: float, carrier_hz: float) -> Flo
     return np.asarray(acceleration * np.sin(2 * np.pi * carrier_hz * t))
 
 
-def drive_for(press: Representative, calibration: Calibration, limits: Limits) -> Drive:
+def drive_for(
+    press: Representative,
+    calibration: Calibration,
+    limits: Limits,
+    band: tuple[float, float] = BAND,
+) -> Drive:
     """The drive that makes the calibrated point repeat a press, modulated with its resonance.
 
-    The press is modulated (equation 1 of the paper), cut to the widest band that the table can
-    follow, and inverted without asking for causality, with the patch's hysteresis undone; then as
-    loud as `limits` and the vibrometer's range allow, at an expected error of 6 % (see
-    `inversion.loudest`). The drive has zero ends and zero mean.
+    The press is modulated (equation 1 of the paper), cut to what of `band` (Hz) was measured well,
+    and inverted without asking for causality, with the patch's hysteresis undone; then as loud as
+    `limits` and the vibrometer's range allow, at an expected error of 6 %, or the least that can be
+    expected (see `inversion.loudest`). The drive has zero ends and zero mean.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no room.
     """
     response, model, rate_hz = calibration.response, calibration.model, calibration.rate_hz
     oversampling = _oversampling(press, rate_hz)
+    band = _measured_well(response, band)
     carrier_hz = model.resonance_hz
 
     # One periodic grid holds room before, press, room after, and the ringing that must not wrap.
@@ -124,7 +129,7 @@ def drive_for(press: Representative, calibration: Calibration, limits: Limits) -
 
     path_gain = float(np.median(np.abs(response.path)))
     limit = calibration.hysteresis.reach(limits.peak * min(1.0, path_gain))
-    band, in_band, plan = _choose(calibration, modulated, press.rate_hz, window, limit)
+    plan, in_band = _plan(calibration, modulated, press.rate_hz, window, limit, band)
     planned, _ = loudest(plan, _BUDGET)
 
     samples = record * oversampling
@@ -201,41 +206,25 @@ def _within(
     return volts, scale
 
 
-def _choose(
-    calibration: Calibration, modulated: FloatArray, rate_hz: float, window: FloatArray, limit: float
-) -> tuple[tuple[float, float], float, Plan]:
-    """The band in which the table can follow the press, of those that are within the budget.
-
-    A wider band holds more of the press's energy and costs loudness; half of the energy is held to
-    be worth four times the amplitude. Returns the band, its share of the energy, and the plan; the
-    band with the least expected error when none is within the budget.
-    """
+def _plan(
+    calibration: Calibration,
+    modulated: FloatArray,
+    rate_hz: float,
+    window: FloatArray,
+    limit: float,
+    band: tuple[float, float],
+) -> tuple[Plan, float]:
+    """What is wanted of the table within the band, and the share of the press's energy in it."""
     f = rfftfreq(len(modulated), 1 / rate_hz)
     spectrum = rfft(modulated)
+    wanted = spectrum * band_window(f, *band)
     energy = float((np.abs(spectrum) ** 2).sum())
-    gain, doubt, density = _gain(calibration, f), _doubt(calibration, f), _density(calibration, f)
-    lowest, highest = _measured_well(calibration.response)
-    found: list[tuple[float, float, tuple[float, float], float, Plan]] = []
-    for low, high in itertools.product(_LOWS, _HIGHS):
-        band = max(low, lowest), min(high, highest)
-        if not band[0] < calibration.model.resonance_hz < band[1]:
-            continue
-        wanted = spectrum * band_window(f, *band)
-        share = float((np.abs(wanted) ** 2).sum()) / energy
-        weight = band_window(f, *band, outside=True) ** 2
-        rms = np.sqrt(2 * share * energy) / len(modulated)
-        left = np.sqrt(np.sum(weight * density**2) * (f[1] - f[0]) / _PLAYS)
-        plan = Plan(wanted, gain, weight, doubt, window, float(left / rms / limit))
-        drive, error = quiet(plan, _BUDGET)
-        found.append((error, share / np.sqrt(np.abs(drive).max()), band, share, plan))
-    if not found:
-        raise DataError(
-            f"The resonance at {calibration.model.resonance_hz:.1f} Hz lies outside the band of "
-            f"{lowest:.0f} to {highest:.0f} Hz that was measured well: the press cannot be modulated with it."
-        )
-    within = [candidate for candidate in found if candidate[0] <= _BUDGET]
-    _, _, band, share, plan = max(within, key=lambda c: c[1]) if within else min(found, key=lambda c: c[0])
-    return band, share, plan
+    share = float((np.abs(wanted) ** 2).sum()) / energy
+    weight = band_window(f, *band, outside=True) ** 2
+    rms = np.sqrt(2 * share * energy) / len(modulated)
+    left = np.sqrt(np.sum(weight * _density(calibration, f) ** 2) * (f[1] - f[0]) / _PLAYS)
+    noise = float(left / rms / limit)
+    return Plan(wanted, _gain(calibration, f), weight, _doubt(calibration, f), window, noise), share
 
 
 def _ringing(model: Model) -> float:
@@ -244,15 +233,17 @@ def _ringing(model: Model) -> float:
     return float(np.clip(np.log(100) / slowest, 0.3, 2.0))
 
 
-def _measured_well(response: Response) -> tuple[float, float]:
-    """First and last frequency (Hz) with a coherence of 0.8 or more."""
+def _measured_well(response: Response, band: tuple[float, float]) -> tuple[float, float]:
+    """What of `band` lies between the first and the last frequency with a coherence of 0.8 or more."""
     good = response.frequencies[response.coherence >= 0.8]
-    if not len(good):
+    low, high = (max(band[0], good[0]), min(band[1], good[-1])) if len(good) else (1.0, 0.0)
+    if low >= high:
         raise DataError(
             f"The response of patch {response.patch} at the {response.point} point is too noisy for a "
-            f"drive: its coherence is {float(response.coherence.max()):.2f} at best, and 0.8 is needed."
+            f"drive between {band[0]:g} and {band[1]:g} Hz: its coherence is "
+            f"{float(response.coherence.max()):.2f} at best, and 0.8 is needed."
         )
-    return float(good[0]), float(good[-1])
+    return float(low), float(high)
 
 
 def _gain(calibration: Calibration, f: FloatArray) -> ComplexArray:

@@ -156,8 +156,12 @@ class Table:
 
         Each step is held for `period`, the last until the next call; `start` never goes back.
         """
-        before = self._stretches[-1]
-        begin = {p: _settled(self._state_at(before, p, np.array([start]))[:, 0]) for p in self.plate.patches}
+        before, at = self._stretches[-1], np.array([start])
+        rest = np.zeros(len(self._poles), complex)
+        begin = {
+            p: _settled(self._state_at(before, p, at)[:, 0]) if self._moving(before, p) else rest
+            for p in self.plate.patches
+        }
         strain = {p: self._hysteresis[p].follow(v) for p, v in volts.items()}
         self._stretches.append(_Stretch(start, period, dict(volts), strain, begin))
         if len(self._stretches) > _CACHED:
