@@ -1,56 +1,463 @@
-"""NI DAQ cards through the public API of `nidaqmx`. (Settings by the lead, in use by the twin: keep
-`devices`; the driver itself is being written.)"""
+"""NI-DAQmx cards, on the public API of NI's `nidaqmx` package.
+
+The cards are in this computer, or behind an NI device server (`server = "host:port"`): the same
+calls then travel by gRPC, with no NI driver on this side.
+
+Several cards are one Daq: the card of the outputs is master, and the others run on its sample
+clock (hardware.md, section 1d), armed before it. That needs a RTSI cable that is declared in NI MAX.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self
 
+import grpc
+import nidaqmx
+import numpy as np
+from nidaqmx.constants import AcquisitionType, ProductCategory, TerminalConfiguration
+from nidaqmx.stream_readers import AnalogMultiChannelReader
+from nidaqmx.stream_writers import AnalogMultiChannelWriter
+from nidaqmx.system import System
 from pydantic import BaseModel, ConfigDict, Field
 
+from instruments.arrays import FloatArray
 from instruments.clock import Clock
-from instruments.daq import Daq
+from instruments.daq import Block, Daq, Stream
+from instruments.errors import ConfigurationError, InstrumentError, LimitError
+from instruments.ni_errors import translated
 
 __all__ = ["NiDaq"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Terminal = Annotated[str, Field(pattern=r"^[^/\s]+/\w+$")]
+
+_CONFIGS = {
+    "diff": TerminalConfiguration.DIFF,
+    "rse": TerminalConfiguration.RSE,
+    "nrse": TerminalConfiguration.NRSE,
+}
+_LATE = 5.0
+"""Seconds that a block may be late before it counts as lost."""
+_CONNECT = 10.0
+"""Seconds that a device server may take to answer."""
+_APART = 0.5
+"""Seconds of samples by which two cards on one clock may seem apart: they hand over in portions."""
 
 
-class Input(BaseModel):
-    """One analog input of a rig file."""
-
+class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    terminal: str
-    range: Positive = 10.0
+
+class Channel(_Section):
+    """An analog input."""
+
+    terminal: Terminal
+    range: Positive
+    """Full scale, +- V; the card takes its next wider range."""
     config: Literal["diff", "rse", "nrse"] = "diff"
 
 
-class Output(BaseModel):
-    """One analog output of a rig file."""
+class Output(_Section):
+    """An analog output."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    terminal: str
+    terminal: Terminal
     range: Positive = 10.0
+    """Largest voltage to put out, +- V."""
+
+
+@dataclass(frozen=True)
+class _Card:
+    """What a card says of itself."""
+
+    name: str
+    product: str
+    serial: int
+    home: str
+    """Whose clocks its tasks run on: the card's own, or the chassis of a module."""
+    simultaneous: bool
 
 
 class NiDaq(Daq):
     """See `Daq`."""
 
-    class Settings(BaseModel):
+    class Settings(_Section):
         """The `[daq]` table of a rig file."""
 
-        model_config = ConfigDict(frozen=True, extra="forbid")
-
-        devices: dict[str, str]
-        """Product of each device, as the driver names it: what is expected to be found."""
-        channels: dict[str, Input]
+        channels: dict[str, Channel]
         outputs: dict[str, Output] = {}
+        devices: dict[str, str] = {}
+        """Product of each device, to be checked against what the card says of itself."""
         server: str | None = None
-        """host:port of a device server; None is the driver of this computer."""
+        """NI device server as host:port; None takes the driver of this computer."""
         buffer_s: Positive = 10.0
+        """Seconds of samples that the host keeps for a reader that is late."""
+
+    def __init__(self, settings: Settings, session: dict[str, Any], channel: Any) -> None:
+        self._settings = settings
+        self._session = session
+        self._channel = channel
+        self._streams: list[_NiStream] = []
+        self._cards = self._find_cards()
+        self.identity = " + ".join(
+            f"{card.product} ({card.name}, serial {card.serial:X})" for card in self._cards.values()
+        )
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
-        """Connect."""
-        raise NotImplementedError
+        """Find the cards. Changes no output. `clock` is not needed: the cards have their own.
+
+        Raises InstrumentError when the driver, the server, or a card is not there, and
+        ConfigurationError when a card is not the product that the rig file says.
+        """
+        if settings.server is None:
+            return cls(settings, {}, None)
+        channel = grpc.insecure_channel(
+            settings.server,
+            options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)],
+        )
+        try:
+            grpc.channel_ready_future(channel).result(timeout=_CONNECT)
+        except grpc.FutureTimeoutError:
+            channel.close()
+            raise InstrumentError(
+                f"No NI device server answers at {settings.server}: start it, or correct server in [daq]."
+            ) from None
+        try:
+            return cls(settings, {"grpc_options": nidaqmx.GrpcSessionOptions(channel, "")}, channel)
+        except BaseException:
+            channel.close()
+            raise
+
+    def stream(
+        self,
+        channels: Sequence[str],
+        rate_hz: float,
+        block: int,
+        samples: int | None = None,
+        play: Mapping[str, FloatArray] | None = None,
+    ) -> Stream:
+        """See `Daq.stream`."""
+        play = play or {}
+        self._refuse(channels, block, samples, play)
+        plan = self._plan(channels, play)
+        stream = _NiStream(self, plan, tuple(channels), rate_hz, block, samples, dict(play))
+        self._streams.append(stream)
+        return stream
+
+    def zero(self) -> None:
+        """See `Daq.zero`. Stops what plays first: a task that plays holds its outputs reserved."""
+        for stream in self._streams:
+            stream.stop_playing()
+        outputs: dict[str, list[str]] = {}
+        for output in self._settings.outputs.values():
+            outputs.setdefault(_device(output.terminal), []).append(output.terminal)
+        for device, terminals in outputs.items():
+            with self.talking_to(device), self.task() as task:
+                for terminal in terminals:
+                    task.ao_channels.add_ao_voltage_chan(terminal)
+                task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
+
+    def close(self) -> None:
+        """See `Daq.close`."""
+        for stream in list(self._streams):
+            stream.release()
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+
+    # For streams
+
+    def task(self) -> Any:
+        """A new task of this driver or server; a context that clears it."""
+        return nidaqmx.Task(**self._session)
+
+    def forget(self, stream: _NiStream) -> None:
+        """A stream has let go of its tasks."""
+        if stream in self._streams:
+            self._streams.remove(stream)
+
+    @property
+    def settings(self) -> Settings:
+        """What the rig file says."""
+        return self._settings
+
+    def talking_to(self, device: str) -> AbstractContextManager[None]:
+        """Turns whatever NI's library raises into one sentence about `device`."""
+        return translated(device, self._settings.server)
+
+    # Checks
+
+    def _find_cards(self) -> dict[str, _Card]:
+        used = [c.terminal for c in self._settings.channels.values()]
+        used += [o.terminal for o in self._settings.outputs.values()]
+        names = list(dict.fromkeys([*(_device(t) for t in used), *self._settings.devices]))
+        cards = {}
+        for name in names:
+            with self.talking_to(name):
+                system = System.remote(**self._session) if self._session else System.local()
+                present = system.devices.device_names
+                found = next((p for p in present if p.lower() == name.lower()), None)
+                if found is None:
+                    raise InstrumentError(
+                        f"There is no NI device {name!r}; the system lists "
+                        f"{', '.join(present) or 'none at all'}. Check its name in NI MAX."
+                    )
+                cards[name] = _card(system.devices[found], name)
+            wanted = self._settings.devices.get(name)
+            if wanted and wanted != cards[name].product:
+                raise ConfigurationError(
+                    f"{name} is a {cards[name].product}, and the rig file says {wanted}: correct devices "
+                    "in [daq], or the device's name in NI MAX."
+                )
+        return cards
+
+    def _refuse(
+        self, channels: Sequence[str], block: int, samples: int | None, play: Mapping[str, FloatArray]
+    ) -> None:
+        known, outputs = self._settings.channels, self._settings.outputs
+        for name in [c for c in channels if c not in known] + [o for o in play if o not in outputs]:
+            raise ConfigurationError(
+                f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
+            )
+        if not channels or len(set(channels)) != len(channels):
+            raise ConfigurationError("A stream needs at least one channel, and each channel once.")
+        if block < 1 or (samples is not None and samples < 2):
+            raise ConfigurationError("A block has 1 sample or more, a finite stream 2 or more.")
+        lengths = {len(volts) for volts in play.values()}
+        if len(lengths) > 1 or 0 in lengths:
+            raise LimitError("All waveforms that are played together must have the same length, not zero.")
+        for name, volts in play.items():
+            largest = np.abs(volts).max()
+            # NaN compares as false with everything.
+            if not largest <= outputs[name].range:
+                raise LimitError(
+                    f"The waveform for {name!r} reaches {largest:g} V, and the output's range is "
+                    f"+-{outputs[name].range:g} V."
+                )
+
+    def _plan(self, channels: Sequence[str], play: Mapping[str, FloatArray]) -> _Plan:
+        """Which card is master, and which channels and outputs each task has."""
+        homes: dict[str, list[str]] = {}
+        for name in channels:
+            device = _device(self._settings.channels[name].terminal)
+            homes.setdefault(self._cards[device].home, []).append(name)
+        outputs = [self._cards[_device(self._settings.outputs[name].terminal)].home for name in play]
+        if len(set(outputs)) > 1:
+            raise ConfigurationError(
+                f"The outputs {', '.join(play)} lie on several cards: one card must play them together."
+            )
+        preferred = outputs[0] if outputs else None
+        master = preferred if preferred in homes else next(iter(homes))
+        order = [master, *(home for home in homes if home != master)]
+        return _Plan(tuple((home, tuple(homes[home])) for home in order), preferred, self._cards)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """The tasks of a stream: (whose clock, channel names), the master's first."""
+
+    inputs: tuple[tuple[str, tuple[str, ...]], ...]
+    output: str | None
+    cards: Mapping[str, _Card]
+
+    @property
+    def master(self) -> str:
+        return self.inputs[0][0]
+
+
+class _NiStream(Stream):
+    """See `Stream`."""
+
+    def __init__(
+        self,
+        daq: NiDaq,
+        plan: _Plan,
+        channels: tuple[str, ...],
+        rate_hz: float,
+        block: int,
+        samples: int | None,
+        play: dict[str, FloatArray],
+    ) -> None:
+        self.channels = channels
+        self._daq, self._plan = daq, plan
+        self._block, self._samples = block, samples
+        order = [name for _, names in plan.inputs for name in names]
+        self._rows = [order.index(name) for name in channels]
+        self._inputs: list[Any] = []
+        self._player: Any = None
+        self._open = True
+        with ExitStack() as undo:
+            undo.callback(self.release)
+            delays, ranges, widths = [], [], []
+            for home, names in plan.inputs:
+                with daq.talking_to(home):
+                    task = self._input(home, names, rate_hz)
+                    self.rate_hz = float(task.timing.samp_clk_rate)
+                    delays += _delays(task, plan.cards)
+                    for channel in task.ai_channels:
+                        ranges.append(float(channel.ai_rng_high))
+                        widths.append(2 * float(channel.ai_rng_high) / 2.0 ** float(channel.ai_resolution))
+            self.delays = np.array(delays)[self._rows]
+            self.full_scale = np.array(ranges)[self._rows]
+            # One code from the end, in the middle between two codes.
+            self._end = (np.array(ranges) - 1.5 * np.array(widths))[:, np.newaxis]
+            self._readers = []
+            for task in self._inputs:
+                reader = AnalogMultiChannelReader(task.in_stream)
+                reader.verify_array_shape = False  # The shape is ours; asking costs a call per read.
+                self._readers.append(reader)
+            if play:
+                self._arm_player(play)
+            for (home, _), task in reversed(list(zip(plan.inputs, self._inputs, strict=True))):
+                with daq.talking_to(home):
+                    task.start()
+            undo.pop_all()
+
+    def __iter__(self) -> Iterator[Block]:
+        """See `Stream.__iter__`."""
+        first = 0
+        while self._open and (self._samples is None or first < self._samples):
+            count = self._block if self._samples is None else min(self._block, self._samples - first)
+            volts = self._read(first, count)
+            overload = np.any(np.abs(volts) >= self._end, axis=1)
+            yield Block(first, volts[self._rows], overload[self._rows])
+            first += count
+
+    def close(self) -> None:
+        """See `Stream.close`."""
+        if self._open:
+            self.release()
+            self._daq.zero()
+
+    def release(self) -> None:
+        """Let go of the tasks; outputs keep their value."""
+        self._open = False
+        self._daq.forget(self)
+        with ExitStack() as every:
+            # Each is let go of, even when another one cannot be reached.
+            for task in self._inputs:
+                every.enter_context(self._daq.talking_to(self._plan.master))
+                every.callback(task.close)
+            self._inputs = []
+            every.callback(self.stop_playing)
+
+    def stop_playing(self) -> None:
+        """Stop the waveform and free its outputs."""
+        player, self._player = self._player, None
+        if player is not None and self._plan.output is not None:
+            with self._daq.talking_to(self._plan.output):
+                player.close()
+
+    def _input(self, home: str, names: tuple[str, ...], rate_hz: float) -> Any:
+        settings = self._daq.settings
+        task = self._daq.task()
+        self._inputs.append(task)
+        for name in names:
+            channel = settings.channels[name]
+            task.ai_channels.add_ai_voltage_chan(
+                channel.terminal,
+                terminal_config=_CONFIGS[channel.config],
+                min_val=-channel.range,
+                max_val=channel.range,
+            )
+        source = "" if home == self._plan.master else f"/{self._plan.master}/ai/SampleClock"
+        kept = max(int(settings.buffer_s * rate_hz), 2 * self._block)
+        if self._samples is None:
+            task.timing.cfg_samp_clk_timing(
+                rate_hz, source, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=kept
+            )
+            # NI's own choice at 5 kS/s is two seconds.
+            task.in_stream.input_buf_size = kept
+        else:
+            task.timing.cfg_samp_clk_timing(
+                rate_hz, source, sample_mode=AcquisitionType.FINITE, samps_per_chan=self._samples
+            )
+        return task
+
+    def _arm_player(self, play: dict[str, FloatArray]) -> None:
+        """Load the waveforms; they begin with the master's first sample."""
+        output = self._plan.output
+        assert output is not None, "a waveform has an output"
+        settings = self._daq.settings
+        length = max(2, *(len(volts) for volts in play.values()))
+        rows = np.array([np.pad(v, (0, length - len(v)), mode="edge") for v in play.values()], np.float64)
+        with self._daq.talking_to(output):
+            task = self._player = self._daq.task()
+            for name in play:
+                reach = settings.outputs[name].range
+                task.ao_channels.add_ao_voltage_chan(
+                    settings.outputs[name].terminal, min_val=-reach, max_val=reach
+                )
+            master = self._plan.master
+            if output == master:
+                task.timing.cfg_samp_clk_timing(self.rate_hz, samps_per_chan=length)
+                task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{master}/ai/StartTrigger")
+            else:
+                task.timing.cfg_samp_clk_timing(
+                    self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length
+                )
+            AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
+            task.start()
+
+    def _read(self, first: int, count: int) -> FloatArray:
+        """The next `count` samples of every task, (channels in the tasks' order, samples)."""
+        volts = []
+        timeout = count / self.rate_hz + _LATE
+        for (home, names), reader in zip(self._plan.inputs, self._readers, strict=True):
+            part = np.empty((len(names), count))
+            with self._daq.talking_to(home):
+                got = reader.read_many_sample(part, count, timeout)
+            if got != count:
+                raise InstrumentError(
+                    f"{home} delivered {got} of {count} samples from sample {first} on: the acquisition "
+                    "has ended before its time."
+                )
+            volts.append(part)
+        if len(volts) > 1 and self._samples is None:
+            self._refuse_drift()
+        return np.concatenate(volts)
+
+    def _refuse_drift(self) -> None:
+        """Two cards on one clock have sampled equally often."""
+        with self._daq.talking_to(self._plan.master):
+            counts = [int(task.in_stream.total_samp_per_chan_acquired) for task in self._inputs]
+        for (home, _), count in zip(self._plan.inputs[1:], counts[1:], strict=True):
+            if abs(count - counts[0]) > max(_APART * self.rate_hz, 2 * self._block):
+                raise InstrumentError(
+                    f"{home} has taken {count} samples and {self._plan.master} {counts[0]}: they do not "
+                    "run on one clock. Check the RTSI cable."
+                )
+
+
+def _device(terminal: str) -> str:
+    return terminal.partition("/")[0]
+
+
+def _card(device: Any, name: str) -> _Card:
+    module = device.product_category == ProductCategory.C_SERIES_MODULE
+    return _Card(
+        name=name,
+        product=str(device.product_type),
+        serial=int(device.serial_num),
+        home=str(device.compact_daq_chassis_device.name) if module else name,
+        simultaneous=bool(device.ai_simultaneous_sampling_supported),
+    )
+
+
+def _delays(task: Any, cards: Mapping[str, _Card]) -> list[float]:
+    """When each channel of a task is converted after the clock's edge (s), in the task's order."""
+    before: dict[str, int] = {}
+    delays = []
+    for channel in task.ai_channels:
+        name = _device(channel.physical_channel.name)
+        card = next(card for key, card in cards.items() if key.lower() == name.lower())
+        index = before[name] = before.get(name, -1) + 1
+        interval = 0.0
+        if index and not card.simultaneous:
+            timing = task.timing if card.home == card.name else task.timing[card.name]
+            interval = 1 / float(timing.ai_conv_rate)
+        delays.append(index * interval)
+    return delays

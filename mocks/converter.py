@@ -1,4 +1,4 @@
-"""The analog-to-digital converter that twin and wire share, so that both give the same samples."""
+"""The converters that twin and wire share, so that both give the same samples."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from instruments.arrays import BoolArray, FloatArray
 from mocks.products import Product, code_width
 
-__all__ = ["convert", "noise_of"]
+__all__ = ["convert", "noise_of", "put_out"]
 
 
 def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:
@@ -42,3 +42,10 @@ def convert(
     overload = (np.abs(codes) >= end).any(axis=1)
     codes *= width
     return np.ascontiguousarray(codes), np.asarray(overload)
+
+
+def put_out(volts: FloatArray, product: Product) -> FloatArray:
+    """What a card's output does when it is told `volts` (of any shape): the nearest of its codes."""
+    end = 2.0 ** (product.ao_bits - 1)
+    width = product.ao_range / end
+    return np.asarray(np.clip(np.rint(volts / width), -end, end - 1) * width)

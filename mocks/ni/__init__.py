@@ -1,1 +1,17 @@
-"""The NI-DAQmx wire."""
+"""The NI-DAQmx wire: simulated NI devices behind NI's own gRPC service."""
+
+from mocks.ni.devices import Inventory, NiDevice, devices_from_ini
+from mocks.ni.server import NiServer
+from mocks.ni.standalone import inventory_from_file, inventory_of, run
+from mocks.ni.wire import wire
+
+__all__ = [
+    "Inventory",
+    "NiDevice",
+    "NiServer",
+    "devices_from_ini",
+    "inventory_from_file",
+    "inventory_of",
+    "run",
+    "wire",
+]

@@ -18,6 +18,16 @@ EXPORT = """
 [DAQmx]
 MajorVersion = 21
 
+[DAQmxScale double]
+Lin.Slope = 2
+Lin.YIntercept = 1
+ScaleType = Linear
+
+[DAQmxScale same]
+Poly.ForwardCoeff = 0, 1
+Poly.ReverseCoeff = 0, 1
+ScaleType = Polynomial
+
 [DAQmxDevice Sim]
 ProductType = PCIe-6363
 DevSerialNum = 0x0

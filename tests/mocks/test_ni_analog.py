@@ -8,12 +8,17 @@ import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx.constants import (
+    READ_ALL_AVAILABLE,
     AcquisitionType,
     Edge,
+    OverwriteMode,
     ReadRelativeTo,
     RegenerationMode,
+    SampleTimingType,
     TaskMode,
     TerminalConfiguration,
+    UsageTypeAI,
+    VoltageUnits,
     WaveformAttributeMode,
 )
 from nidaqmx.error_codes import DAQmxErrors
@@ -26,8 +31,8 @@ from nidaqmx.stream_readers import (
 from nidaqmx.stream_writers import AnalogMultiChannelWriter, AnalogUnscaledWriter
 from nitypes.waveform import AnalogWaveform
 
-from mocks.ni import NiServer, devices_from_ini
-from tests.mocks.ni_client import EXPORT, connected
+from mocks.ni import NiServer, devices_from_ini, inventory_of
+from tests.mocks.ni_client import EXPORT, Bench, connected
 
 
 @pytest.fixture(scope="module")
@@ -156,6 +161,26 @@ def test_samples_do_not_depend_on_how_they_are_read(task: nidaqmx.Task) -> None:
     assert np.array_equal(np.array(task.read(20)), whole[:, 30:50])
 
 
+def test_reading_what_there_is_of_a_running_acquisition(task: nidaqmx.Task) -> None:
+    task.ai_channels.add_ai_voltage_chan("Sim/ai0:1")
+    task.timing.cfg_samp_clk_timing(200_000, sample_mode=AcquisitionType.CONTINUOUS)
+    task.start()
+    total = 0
+    for _ in range(20):
+        # More samples come between the question how many there are and the read.
+        total += task.in_stream.read_all().size // 2
+        total += len(task.read(READ_ALL_AVAILABLE)[0])
+
+    assert total == task.in_stream.curr_read_pos > 0
+
+
+def test_some_channels_are_read(task: nidaqmx.Task) -> None:
+    three_narrow(task)
+    task.in_stream.channels_to_read = task.ai_channels["Sim/ai2"]
+
+    assert task.read() == pytest.approx(3, abs=1e-3)
+
+
 def test_time_out_delivers_what_there_is(task: nidaqmx.Task) -> None:
     task.ai_channels.add_ai_voltage_chan("Sim/ai0")
     task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
@@ -182,6 +207,29 @@ def test_a_program_that_reads_too_late_is_told(task: nidaqmx.Task) -> None:
         task.read(100)
 
     assert caught.value.error_code == DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE
+
+
+def test_overwriting_reader_gets_the_newest(task: nidaqmx.Task) -> None:
+    task.ai_channels.add_ai_voltage_chan("Sim/ai0")
+    task.timing.cfg_samp_clk_timing(100_000, sample_mode=AcquisitionType.CONTINUOUS)
+    task.in_stream.input_buf_size = 1000
+    task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
+    task.start()
+    while task.in_stream.total_samp_per_chan_acquired < 3000:
+        pass
+
+    task.read(100)
+
+    assert task.in_stream.curr_read_pos > 2000
+
+
+def test_logging_is_refused(task: nidaqmx.Task) -> None:
+    task.ai_channels.add_ai_voltage_chan("Sim/ai0")
+    task.in_stream.configure_logging("data.tdms")
+    assert str(task.in_stream.logging_file_path) == "data.tdms"
+
+    with pytest.raises(nidaqmx.DaqError, match="no TDMS"):
+        task.start()
 
 
 def test_waveform_carries_time_name_and_unit(task: nidaqmx.Task) -> None:
@@ -359,3 +407,93 @@ def test_clocked_output_needs_a_buffer(task: nidaqmx.Task) -> None:
         task.start()
 
     assert caught.value.error_code == DAQmxErrors.OUTPUT_BUFFER_EMPTY
+
+
+def test_custom_scales(server: NiServer, options: nidaqmx.GrpcSessionOptions) -> None:
+    scaled = VoltageUnits.FROM_CUSTOM_SCALE
+    nidaqmx.Scale.create_lin_scale("tenfold", 10.0, grpc_options=options)
+    with nidaqmx.Task(grpc_options=options) as out:
+        out.ao_channels.add_ao_voltage_chan(
+            "Card/ao0", min_val=-9, max_val=9, units=scaled, custom_scale_name="double"
+        )
+        out.write(7.0)
+    assert server.output("Card/ao0") == pytest.approx(3, abs=1e-3)
+    for name, expected in (("double", 7), ("tenfold", 30), ("same", 3)):
+        with nidaqmx.Task(grpc_options=options) as into:
+            into.ai_channels.add_ai_voltage_chan(
+                "Card/_ao0_vs_aognd", min_val=-40, max_val=40, units=scaled, custom_scale_name=name
+            ).ai_rng_high = 10
+            assert into.read() == pytest.approx(expected, abs=0.03)
+    with nidaqmx.Task(grpc_options=options) as task, pytest.raises(nidaqmx.DaqError) as caught:
+        task.ai_channels.add_ai_voltage_chan("Card/ai0", units=scaled, custom_scale_name="nobody")
+    assert caught.value.error_code == DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST
+
+
+@pytest.mark.parametrize(
+    "kind, arguments, measurement",
+    [
+        ("current", {"ext_shunt_resistor_val": 99.0}, UsageTypeAI.CURRENT),
+        ("thrmcpl", {}, UsageTypeAI.TEMPERATURE_THERMOCOUPLE),
+        ("rtd", {"r_0": 100.0}, UsageTypeAI.TEMPERATURE_RTD),
+        ("resistance", {"current_excit_val": 0.1}, UsageTypeAI.RESISTANCE),
+        ("voltage", {}, UsageTypeAI.VOLTAGE),
+    ],
+)
+def test_measurements_of_sensors(
+    task: nidaqmx.Task, kind: str, arguments: dict[str, float], measurement: UsageTypeAI
+) -> None:
+    add = getattr(task.ai_channels, f"add_ai_{kind}_chan")
+    channel = add("Sim/ai0", min_val=0, max_val=0.5, **arguments)
+
+    assert channel.ai_meas_type == measurement
+    assert 0 <= task.read() <= 0.5
+    if kind == "rtd":
+        assert channel.ai_rtd_r0 == 100.0
+
+
+def test_built_in_temperature_sensor(task: nidaqmx.Task) -> None:
+    channel = task.ai_channels.add_ai_temp_built_in_sensor_chan("Sim/_boardTempSensor_vs_aignd")
+
+    assert channel.ai_meas_type == UsageTypeAI.TEMPERATURE_BUILT_IN_SENSOR
+
+
+def test_buffers_belong_to_their_direction(task: nidaqmx.Task) -> None:
+    task.ai_channels.add_ai_voltage_chan("Sim/ai0")
+    task.timing.samp_timing_type = SampleTimingType.SAMPLE_CLOCK
+    default = task.in_stream.input_buf_size
+    task.in_stream.input_buf_size = 2_000_000_000
+    assert task.in_stream.input_buf_size == 2_000_000_000
+    del task.in_stream.input_buf_size
+    assert task.in_stream.input_buf_size == default
+
+    with pytest.raises(nidaqmx.DaqError) as caught:
+        task.out_stream.output_buf_size = 2000
+    assert caught.value.error_code == DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT
+
+
+def test_output_without_regeneration_is_gapless() -> None:
+    bench = Bench()
+    with (
+        NiServer(inventory_of({"A": "PCIe-6363"}), bench, {"A/ao0": "out", "A/ai0": "loop"}) as server,
+        connected(server) as options,
+        nidaqmx.Task(grpc_options=options) as out,
+        nidaqmx.Task(grpc_options=options) as into,
+    ):
+        out.ao_channels.add_ao_voltage_chan("A/ao0")
+        out.timing.cfg_samp_clk_timing(
+            1000, source="/A/ai/SampleClock", sample_mode=AcquisitionType.CONTINUOUS
+        )
+        out.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
+        into.ai_channels.add_ai_voltage_chan("A/ai0", min_val=-10, max_val=10)
+        into.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
+        ramp = np.linspace(-5, 5, 1000)
+        out.write(ramp[:200])
+        out.start()
+        into.start()
+        heard = []
+        for part in range(1, 5):
+            heard += into.read(120)
+            out.write(ramp[200 * part : 200 * part + 200])
+        heard += into.read(400)
+
+    assert np.abs(np.array(heard) - ramp[: len(heard)]).max() < 3e-3

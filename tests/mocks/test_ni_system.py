@@ -96,7 +96,8 @@ def test_tasks_are_shared_by_name_and_cleared(options: nidaqmx.GrpcSessionOption
 def test_program_of_its_own(tmp_path: Path) -> None:
     export = tmp_path / "max.ini"
     export.write_text(EXPORT)
-    command = [sys.executable, "-m", "mocks.ni", str(export)]
+    program = "import sys, pathlib, mocks.ni as ni; ni.run(ni.inventory_from_file(pathlib.Path(sys.argv[1])))"
+    command = [sys.executable, "-c", program, str(export)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

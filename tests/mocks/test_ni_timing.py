@@ -27,7 +27,7 @@ from nidaqmx.constants import (
 from nidaqmx.error_codes import DAQmxErrors
 
 from mocks.ni import NiServer, devices_from_ini, inventory_of
-from tests.mocks.ni_client import EXPORT, connected
+from tests.mocks.ni_client import EXPORT, Bench, connected
 
 
 @pytest.fixture(scope="module")
@@ -333,6 +333,29 @@ def test_slave_waits_for_its_masters_clock() -> None:
         # The master's clock has stopped after its 100 samples.
         assert slave.is_task_done()
         assert slave.in_stream.total_samp_per_chan_acquired == 100
+
+
+def test_slave_that_comes_late_joins_at_the_next_edge() -> None:
+    bench = Bench()
+    wiring = {"A/ai0": "tone", "B/ai0": "tone"}
+    with (
+        NiServer(inventory_of({"A": "PCIe-6321", "B": "PCI-6034E"}), bench, wiring, rtsi=True) as server,
+        connected(server) as options,
+        nidaqmx.Task(grpc_options=options) as master,
+        nidaqmx.Task(grpc_options=options) as slave,
+    ):
+        master.ai_channels.add_ai_voltage_chan("A/ai0")
+        slave.ai_channels.add_ai_voltage_chan("B/ai0")
+        master.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
+        slave.timing.cfg_samp_clk_timing(1000, source="/A/ai/SampleClock", samps_per_chan=40)
+        master.start()
+        first = master.read(25)
+        slave.start()
+        both = np.array([slave.read(40), master.read(40)])
+
+    assert len(first) == 25
+    # 3 V at 10 Hz changes by 0.19 V from sample to sample: one sample apart would show.
+    assert np.abs(both[0] - both[1]).max() < 3e-3
 
 
 def test_what_is_not_served_fails_loudly_and_is_counted() -> None:
