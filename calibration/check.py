@@ -183,6 +183,11 @@ def _reasons(result: Check, overload: str | None, peak: float) -> tuple[str, ...
             f"The plays differ among themselves by {result.floor:.1%} of the target, as a mean of "
             f"{result.plays}: the vibrometer's noise hides what the surface did."
         )
+    elif reasons and drive.predicted_error > result.tolerance:
+        reasons.append(
+            f"An error of {drive.predicted_error:.1%} was expected when the drive was computed: within "
+            "the limits, and with this noise in the calibration, the table cannot follow the press."
+        )
     return tuple(reasons)
 
 

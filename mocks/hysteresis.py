@@ -14,6 +14,9 @@ __all__ = ["Hysteresis"]
 
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
 """Half-widths of the play operators (V)."""
+_ASYMMETRY = 0.01
+"""Share by which a patch strains more at +50 V and less at -50 V than a symmetric law says (an
+estimate). It keeps the plant from having the very law that an estimator may assume."""
 _AMPLITUDE = 50.0
 """Amplitude (V) at which the loop has the asked width and the gain is one: the paper's 100 Vpp."""
 
@@ -41,7 +44,7 @@ class Hysteresis:
         # Flat pieces belong to the piece before them, so that only real turns end a piece.
         moving = np.flatnonzero(slope)
         if not len(moving):
-            return np.asarray(self._linear * volts + self._weights @ self._play)
+            return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
         turns = moving[np.flatnonzero(np.diff(slope[moving])) + 1]
         starts = np.concatenate([[0], turns])
         rising = slope[np.concatenate([[moving[0]], turns])] > 0
@@ -61,4 +64,8 @@ class Hysteresis:
             )
             self._play[i] = at
         self._last = float(volts[-1])
-        return out
+        return _bent(out)
+
+
+def _bent(strain: FloatArray) -> FloatArray:
+    return strain * (1 + _ASYMMETRY / _AMPLITUDE * strain)
