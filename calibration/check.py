@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
@@ -14,6 +15,9 @@ from calibration.response import drive_monitor, overloaded, prepare
 from calibration.spectra import band_window, fade, third_octaves
 from instruments import Capture, ConfigurationError, Rig
 from instruments.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from acquisition import Representative
 
 __all__ = ["Check", "check"]
 
@@ -65,16 +69,25 @@ class Check:
         """Whether nothing speaks against it."""
         return not self.reasons
 
+    def __str__(self) -> str:
+        verdict = "pass" if self.passed else "fail. " + " ".join(self.reasons)
+        return (
+            f"error {self.nrmse:.3f}, correlation {self.correlation:.3f}, floor {self.floor:.3f}: {verdict}"
+        )
+
 
 def check(
     rig: Rig,
     drive: Drive,
+    press: Representative | None = None,
+    *,
     plays: int = 8,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Check:
     """Play a drive `plays` times and compare what the surface did with the drive's target.
 
-    `progress` is told the plays done and in all. A signal that leaves its range, a dead patch or a
+    `press`, if given, must be the one that the drive was computed for: ConfigurationError
+    otherwise. `progress` is told the plays done and in all. A signal that leaves its range, a dead patch or a
     blocked laser is a check that fails, with its reason. Raises ConfigurationError for fewer than
     two plays or a drive made for another sample rate, and what `Rig.excite` raises.
     """
@@ -84,6 +97,10 @@ def check(
         raise ConfigurationError(
             f"The drive has {drive.rate_hz:g} samples/s and the rig plays {rig.table.rate_hz:g}: "
             "calibrate on this rig and compute it again."
+        )
+    if press is not None and (press.button, tuple(press.sources)) != (drive.button, drive.sources):
+        raise ConfigurationError(
+            f"The drive was computed for another press than this one of {press.button!r}: compute it again."
         )
     prepare(rig, drive.point)
     channels = (drive_monitor(rig), rig.vibrometer.channel)

@@ -96,7 +96,7 @@ def modulate(acceleration: FloatArray, rate_hz: float, carrier_hz: float) -> Flo
 
 def drive_for(
     press: Representative,
-    calibration: Calibration,
+    calibration: Calibration | Response,
     limits: Limits,
     band: tuple[float, float] = BAND,
 ) -> Drive:
@@ -105,11 +105,14 @@ def drive_for(
     The press is modulated (equation 1 of the paper), cut to what of `band` (Hz) was measured well,
     and inverted without asking for causality, with the patch's hysteresis undone; then as loud as
     `limits` and the vibrometer's range allow, at an expected error of 6 %, or the least that can be
-    expected (see `inversion.loudest`). The drive has zero ends and zero mean.
+    expected (see `inversion.loudest`). The drive has zero ends and zero mean. A response that comes
+    without a calibration is fitted first.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no room.
     """
+    if isinstance(calibration, Response):
+        calibration = Calibration.of(calibration)
     response, model, rate_hz = calibration.response, calibration.model, calibration.rate_hz
     oversampling = _oversampling(press, rate_hz)
     band = _measured_well(response, band)

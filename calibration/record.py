@@ -10,7 +10,7 @@ from calibration import files
 from calibration.hysteresis import Hysteresis, fit_hysteresis
 from calibration.model import Model, fit
 from calibration.response import Response, measure_response
-from instruments import Rig
+from instruments import Rig, RigFile
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -26,6 +26,13 @@ class Calibration:
     model: Model
     hysteresis: Hysteresis
     rate_hz: float
+
+    @classmethod
+    def of(cls, response: Response) -> Calibration:
+        """Model and hysteresis fitted to a response. Raises what `fit` raises."""
+        table = RigFile.model_validate_json(response.rig_file).table
+        assert table is not None  # the response was measured on it
+        return cls(response, fit(response), fit_hysteresis(response), table.rate_hz)
 
     @property
     def digest(self) -> str:
@@ -53,5 +60,4 @@ def calibrate(
     `progress` is told the seconds measured so far and the seconds that the whole will take.
     Raises what `measure_response` and `fit` raise.
     """
-    response = measure_response(rig, patch, point, progress)
-    return Calibration(response, fit(response), fit_hysteresis(response), rig.table.rate_hz)
+    return Calibration.of(measure_response(rig, patch, point, progress))
