@@ -73,11 +73,11 @@ def test_half_the_limit_gives_about_half_the_scale(
 def test_the_vibrometers_range_is_a_limit_too(calibrated: Calibrated, press: Representative) -> None:
     narrow = replace(
         calibrated.calibration,
-        response=replace(calibrated.calibration.response, velocity_range=0.5e-3),
+        response=replace(calibrated.calibration.response, velocity_range=0.1e-3),
     )
     drive = drive_for(press, narrow, calibrated.rig.limits)
     assert drive.peak < 0.8 * calibrated.rig.limits.peak
-    assert np.abs(drive.target).max() / (2 * np.pi * drive.band[1]) < 0.5e-3
+    assert np.abs(drive.target).max() / (2 * np.pi * drive.band[1]) < 0.1e-3
 
 
 def test_the_same_press_gives_the_same_drive(
