@@ -9,7 +9,8 @@ import pytest
 
 from acquisition import Representative
 from calibration import Calibration, calibrate
-from instruments import Capture, Rig, open_rig
+from haploop.pytest_plugin import Rigs
+from instruments import Capture, Rig
 
 
 @dataclass(frozen=True)
@@ -19,10 +20,9 @@ class Calibrated:
 
 
 @pytest.fixture(scope="session")
-def calibrated(mode: str) -> Iterator[Calibrated]:
+def calibrated(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[Calibrated]:
     """One calibration for all tests: it takes a minute of the table's time."""
-    simulate = mode if mode in ("twin", "wire") else None
-    with open_rig("simulated" if simulate else mode, simulate=simulate) as rig:  # type: ignore[arg-type]
+    with rigs.open(request.node) as rig:
         yield Calibrated(rig, calibrate(rig))
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
 from mocks.clock import VirtualClock
+from mocks.relay import BoxFault
 
 
 class Contacts:
@@ -21,6 +22,9 @@ class Contacts:
 
     def every(self, callback: Callable[[float], None]) -> None:
         self._callbacks.append(callback)
+
+    def box_faults(self, patches: Mapping[str, int]) -> list[BoxFault]:
+        return []
 
     def switch(self, patch: str, closed: bool, at: float) -> None:
         self.events.append((at, patch, closed))

@@ -1,0 +1,1 @@
+"""ACME's RB-8 relay board for haploop."""

@@ -1,0 +1,37 @@
+"""The RB-8's twin and wire: what a board says to a line, on haploop's simulated box of relays."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from haploop_acme.relay import AcmeRelay
+from mocks.line_server import DirectLine, LineServer
+from mocks.relay import Contacts, RelayBox, box_in
+
+
+def reply(box: RelayBox, line: str) -> Sequence[str]:
+    match line.split():
+        case ["ID"]:
+            return ["ACME RB-8 1.4"]
+        case ["READ"]:
+            return [" ".join(str(int(s.remaining * 1000) if s.closed else 0) for s in box.states().values())]
+        case ["OPEN", channel]:
+            box.set_state(int(channel), False)
+        case ["CLOSE", channel, time]:
+            box.pulse(int(channel), int(time) / 1000)
+        case _:
+            return ["ERROR"]
+    return ["OK"]
+
+
+def twin(settings: AcmeRelay.Settings, plant: Contacts) -> AcmeRelay:
+    """The real driver's class, talking to a board by calls."""
+    box = box_in(plant, settings.patches)
+    return AcmeRelay(settings, plant.clock, DirectLine(lambda line: reply(box, line)))
+
+
+@contextmanager
+def wire(settings: AcmeRelay.Settings, plant: Contacts) -> Iterator[dict[str, object]]:
+    """Serve a board; gives the settings that point the driver at it."""
+    box = box_in(plant, settings.patches)
+    with LineServer(lambda line: reply(box, line)) as server:
+        yield {"port": f"socket://{server.address}"}

@@ -1,0 +1,174 @@
+"""The same tests on a twin, through the wire, and on a lab's hardware: `pytest --rig twin|wire|FILE`.
+
+pytest loads this module in every run of an environment that haploop is installed in, so it imports
+nothing of haploop's until a test asks for a rig, and leaves tests that ask for none alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from instruments import Rig, RigFile
+
+__all__ = ["OpenRig", "Rigs"]
+
+OpenRig = Callable[..., "Rig"]
+
+pytest.register_assert_rewrite("instruments.conformance")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--rig`, and which rig file it simulates."""
+    group = parser.getgroup("haploop")
+    group.addoption(
+        "--rig", default="twin", metavar="twin|wire|FILE", help="what to run on; FILE describes hardware"
+    )
+    parser.addini("rig_file", "the rig that --rig twin and --rig wire simulate", default="simulated")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The marks."""
+    config.addinivalue_line("markers", "rig: runs on an open rig, and so on whatever --rig names")
+    config.addinivalue_line(
+        "markers",
+        "requires(name, ...): needs what not every rig has, and is skipped without it: an instrument "
+        "or a sensor, as the rig file names it, 'table', or 'simulation'; in a conformance suite, one "
+        "of its capabilities",
+    )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Whatever opens a rig has the mark `rig`."""
+    for item in items:
+        if "rigs" in getattr(item, "fixturenames", ()) and _ours(item):
+            item.add_marker("rig")
+
+
+class Rigs:
+    """Opens what `--rig` names, and skips the test where that is not there."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.mode: str = config.getoption("--rig")
+        """What `--rig` names."""
+        self._project = config.rootpath
+        self._here = config.invocation_params.dir
+        self._simulated: str = config.getini("rig_file")
+        self._stack = ExitStack()
+        self._held = False
+
+    def open(
+        self,
+        node: pytest.Item | pytest.Collector,
+        name: str | None = None,
+        plant: Mapping[str, Any] = MappingProxyType({}),
+    ) -> Rig:
+        """An open rig for `request.node`; the rest is as in the fixture `open_rig`."""
+        from instruments import ConfigurationError, InstrumentError, load_rig_file, open_rig  # noqa: PLC0415
+
+        simulate = self.mode if self.mode in ("twin", "wire") else None
+        file = load_rig_file(_beside(self._project, name)) if simulate and name else self._asked_for()
+        simulated = bool(simulate or file.simulate)
+        if plant and not simulated:
+            pytest.skip("another plant exists in a simulation only")
+        for mark in node.iter_markers("requires"):
+            for needed in mark.args:
+                if not _has(file, needed, simulated):
+                    pytest.skip(f"the rig {file.name!r} has no {needed}")
+        if simulated:
+            return open_rig(file, simulate=simulate, simulation=plant)  # type: ignore[arg-type]
+        self._hold()
+        try:
+            return open_rig(file)
+        except (ConfigurationError, InstrumentError) as error:
+            pytest.skip(f"the rig {self.mode} is not there: {error}")
+
+    def close(self) -> None:
+        """Let others use the hardware."""
+        self._stack.close()
+
+    @property
+    def _path(self) -> Path:
+        if self.mode in ("twin", "wire"):
+            return _beside(self._project, self._simulated)
+        return _beside(self._here, self.mode)
+
+    def _asked_for(self) -> RigFile:
+        from instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
+
+        try:
+            return load_rig_file(self._path)
+        except ConfigurationError as error:
+            # A mistake in the file is no missing hardware: nothing may pass as skipped because of it.
+            pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
+
+    def _hold(self) -> None:
+        from haploop.lock import hold  # noqa: PLC0415
+        from instruments import InstrumentError  # noqa: PLC0415
+
+        if not self._held:
+            try:
+                self._stack.enter_context(hold(self._path, f"pytest in {self._project}"))
+            except InstrumentError as error:
+                pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
+            self._held = True
+
+
+@pytest.fixture(scope="session")
+def rigs(request: pytest.FixtureRequest) -> Iterator[Rigs]:
+    """See `Rigs`. For fixtures of a wider scope than a test's; tests take `rig` or `open_rig`."""
+    opener = Rigs(request.config)
+    yield opener
+    opener.close()
+
+
+@pytest.fixture
+def open_rig(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[OpenRig]:
+    """Opens a rig as --rig asks, closed after the test: `open_rig(name=None, **simulation)`.
+
+    `name` is the rig file to simulate instead of the one that pytest's `rig_file` names; keys of
+    `[simulation]` choose another plant. Hardware has neither: there the file that --rig names is
+    opened, and a test that asks for another plant is skipped, as are all where the hardware is not
+    there, with the reason.
+    """
+    with ExitStack() as stack:
+
+        def opener(name: str | None = None, **simulation: Any) -> Rig:
+            return stack.enter_context(rigs.open(request.node, name, simulation))
+
+        yield opener
+
+
+@pytest.fixture
+def rig(open_rig: OpenRig) -> Rig:
+    """An open rig, as --rig asks; its safe state is reached after the test."""
+    return open_rig()
+
+
+def _beside(folder: Path, name: str) -> Path:
+    """A file in a folder, or the bare name of a rig that haploop ships."""
+    return folder / name if (folder / name).is_file() else Path(name)
+
+
+def _ours(item: pytest.Item) -> bool:
+    """Whether `rigs` is the fixture above, and not one of the same name in another project."""
+    found = item.session._fixturemanager.getfixturedefs("rigs", item) or ()
+    return [f.func.__module__ for f in found][-1:] == [__name__]
+
+
+def _has(file: RigFile, needed: str, simulated: bool) -> bool:
+    """Whether a rig has an instrument, a sensor, a table, or (when simulated) a plant."""
+    from instruments.rig_file import ROLES  # noqa: PLC0415
+
+    parts: dict[str, object] = {role: getattr(file, role) for role in ROLES}
+    parts |= dict(file.sensors)
+    parts |= {"table": file.table, "simulation": simulated or None}
+    if needed not in parts:
+        pytest.fail(f"no rig has {needed!r}; requires() knows {', '.join(parts)}", pytrace=False)
+    return parts[needed] is not None

@@ -1,0 +1,100 @@
+"""Promises of the generator role."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+import pytest
+
+from instruments.conformance.suite import Conformance, refused
+from instruments.errors import ConfigurationError, InstrumentError, LimitError
+from instruments.generator import Generator, Sweep
+
+__all__ = ["GeneratorConformance"]
+
+
+class GeneratorConformance(Conformance):
+    """Give a fixture `generator`: a driver that has just been opened, its output off."""
+
+    sweep: ClassVar[Sweep] = Sweep(start_hz=1, stop_hz=625, duration=2, amplitude=0.5)
+    """One that the generator can play."""
+    optional: ClassVar = {"reopen": "give reopen(), which opens a second driver on the same generator"}
+
+    def reopen(self) -> Generator:
+        """A second driver on the same generator, opened as the first one was."""
+        raise NotImplementedError
+
+    def test_says_what_it_is(self, generator: Generator) -> None:
+        """Identity and the amplifier input it feeds are named, and its load is more than nothing."""
+        assert generator.identity.strip() and "\n" not in generator.identity
+        assert generator.output.strip()
+        assert generator.load > 0
+
+    def test_configuring_leaves_the_output_off(self, generator: Generator) -> None:
+        """`configure` and `arm` set the sweep with the output off, and it is read back."""
+        self.in_time(lambda: generator.configure(self.sweep))
+        assert not generator.is_on
+        assert generator.amplitude == pytest.approx(self.sweep.amplitude, rel=1e-3)
+        self.in_time(generator.arm)
+        assert not generator.is_on
+
+    def test_plays_only_when_triggered_and_stops(self, generator: Generator) -> None:
+        """`trigger` switches the output on; `off` reaches the safe state, and may be called again."""
+        generator.configure(self.sweep)
+        generator.arm()
+        self.in_time(generator.trigger)
+        assert generator.is_on
+        for _ in range(2):
+            self.in_time(generator.off)
+            assert not generator.is_on
+
+    def test_nothing_is_armed_or_triggered_out_of_order(self, generator: Generator) -> None:
+        """`arm` without a sweep and `trigger` without arming are ConfigurationErrors, output off."""
+        with refused(ConfigurationError):
+            generator.arm()
+        with refused(ConfigurationError):
+            generator.trigger()
+        generator.configure(self.sweep)
+        with refused(ConfigurationError):
+            generator.trigger()
+        assert not generator.is_on
+
+    def test_too_many_volts_are_refused(self, generator: Generator) -> None:
+        """More volts than are allowed is a LimitError, and nothing is set."""
+        generator.configure(self.sweep)
+        with refused(LimitError):
+            generator.configure(replace(self.sweep, amplitude=1e6))
+        assert generator.amplitude == pytest.approx(self.sweep.amplitude, rel=1e-3)
+        assert not generator.is_on
+
+    def test_errors_are_taken_out_of_the_queue(self, generator: Generator) -> None:
+        """`errors` empties the generator's own queue; a healthy one's is empty."""
+        self.in_time(generator.errors)
+        assert self.in_time(generator.errors) == ()
+
+    @pytest.mark.requires("reopen")
+    def test_opening_and_closing_change_nothing(self, generator: Generator) -> None:
+        """Opening or closing another driver leaves the sweep that plays as it is."""
+        generator.configure(self.sweep)
+        generator.arm()
+        generator.trigger()
+        load = generator.load
+        other = self.reopen()
+        assert other.is_on
+        other.close()
+        assert generator.is_on
+        assert generator.load == load or (math.isinf(load) and math.isinf(generator.load))
+        generator.off()
+
+    def test_close_may_be_called_again(self, generator: Generator) -> None:
+        """`close` is idempotent."""
+        generator.close()
+        generator.close()
+
+    def test_a_fault_is_one_error_in_time(self, generator: Generator, kind: str) -> None:
+        """A generator that misbehaves is an InstrumentError within the deadline, in one sentence."""
+        with self.fault(kind) as fault, refused(InstrumentError):
+            self.in_time(lambda: generator.configure(self.sweep))
+        assert fault.fired, f"the fault {kind!r} never struck"

@@ -1,0 +1,31 @@
+"""Promises of the operator role."""
+
+from __future__ import annotations
+
+import pytest
+
+from instruments.conformance.suite import Conformance
+from instruments.operator import Aim, ConfirmSettings, Operator, Press, Request, Rest
+
+__all__ = ["OperatorConformance"]
+
+_REQUESTS = (
+    Press(button="latch", participant="P01", number=1, of=1),
+    Rest(duration=0.1),
+    Aim(point="button"),
+    ConfirmSettings("Is the range 20 mm/s?"),
+)
+
+
+class OperatorConformance(Conformance):
+    """Give a fixture `operator`: somebody, or a script in their place, who agrees to everything."""
+
+    @pytest.mark.parametrize("asked", _REQUESTS, ids=lambda request: type(request).__name__)
+    def test_is_told_of_anything_and_returns(self, operator: Operator, asked: Request) -> None:
+        """`tell` takes every kind of request and does not wait for the person."""
+        self.in_time(lambda: operator.tell(asked))
+
+    @pytest.mark.parametrize("asked", _REQUESTS, ids=lambda request: type(request).__name__)
+    def test_answers_yes_or_no(self, operator: Operator, asked: Request) -> None:
+        """`confirm` takes every kind of request and returns a bool, here yes."""
+        assert self.in_time(lambda: operator.confirm(asked)) is True

@@ -1,0 +1,108 @@
+"""What the suites of all roles share: capabilities, faults, deadlines, and one sentence an error."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, contextmanager
+from typing import ClassVar, Protocol, TypeVar
+
+import pytest
+
+from instruments.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
+
+__all__ = ["Conformance", "Fired", "one_sentence", "refused"]
+
+Value = TypeVar("Value")
+
+_KINDS = (ConfigurationError, DataError, InstrumentError, LimitError)
+_SHORTEST = 20
+"""Characters: less cannot name the thing, what is wrong, and what to do."""
+
+
+class Fired(Protocol):
+    """A fault that counts. Those of `mocks.faults`, `mocks.loopback` and `mocks.relay` do."""
+
+    fired: int
+    """How often it has struck."""
+
+
+class Conformance:
+    """Base of a role's suite.
+
+    A fixture and the hooks of one test share the instance, so a fixture may leave its twin or wire
+    on `self` for `fault` and the rest.
+    """
+
+    optional: ClassVar[Mapping[str, str]] = {}
+    """What a rig may offer to the suite, and what its author gives for it."""
+    capabilities: ClassVar[Collection[str]] = ()
+    """Which of `optional` this rig offers."""
+    faults: ClassVar[tuple[str, ...]] = ()
+    """Names of misbehaviours that `fault` can bring about: the driver must notice each of them."""
+    deadline: ClassVar[float] = 10.0
+    """Real seconds in which every call must have returned or raised, whatever the instrument does."""
+
+    def fault(self, kind: str) -> AbstractContextManager[Fired]:
+        """While its context lasts the instrument misbehaves as `faults` names it."""
+        raise NotImplementedError(f"{type(self).__name__} names faults: give fault().")
+
+    def in_time(self, action: Callable[[], Value]) -> Value:
+        """What `action()` returns or raises; a failed test when it does neither before the deadline."""
+        outcome: Future[Value] = Future()
+
+        def run() -> None:
+            try:
+                outcome.set_result(action())
+            except BaseException as error:
+                outcome.set_exception(error)
+
+        # In a thread of its own, so that a driver that hangs fails its test and not the whole run.
+        thread = threading.Thread(target=run, daemon=True)
+        thread.start()
+        thread.join(self.deadline)
+        if thread.is_alive():
+            pytest.fail(f"still waiting after {self.deadline:g} s: every wait needs a deadline")
+        return outcome.result()
+
+    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
+        """A test that takes `kind` runs once for each of `faults`."""
+        if "kind" in metafunc.fixturenames:
+            none = pytest.param("", marks=pytest.mark.skip(reason="this rig brings no fault about"))
+            metafunc.parametrize("kind", self.faults or [none])
+
+    @pytest.fixture(autouse=True)
+    def _skip_what_is_not_offered(self, request: pytest.FixtureRequest) -> None:
+        unknown = sorted(set(self.capabilities) - set(self.optional))
+        if unknown:
+            pytest.fail(f"there is no capability {unknown[0]!r}; there are {', '.join(self.optional)}")
+        for mark in request.node.iter_markers("requires"):
+            for name in mark.args:
+                if name not in self.capabilities:
+                    pytest.skip(f"needs {name!r}: {self.optional[name]}")
+
+
+def one_sentence(text: str) -> None:
+    """An error is for a person: a line that says what is wrong."""
+    assert "\n" not in text and text == text.strip(), f"not one line: {text!r}"
+    assert len(text) >= _SHORTEST and text[-1] in ".?!", f"not a sentence: {text!r}"
+
+
+@contextmanager
+def refused(*kinds: type[HaploopError], naming: str = "") -> Iterator[None]:
+    """The body must raise one of `kinds`, in a sentence that contains `naming`."""
+    try:
+        yield
+    except _KINDS as error:
+        assert isinstance(error, kinds), f"{type(error).__name__} instead of {_names(kinds)}: {error}"
+        one_sentence(str(error))
+        assert naming in str(error), f"does not name {naming!r}: {error}"
+    except Exception as error:
+        raise AssertionError(f"{error!r} instead of {_names(kinds)}") from error
+    else:
+        pytest.fail(f"nothing was refused; {_names(kinds)} was promised")
+
+
+def _names(kinds: Collection[type[HaploopError]]) -> str:
+    return " or ".join(kind.__name__ for kind in kinds)

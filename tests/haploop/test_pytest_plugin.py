@@ -1,0 +1,162 @@
+"""The pytest plugin that haploop ships, in runs of their own, as another project would see them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+from haploop.lock import hold
+from instruments import InstrumentError, open_rig
+
+pytest_plugins = ["pytester"]
+
+TESTS = """
+import pytest
+
+def test_opens(rig):
+    assert rig.daq.identity
+
+def test_relay(rig):
+    rig.relay.connect(["A"])
+
+@pytest.mark.requires("daq", "force", "acceleration")
+def test_has(rig):
+    pass
+
+@pytest.mark.requires("table")
+def test_has_not(rig):
+    assert rig.table
+
+@pytest.mark.requires("simulation")
+def test_asks_the_plant(rig):
+    assert rig.simulation.truth.presses == ()
+
+def test_another_plant(open_rig):
+    assert open_rig("simulated", seed=7).file.simulation.seed == 7
+
+def test_alone():
+    pass
+"""
+
+TYPO = """
+import pytest
+
+@pytest.mark.requires("fource")
+def test_typo(rig):
+    pass
+"""
+
+STRANGER = """
+import sys
+import pytest
+
+@pytest.fixture
+def rigs():
+    return "of another kind"
+
+@pytest.fixture
+def rig(rigs):
+    return rigs
+
+@pytest.mark.requires("numpy>=1")
+def test_own(rig):
+    assert rig == "of another kind"
+    assert not {"instruments", "mocks", "acquisition"} & set(sys.modules)
+"""
+
+
+ARGUMENTS = ("-rs", "--strict-markers", "-p", "no:cacheprovider")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def imported() -> None:
+    """Everything that a rig imports: pytester forgets what is imported during its run."""
+    open_rig("simulated").close()
+
+
+def run(pytester: pytest.Pytester, *args: str) -> pytest.RunResult:
+    with warnings.catch_warnings():
+        # That haploop has been imported already.
+        warnings.simplefilter("ignore", pytest.PytestAssertRewriteWarning)
+        return pytester.runpytest_inprocess(*ARGUMENTS, *args)
+
+
+def test_a_simulated_rig_is_opened_and_what_it_lacks_is_skipped(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(TESTS)
+    pytester.makefile(".toml", lab='base = "minimal"\nname = "lab"')
+    pytester.makeini("[pytest]\nrig_file = lab.toml")
+    result = run(pytester)
+    result.assert_outcomes(passed=5, skipped=1, failed=1)
+    result.stdout.fnmatch_lines(["*has no [[]relay]; this step needs one*", "*the rig 'lab' has no table*"])
+    run(pytester, "-m", "rig", "--collect-only", "-q").stdout.fnmatch_lines(["*6/7 tests collected*"])
+
+
+def test_hardware_that_is_not_there_is_skipped_with_the_reason(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(TESTS)
+    pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
+    result = run(pytester, "--rig", "lab.toml")
+    result.assert_outcomes(passed=1, skipped=6)
+    reasons = str(result.stdout)
+    assert "another plant exists in a simulation only" in reasons
+    assert "the rig 'lab' has no simulation" in reasons
+    assert "the rig lab.toml is not there: " in reasons
+
+
+def test_a_mistake_in_a_rig_file_ends_the_run(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(TESTS)
+    pytester.makefile(".toml", lab='base = "haptable"\nnmae = "lab"')
+    result = run(pytester, "--rig", "lab.toml")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stdout.fnmatch_lines(["*lab.toml*unknown key 'nmae'; did you mean 'name'?*"])
+
+
+def test_requiring_what_no_rig_has_is_a_mistake(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(TYPO)
+    result = run(pytester)
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*no rig has 'fource'; requires() knows *force*table*simulation*"])
+
+
+def test_a_project_of_other_rigs_is_left_alone(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(STRANGER)
+    pytester.runpytest_subprocess(*ARGUMENTS).assert_outcomes(passed=1)
+    run(pytester, "-m", "rig").assert_outcomes(deselected=1)
+
+
+def test_two_runs_never_share_hardware(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(TESTS)
+    lab = pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
+    with hold(lab, "somebody"):
+        result = run(pytester, "--rig", "lab.toml")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stdout.fnmatch_lines([f"*lab.toml is in use by process {os.getpid()} (somebody): wait*"])
+
+
+def test_a_lock_dies_with_its_holder(tmp_path: Path) -> None:
+    rig = tmp_path / "lab.toml"
+    rig.touch()
+    script = (
+        "import sys, pathlib; from haploop.lock import hold\n"
+        "with hold(pathlib.Path(sys.argv[1]), 'another'): print('held', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, str(rig)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline().strip() == b"held"
+        with (
+            pytest.raises(InstrumentError, match=rf"in use by process {other.pid} \(another\)"),
+            hold(rig, "this"),
+        ):
+            pass
+        other.kill()
+        other.wait()
+    with hold(rig, "this"), pytest.raises(InstrumentError, match="this"), hold(rig, "this once more"):
+        pass
+    with hold(rig, "this again"):
+        pass

@@ -1,0 +1,470 @@
+"""Drivers that each break one promise; `breaks` names the tests that must notice, and no other may.
+
+Not collected with the suite: test_conformance.py runs this file as a test run of its own.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from instruments import Amplifier, Block, Clock, Daq, Operator, Relay, Stream, Vibrometer, load_rig_file
+from instruments.arrays import ComplexArray, FloatArray
+from instruments.conformance import (
+    AmplifierConformance,
+    DaqConformance,
+    Fired,
+    GeneratorConformance,
+    OperatorConformance,
+    RelayConformance,
+    VibrometerConformance,
+)
+from instruments.console import Console
+from instruments.e413 import E413
+from instruments.errors import InstrumentError, LimitError
+from instruments.generator import Generator
+from instruments.ni_daqmx import NiDaq
+from instruments.operator import Request
+from instruments.pdv100 import Pdv100
+from instruments.scpi_generator import Keysight33500
+from instruments.yocto import Yocto
+from mocks.clock import VirtualClock
+from mocks.daq import DaqTwin
+from mocks.generator_box import KEYSIGHT_33500, Box
+from mocks.line_server import DirectLine
+from mocks.operator import OperatorTwin
+from mocks.plant import Plant
+from mocks.relay import BoxFault, RelayTwin
+from tests.instruments.contacts import Contacts
+
+PATCHES = {"A": 1, "B": 2, "D": 8}
+
+
+class Board(RelayTwin):
+    """A good twin; `again` is what a second connection to its box finds."""
+
+    def __init__(self) -> None:
+        self.bench = Contacts(PATCHES)
+        super().__init__(Yocto.Settings(patches=PATCHES), self.bench)
+
+    def again(self) -> Relay:
+        other = type(self).__new__(type(self))
+        other.__dict__.update(self.__dict__, _released=False)
+        return other
+
+
+class BrokenRelay(RelayConformance):
+    capabilities = ("reopen", "contacts")
+    faults = ("stuck",)
+    deadline = 2.0
+    kind: type[Board]
+    breaks: ClassVar[set[str]]
+
+    @pytest.fixture
+    def relay(self) -> Relay:
+        self.board = self.kind()
+        return self.board
+
+    def reopen(self) -> Relay:
+        return self.board.again()
+
+    def contacts(self) -> Collection[str]:
+        return self.board.bench.closed()
+
+    def clock(self) -> Clock:
+        return self.board.bench.clock
+
+    @contextmanager
+    def fault(self, kind: str) -> Iterator[Fired]:
+        fault = BoxFault("stuck", channel=2)
+        self.board.box.faults.append(fault)
+        yield fault
+        self.board.box.faults.clear()
+
+
+class TestNothingBroken(BrokenRelay):
+    kind = Board
+    breaks: ClassVar[set[str]] = set()
+
+
+class TestLeavesOthersConnected(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def connect(self, patches: Collection[str]) -> None:
+            super().connect(patches and {*patches, *self.connected()})
+
+    breaks: ClassVar = {
+        "test_connects_exactly_these_patches",
+        "test_contacts_have_settled_when_connect_returns",
+    }
+
+
+class TestBelievesItself(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        asked: frozenset[str] = frozenset()
+
+        def connect(self, patches: Collection[str]) -> None:
+            with suppress(InstrumentError):
+                super().connect(patches)
+            self.asked = frozenset(patches)
+
+        def connected(self) -> frozenset[str]:
+            return self.asked
+
+    breaks: ClassVar = {
+        "test_the_dead_man_opens_a_box_that_is_left_alone",
+        "test_close_may_be_called_again",
+        "test_a_fault_is_one_error_in_time",
+    }
+
+
+class TestSwitchesBeforeItLooks(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def connect(self, patches: Collection[str]) -> None:
+            known = [p for p in patches if p in self.patches]
+            super().connect(known)
+            super().connect(patches)
+
+    breaks: ClassVar = {"test_an_unknown_patch_changes_nothing"}
+
+
+class TestRaisesWhatItLikes(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def connect(self, patches: Collection[str]) -> None:
+            for patch in patches:
+                PATCHES[patch]
+            super().connect(patches)
+
+    breaks: ClassVar = {"test_an_unknown_patch_changes_nothing"}
+
+
+class TestWritesAnEssay(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def connect(self, patches: Collection[str]) -> None:
+            try:
+                super().connect(patches)
+            except InstrumentError as error:
+                raise InstrumentError(f"{error}\nTraceback: ...") from None
+
+    breaks: ClassVar = {"test_close_may_be_called_again", "test_a_fault_is_one_error_in_time"}
+
+
+class TestResetsWhenOpened(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def again(self) -> Relay:
+            other = super().again()
+            other.connect(())
+            return other
+
+    breaks: ClassVar = {"test_opening_changes_no_channel", "test_closing_changes_no_channel"}
+
+
+class TestOpensTheBoxOnClose(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def close(self) -> None:
+            if not self._released:
+                self.connect(())
+            super().close()
+
+    breaks: ClassVar = {"test_opening_changes_no_channel", "test_closing_changes_no_channel"}
+
+
+class TestClosesOnce(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def close(self) -> None:
+            self._check_open()
+            super().close()
+
+    breaks: ClassVar = {"test_close_may_be_called_again"}
+
+
+class TestHasNoDeadMan(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def __init__(self) -> None:
+            super().__init__()
+            self.box.pulse = lambda channel, length, delay=0.0: self.box.set_state(channel, True)  # type: ignore[method-assign]
+
+        def connect(self, patches: Collection[str]) -> None:
+            dead_man, self.dead_man = self.dead_man, np.inf
+            super().connect(patches)
+            self.dead_man = dead_man
+
+    breaks: ClassVar = {"test_the_dead_man_opens_a_box_that_is_left_alone"}
+
+
+class TestForgetsToRenew(BrokenRelay):
+    class kind(Board):  # noqa: N801
+        def renew(self) -> None:
+            pass
+
+    breaks: ClassVar = {"test_renewing_puts_the_dead_man_off"}
+
+
+class TestHangs(BrokenRelay):
+    deadline = 0.3
+
+    class kind(Board):  # noqa: N801
+        def connect(self, patches: Collection[str]) -> None:
+            if self.box.faults:
+                threading.Event().wait()
+            super().connect(patches)
+
+    breaks: ClassVar = {"test_a_fault_is_one_error_in_time"}
+
+
+class Cards(DaqTwin):
+    """A good twin on a plant whose patch A is connected."""
+
+    def __init__(self) -> None:
+        plant = Plant(load_rig_file("simulated"), VirtualClock())
+        plant.switch("A", True, 0.0)
+        settings = {
+            "devices": {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"},
+            "channels": {
+                "force": {"terminal": "Dev1/ai0", "range": 10},
+                "laser": {"terminal": "Dev2/ai0", "range": 5},
+                "drive": {"terminal": "Dev2/ai1", "range": 10},
+            },
+            "outputs": {"amplifier": {"terminal": "Dev2/ao0", "range": 8}},
+        }
+        super().__init__(NiDaq.Settings.model_validate(settings), plant)
+
+
+class Changed(Stream):
+    """A good stream whose blocks are changed on their way."""
+
+    def __init__(self, stream: Stream, change: Callable[[Iterator[Block]], Iterator[Block]]) -> None:
+        self.channels, self.rate_hz = stream.channels, stream.rate_hz
+        self.delays, self.full_scale = stream.delays, stream.full_scale
+        self._stream, self._change = stream, change
+
+    def __iter__(self) -> Iterator[Block]:
+        return self._change(iter(self._stream))
+
+    def close(self) -> None:
+        self._stream.close()
+
+
+class BrokenDaq(DaqConformance):
+    capabilities = ("outputs", "loop")
+    channels = ("laser", "force", "drive")
+    outputs = ("amplifier",)
+    loop = ("amplifier", "drive")
+    loop_gain = 0.5
+    output_range = 8.0
+    kind: type[Daq]
+    breaks: ClassVar[set[str]]
+
+    @pytest.fixture
+    def daq(self) -> Daq:
+        return self.kind()
+
+
+class TestLosesABlock(BrokenDaq):
+    class kind(Cards):  # noqa: N801
+        def stream(self, *args: Any, **more: Any) -> Stream:
+            return Changed(super().stream(*args, **more), lambda blocks: (b for b in blocks if b.first != 64))
+
+    breaks: ClassVar = {"test_a_finite_stream_delivers_exactly_its_samples"}
+
+
+class TestHidesALostBlock(BrokenDaq):
+    """The index goes on as if nothing had happened: only the count of samples can tell."""
+
+    class kind(Cards):  # noqa: N801
+        def stream(self, *args: Any, **more: Any) -> Stream:
+            def change(blocks: Iterator[Block]) -> Iterator[Block]:
+                lost = 0
+                for number, block in enumerate(blocks):
+                    if number == 1:
+                        lost = block.volts.shape[1]
+                    else:
+                        yield Block(block.first - lost, block.volts, block.overload)
+
+            return Changed(super().stream(*args, **more), change)
+
+    breaks: ClassVar = {
+        "test_a_finite_stream_delivers_exactly_its_samples",
+        "test_each_stream_counts_from_zero",
+        "test_a_row_is_its_channels",
+        "test_plays_on_the_clock_edge_of_sample_0",
+    }
+
+
+class TestPrefersItsOwnOrder(BrokenDaq):
+    class kind(Cards):  # noqa: N801
+        def stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
+            stream = super().stream(sorted(channels), *args, **more)
+            stream.channels = tuple(channels)
+            return stream
+
+    breaks: ClassVar = {"test_rows_keep_the_order_asked_for", "test_a_row_is_its_channels"}
+
+
+class TestPlaysLate(BrokenDaq):
+    class kind(Cards):  # noqa: N801
+        def stream(  # type: ignore[override]
+            self,
+            channels: Sequence[str],
+            rate_hz: float,
+            block: int,
+            samples: int | None = None,
+            play: Mapping[str, FloatArray] | None = None,
+        ) -> Stream:
+            late = {name: np.concatenate([np.zeros(5), wave]) for name, wave in (play or {}).items()}
+            return super().stream(channels, rate_hz, block, samples, late)
+
+    breaks: ClassVar = {"test_a_row_is_its_channels", "test_plays_on_the_clock_edge_of_sample_0"}
+
+
+class TestClipsInSilence(BrokenDaq):
+    class kind(Cards):  # noqa: N801
+        def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
+            super()._refuse(channels, rate_hz, {name: np.zeros(1) for name in play})
+
+    breaks: ClassVar = {"test_a_waveform_that_cannot_be_played_is_refused"}
+
+
+class TestRefusesTooLate(BrokenDaq):
+    class kind(Cards):  # noqa: N801
+        def stream(self, *args: Any, **more: Any) -> Stream:
+            try:
+                return super().stream(*args, **more)
+            except LimitError:
+                channels, rate_hz, block, samples, play = args
+                good = {name: np.full(5, 1.0) for name in play}
+                list(super().stream(channels, rate_hz, block, samples, good))
+                raise
+
+    breaks: ClassVar = {"test_a_waveform_that_cannot_be_played_is_refused"}
+
+
+class TestLeavesTheOutputOn(BrokenDaq):
+    class kind(Cards):  # noqa: N801
+        def zero(self) -> None:
+            pass
+
+    breaks: ClassVar = {
+        "test_an_output_holds_its_last_sample_until_the_stream_is_closed",
+        "test_an_exception_leaves_the_output_at_zero",
+        "test_zero_stops_what_plays",
+    }
+
+
+class TestPassesOverWhatItDoesNotKnow(BrokenDaq):
+    class kind(Cards):  # noqa: N801
+        def stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
+            return super().stream([c for c in channels if c in BrokenDaq.channels], *args, **more)
+
+    breaks: ClassVar = {"test_an_unknown_channel_is_refused"}
+
+
+class BrokenVibrometer(VibrometerConformance):
+    faults = ("unplugged",)
+    breaks: ClassVar[set[str]]
+
+    @pytest.fixture
+    def vibrometer(self) -> Vibrometer:
+        return self.kind(Pdv100.Settings(channel="laser"))
+
+    class kind(Pdv100):  # noqa: N801
+        def signal_level(self) -> float | None:
+            raise InstrumentError("The laser was lost: check its cable.")
+
+    @contextmanager
+    def fault(self, kind: str) -> Iterator[Fired]:
+        yield SimpleNamespace(fired=1)
+
+
+class TestSpeaksMillimetres(BrokenVibrometer):
+    class kind(BrokenVibrometer.kind):  # noqa: N801
+        def __init__(self, settings: Pdv100.Settings) -> None:
+            super().__init__(settings)
+            self.sensitivity *= 1000
+
+    breaks: ClassVar = {
+        "test_range_and_sensitivity_belong_together",
+        "test_signal_level_is_a_share",
+    }
+
+
+class TestForgetsItsDelay(BrokenVibrometer):
+    class kind(Pdv100):  # noqa: N801
+        def response(self, frequencies: FloatArray) -> ComplexArray:
+            return np.asarray(np.abs(super().response(frequencies)), dtype=np.complex128)
+
+        def signal_level(self) -> float:
+            return 87.0
+
+    breaks: ClassVar = {
+        "test_response_is_that_of_its_bandwidth_and_delay",
+        "test_signal_level_is_a_share",
+        "test_a_fault_is_one_error_in_time",
+    }
+
+
+class TestMultipliesByItsGain(AmplifierConformance):
+    class kind(E413):  # noqa: N801
+        def to_input(self, drive: FloatArray) -> FloatArray:
+            drive *= 50
+            return drive
+
+    breaks: ClassVar = {"test_input_is_the_drive_over_the_gain", "test_input_stays_within_a_dac"}
+
+    @pytest.fixture
+    def amplifier(self) -> Amplifier:
+        return self.kind(E413.Settings(input="amplifier"))
+
+
+class TestAnswersInWords(OperatorConformance):
+    class kind(OperatorTwin):  # noqa: N801
+        def confirm(self, request: Request) -> bool:
+            return "yes"  # type: ignore[return-value]
+
+    breaks: ClassVar = {"test_answers_yes_or_no"}
+
+    @pytest.fixture
+    def operator(self) -> Operator:
+        return self.kind(Console.Settings(), Plant(load_rig_file("simulated"), VirtualClock()))
+
+
+class TestIsOnWhenArmed(GeneratorConformance):
+    class kind(Keysight33500):  # noqa: N801
+        def arm(self) -> None:
+            super().arm()
+            self.trigger()
+
+    breaks: ClassVar = {"test_configuring_leaves_the_output_off", "test_plays_only_when_triggered_and_stops"}
+
+    @pytest.fixture
+    def generator(self) -> Generator:
+        plant: Any = SimpleNamespace(
+            clock=VirtualClock(), drive=lambda node, source: None, advance=lambda until: None
+        )
+        settings = self.kind.Settings(resource="TCPIP::127.0.0.1::5025::SOCKET", output="amplifier")
+        return self.kind(settings, plant.clock, DirectLine(Box(KEYSIGHT_33500, plant, "amplifier").answer))
+
+
+class TestOffersWhatNobodyKnows(TestMultipliesByItsGain):
+    capabilities = ("reopne",)
+    breaks: ClassVar = {name for name in dir(AmplifierConformance) if name.startswith("test_")}
+
+
+class TestAFaultThatNeverStrikes(BrokenVibrometer):
+    """The driver is right for another reason than the one that is tested."""
+
+    @contextmanager
+    def fault(self, kind: str) -> Iterator[Fired]:
+        yield SimpleNamespace(fired=0)
+
+    breaks: ClassVar = {"test_signal_level_is_a_share", "test_a_fault_is_one_error_in_time"}
+
+
+def broken() -> dict[str, set[str]]:
+    """What each class of this file must fail."""
+    return {name: kind.breaks for name, kind in globals().items() if name.startswith("Test")}
