@@ -31,7 +31,7 @@ from instruments import (
     Stream,
 )
 from instruments.arrays import FloatArray
-from instruments.rig import uninterrupted
+from instruments.signals import uninterrupted
 
 __all__ = ["Protocol", "record"]
 

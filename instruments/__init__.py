@@ -4,8 +4,10 @@ from instruments.amplifier import Amplifier
 from instruments.clock import Clock, RealClock
 from instruments.daq import Block, Capture, Daq, Stream
 from instruments.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
+from instruments.generator import Generator, Sweep
 from instruments.limits import Limits
 from instruments.operator import Aim, ConfirmSettings, Operator, Press, Request, Rest
+from instruments.player import Player
 from instruments.relay import Relay
 from instruments.rig import Rig, open_rig
 from instruments.rig_file import RigFile, load_rig_file
@@ -25,11 +27,13 @@ __all__ = [
     "DataError",
     "Divider",
     "ForceTorque",
+    "Generator",
     "HaploopError",
     "InstrumentError",
     "LimitError",
     "Limits",
     "Operator",
+    "Player",
     "Press",
     "RealClock",
     "Relay",
@@ -40,6 +44,7 @@ __all__ = [
     "Sensor",
     "Sensors",
     "Stream",
+    "Sweep",
     "Switch",
     "Vibrometer",
     "load_rig_file",

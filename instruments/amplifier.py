@@ -15,7 +15,7 @@ class Amplifier(ABC):
 
     identity: str
     input: str
-    """Name of the DAQ output that feeds it."""
+    """Name of the output that feeds it: the DAQ's, a player's or a generator's."""
 
     @abstractmethod
     def limits(self, patches: int) -> Limits:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
@@ -15,16 +14,20 @@ import numpy as np
 from pydantic import BaseModel
 
 import instruments
+from instruments.alignment import align, find
 from instruments.amplifier import Amplifier
 from instruments.arrays import FloatArray
 from instruments.clock import Clock, RealClock
 from instruments.daq import Block, Capture, Daq
 from instruments.errors import ConfigurationError, InstrumentError
+from instruments.generator import Generator, Sweep
 from instruments.limits import Limits
 from instruments.operator import ConfirmSettings, Operator
+from instruments.player import Player
 from instruments.relay import Relay
 from instruments.rig_file import Device, RigFile, SimulationSettings, Table, load_rig_file, validate
-from instruments.sensors import Sensors
+from instruments.sensors import Divider, Sensors
+from instruments.signals import uninterrupted
 from instruments.vibrometer import Vibrometer
 
 __all__ = ["Driver", "Mode", "Rig", "Simulation", "open_rig"]
@@ -33,6 +36,10 @@ Mode = Literal["twin", "wire"]
 Role = TypeVar("Role")
 _REST = 0.05
 """Seconds of zero drive before the relay switches: several time constants of the amplifier."""
+_SLACK = 0.5
+"""Seconds within which a generator has answered its trigger, and a block has come."""
+_EXCESS = 1.1
+"""Measured volts over the limit at which a play is stopped: more than the monitor's noise and gain."""
 
 
 class Driver(Protocol):
@@ -68,7 +75,7 @@ class Rig:
         self.simulation = simulation
         self.mode = mode
         self._roles: dict[str, Any] = {}
-        self._confirmed = False
+        self._confirmed: set[str] = set()
         self._stack = ExitStack()
 
     @property
@@ -114,6 +121,16 @@ class Rig:
         return self._role(Vibrometer)
 
     @property
+    def generator(self) -> Generator:
+        """The generator. Raises ConfigurationError for a rig that has none."""
+        return self._role(Generator)
+
+    @property
+    def player(self) -> Player:
+        """The player. Raises ConfigurationError for a rig that has none."""
+        return self._role(Player)
+
+    @property
     def operator(self) -> Operator:
         """The person at the rig, or their twin."""
         return self._role(Operator)
@@ -135,13 +152,18 @@ class Rig:
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
-        sentence = self.vibrometer.declared
-        if sentence and not self._confirmed and not self.operator.confirm(ConfirmSettings(sentence)):
-            raise InstrumentError(
-                f"The operator did not confirm the settings of the {self.vibrometer.identity}: "
-                "set them as the rig file says, or change the rig file."
-            )
-        self._confirmed = True
+        declared = {self.vibrometer.identity: self.vibrometer.declared}
+        if self._wired("player"):
+            declared[self.player.identity] = self.player.declared
+        for identity, sentence in declared.items():
+            if not sentence or sentence in self._confirmed:
+                continue
+            if not self.operator.confirm(ConfirmSettings(sentence)):
+                raise InstrumentError(
+                    f"The operator did not confirm the settings of the {identity}: "
+                    "set them as the rig file says, or change the rig file."
+                )
+            self._confirmed.add(sentence)
 
     def excite(
         self,
@@ -151,48 +173,109 @@ class Rig:
         tail: float = 0.0,
         progress: Callable[[float], None] = lambda _seconds: None,
     ) -> Capture:
-        """Play a drive into patches and record channels on the same clock.
+        """Play a drive into patches and record channels on the drive's own clock.
 
         `drive` is (samples,) V at the patch at the table's rate; recording goes on for `tail`
         seconds of zero drive. The drive is checked against every limit before anything is
         written; the relay connects exactly `patches` while the output rests at zero, and opens
         again before this returns or raises. `progress` is told the seconds of each block.
 
+        Whatever is wired to the amplifier's input plays: one of the DAQ's outputs, on the DAQ's
+        clock, or the player. A player begins when it likes, on a clock of its own; the capture is
+        then an `Aligned` one, moved to the drive's clock by what the drive monitor shows, and
+        stopped when that shows more volts than the limits allow.
+
         Raises LimitError, ConfigurationError, InstrumentError.
         """
         rate_hz = self.table.rate_hz
         self.limits_for(len(patches)).check(drive, rate_hz)
-        padded = np.concatenate([drive, np.zeros(max(1, round(tail * rate_hz)))])
-        play = {self.amplifier.input: self.amplifier.to_input(padded)}
+        count = len(drive) + max(1, round(tail * rate_hz))
+        volts = self.amplifier.to_input(np.pad(drive, (0, count - len(drive))))
+        if self._wired("player"):
+            return self._excite_by_player(drive, patches, channels, count, progress)
+        with (
+            self._connected(patches),
+            self.daq.stream(channels, rate_hz, self._block, count, {self.amplifier.input: volts}) as stream,
+        ):
+            return stream.capture(self._each(progress))
 
-        def each(block: Block) -> None:
-            self.relay.renew()
-            progress(block.volts.shape[1] / rate_hz)
+    def sweep(
+        self,
+        sweep: Sweep,
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float = 0.0,
+        progress: Callable[[float], None] = lambda _seconds: None,
+    ) -> Capture:
+        """Let the generator sweep patches, as the paper's did, and record channels meanwhile.
 
-        try:
-            self.daq.zero()
-            self.relay.connect(patches)
-            with self.daq.stream(channels, rate_hz, round(rate_hz / 10), len(padded), play) as stream:
-                return stream.capture(each)
-        finally:
-            # Zero first: the relay switches without voltage, and a patch is left without charge.
-            with uninterrupted():
-                self.make_safe()
+        `sweep.amplitude` is V peak at the patch here; the generator gets what that is at the
+        amplifier's input. Recording begins before the sweep and goes on for `tail` seconds after
+        it, in which the output is off. No clock is shared and nothing is aligned: the capture has
+        the sweep somewhere in it, and the drive monitor shows where.
+
+        Raises LimitError, ConfigurationError, InstrumentError.
+        """
+        rate_hz = self.table.rate_hz
+        if not self._wired("generator"):
+            raise ConfigurationError(
+                f"The generator of the rig {self.name!r} is wired to {self.generator.output!r}, and its "
+                f"amplifier's input is {self.amplifier.input!r}: give both the same name in the rig file."
+            )
+        pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
+        t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
+        volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
+        # A generator cannot fade its sweep out, nor take its mean off: what is checked of it ends with
+        # its last whole half wave.
+        whole = volts[: int(np.flatnonzero(np.diff(np.signbit(volts)))[-1]) + 1]
+        replace(self.limits_for(len(patches)), end=np.inf, mean=np.inf).check(whole, rate_hz)
+        peak = float(self.amplifier.to_input(np.array([sweep.amplitude]))[0])
+        self.generator.configure(replace(sweep, amplitude=peak))
+
+        triggered: list[float] = []
+        ended = False
+        each = self._each(progress)
+
+        def follow(block: Block) -> None:
+            nonlocal ended
+            each(block)
+            if not triggered:
+                self.generator.trigger()
+                triggered.append(self.clock.now())
+            elif not ended and self.clock.now() >= triggered[0] + sweep.duration:
+                self.generator.off()
+                ended = True
+
+        total = round((sweep.duration + tail + _SLACK) * rate_hz)
+        with self._connected(patches):
+            self.generator.arm()
+            with self.daq.stream(channels, rate_hz, self._block, total) as stream:
+                capture = stream.capture(follow)
+        if not ended:
+            raise InstrumentError(
+                f"The sweep of the {self.generator.identity} had not ended when recording ended: it was too "
+                "late to follow its trigger. Try again, and check its cable."
+            )
+        return capture
 
     def make_safe(self) -> None:
-        """Output to zero, then every relay channel open, read back. Idempotent.
+        """Nothing plays, outputs at zero, then every relay channel open, read back. Idempotent.
 
-        Both are tried whatever the first one does. Raises InstrumentError when either failed.
+        Everything is tried whatever the others do. Raises InstrumentError when any failed.
         """
         failures = []
-        steps: list[Callable[[], object]] = []
-        if "daq" in self._roles:
-            steps += [self.daq.zero, lambda: self.clock.sleep(_REST if "relay" in self._roles else 0)]
-        if "relay" in self._roles:
-            steps.append(lambda: self.relay.connect(()))
-        for step in steps:
+        steps: tuple[tuple[str, Callable[[Any], object]], ...] = (
+            ("player", lambda player: player.stop()),
+            ("daq", lambda daq: daq.zero()),
+            ("generator", lambda generator: generator.off()),
+            ("relay", lambda _: self.clock.sleep(_REST)),
+            ("relay", lambda relay: relay.connect(())),
+        )
+        for role, step in steps:
+            if role not in self._roles:
+                continue
             try:
-                step()
+                step(self._roles[role])
             except Exception as error:
                 failures.append(error)
         if failures:
@@ -214,6 +297,85 @@ class Rig:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _excite_by_player(
+        self,
+        drive: FloatArray,
+        patches: Collection[str],
+        channels: Sequence[str],
+        count: int,
+        progress: Callable[[float], None],
+    ) -> Capture:
+        rate_hz, monitor = self.table.rate_hz, self._monitor()
+        recorded = (*channels, *({monitor.channels[0]} - set(channels)))
+        row = recorded.index(monitor.channels[0])
+        total = count + round(self.player.room * rate_hz)
+        with (
+            self._connected(patches),
+            self.daq.stream(recorded, rate_hz, self._block, total) as stream,
+            self.player.play(self.amplifier.to_input(drive), rate_hz),
+        ):
+            capture = stream.capture(self._each(progress, row))
+        if drive.any():
+            measured = monitor.to_si(capture.volts[[row]])[0]
+            delay = float(capture.delays[row])
+            capture = align(capture, find(measured, drive, rate_hz, delay, self.player.response), count)
+        rows = [recorded.index(channel) for channel in channels]
+        return replace(
+            capture,
+            channels=tuple(channels),
+            volts=capture.volts[rows, :count],
+            delays=capture.delays[rows],
+            overload=capture.overload[rows],
+        )
+
+    @property
+    def _block(self) -> int:
+        return round(self.table.rate_hz / 10)
+
+    @contextmanager
+    def _connected(self, patches: Collection[str]) -> Iterator[None]:
+        """Exactly these patches, with nothing played before, and the safe state after."""
+        try:
+            self.daq.zero()
+            self.relay.connect(patches)
+            yield
+        finally:
+            # Zero first: the relay switches without voltage, and a patch is left without charge.
+            with uninterrupted():
+                self.make_safe()
+
+    def _each(self, progress: Callable[[float], None], monitor: int | None = None) -> Callable[[Block], None]:
+        """What is done with every block: the relay's dead man, and who waits, are told.
+
+        With the row of the drive `monitor`, more volts than the limits allow are an InstrumentError.
+        """
+        most = _EXCESS * max(self.limits.high, -self.limits.low)
+
+        def each(block: Block) -> None:
+            self.relay.renew()
+            if monitor is not None:
+                seen = float(np.abs(self._monitor().to_si(block.volts[[monitor]])).max())
+                if seen > most:
+                    raise InstrumentError(
+                        f"The patch got {seen:.1f} V, and the rig's limit is {most / _EXCESS:.1f} V: the "
+                        "play was stopped. Check the player's volume, and its 'volts_per_full_scale'."
+                    )
+            progress(block.volts.shape[1] / self.table.rate_hz)
+
+        return each
+
+    def _wired(self, role: Literal["player", "generator"]) -> bool:
+        """Whether that is what feeds the amplifier."""
+        return role in self._roles and self._roles[role].output == self.amplifier.input
+
+    def _monitor(self) -> Divider:
+        if self.file.sensors.drive is None:
+            raise ConfigurationError(
+                f"The rig {self.name!r} has a player and no [sensors.drive]: what a player plays is known "
+                "only by what is measured of it, so wire the drive to a channel of the DAQ."
+            )
+        return self.file.sensors.drive
 
     def _role(self, kind: type[Role]) -> Role:
         name = kind.__name__.lower()
@@ -253,6 +415,8 @@ _ROLES: dict[str, type[Any]] = {
     "amplifier": Amplifier,
     "relay": Relay,
     "vibrometer": Vibrometer,
+    "generator": Generator,
+    "player": Player,
     "operator": Operator,
 }
 
@@ -287,28 +451,6 @@ def open_rig(
         opened.close()
         raise
     return opened
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Let no Ctrl-C or SIGTERM cut short what brings the rig to its safe state.
-
-    A signal that arrives meanwhile is delivered once at the end. Only the main thread sees
-    signals; in any other thread this does nothing.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    arrived: list[int] = []
-    kinds = (signal.SIGINT, signal.SIGTERM)
-    before = {kind: signal.signal(kind, lambda number, _frame: arrived.append(number)) for kind in kinds}
-    try:
-        yield
-    finally:
-        for kind, handler in before.items():
-            signal.signal(kind, handler)
-        if arrived:
-            signal.raise_signal(arrived[0])
 
 
 def _check_import_name() -> None:

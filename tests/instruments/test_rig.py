@@ -4,12 +4,14 @@ import signal
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from instruments import ConfigurationError, InstrumentError, LimitError, Rig, open_rig
+from instruments.generator import Sweep
 from tests.conftest import OpenRig
 
 
@@ -111,7 +113,6 @@ def test_signals_during_clean_up_do_not_cut_it_short(tmp_path: Path, kind: signa
         textwrap.dedent(f"""
         import os
         from instruments import open_rig
-        from instruments.rig import uninterrupted
         with open_rig("simulated") as rig:
             rig.relay.connect(["A"])
             close = rig.relay.connect
@@ -130,3 +131,103 @@ def test_signals_during_clean_up_do_not_cut_it_short(tmp_path: Path, kind: signa
     )
     done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True, timeout=60)
     assert done.stdout.splitlines() == (["[]"] if kind is signal.SIGINT else [])
+
+
+# A generator at the amplifier's input
+
+
+SWEEP = Sweep(start_hz=1, stop_hz=625, duration=1.0, amplitude=40)  # V at the patch
+
+
+@pytest.fixture
+def swept(open: OpenRig, tmp_path: Path) -> Rig:
+    file = tmp_path / "generator.toml"
+    file.write_text(
+        textwrap.dedent("""
+        base = "simulated"
+        [amplifier]
+        input = "generator"
+        [generator]
+        driver = "keysight-33500"
+        resource = "TCPIP::127.0.0.1::5025::SOCKET"
+        output = "generator"
+        """)
+    )
+    return open(str(file))
+
+
+@pytest.mark.requires("simulation")
+def test_a_generator_sweeps_a_patch_while_the_daq_records(swept: Rig) -> None:
+    capture = swept.sweep(SWEEP, ["A"], ["drive", "laser"], tail=0.2)
+    assert capture.volts.shape == (2, round(1.7 * swept.table.rate_hz))
+    drive = capture.volts[0] * 100
+    assert np.abs(drive).max() == pytest.approx(40, rel=0.02)
+    assert np.abs(capture.volts[1]).max() > 0.1
+    # Zeros that are crossed faster than 0.5 V a sample are those above 99.5 Hz, at a pace of 624 Hz/s.
+    crossed = np.diff(np.signbit(drive)) & (np.abs(np.diff(drive)) > 0.5)
+    assert crossed.sum() == pytest.approx((625**2 - 99.5**2) / 624, abs=2)
+    assert np.abs(drive[: round(0.09 * swept.table.rate_hz)]).max() < 0.1  # recording began before it
+    assert not swept.generator.is_on
+    assert_safe(swept)
+
+
+@pytest.mark.requires("simulation")
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_an_interrupted_sweep_leaves_the_rig_safe(swept: Rig, error: type[BaseException]) -> None:
+    def interrupt(seconds: float) -> None:
+        if swept.generator.is_on:
+            assert swept.simulation.truth.closed == {"A"}
+            raise error
+
+    with pytest.raises(error):
+        swept.sweep(SWEEP, ["A"], ["drive"], progress=interrupt)
+    assert not swept.generator.is_on
+    assert_safe(swept)
+
+
+@pytest.mark.requires("simulation")
+def test_a_sweep_beyond_a_limit_is_refused_before_anything_is_set(swept: Rig) -> None:
+    with pytest.raises(LimitError, match="falls to -60"):
+        swept.sweep(replace(SWEEP, amplitude=60), ["A"], ["drive"])
+    with pytest.raises(LimitError, match="slews at"):
+        swept.sweep(replace(SWEEP, stop_hz=10_000), ["A", "B", "C", "D"], ["drive"])
+    assert swept.simulation.truth.peak == 0 and not swept.generator.is_on
+
+
+@pytest.mark.requires("simulation")
+def test_the_generator_is_off_before_the_relay_opens_whatever_else_fails(
+    swept: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[str] = []
+    off, connect = swept.generator.off, swept.relay.connect
+    swept.relay.connect(["A"])
+    swept.generator.configure(replace(SWEEP, amplitude=0.8))
+    swept.generator.arm()
+    swept.generator.trigger()
+
+    def dead() -> None:
+        raise InstrumentError("the card is gone.")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(swept.daq, "zero", dead)
+        patch.setattr(swept.generator, "off", lambda: (order.append("off"), off())[1])
+        patch.setattr(swept.relay, "connect", lambda p: (order.append("open"), connect(p))[1])
+        with pytest.raises(InstrumentError, match="safe state was not confirmed: the card is gone"):
+            swept.make_safe()
+    assert order == ["off", "open"] and not swept.generator.is_on
+    assert_safe(swept)
+
+
+@pytest.mark.requires("simulation")
+def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open: OpenRig, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"no \[generator\]"):
+        open().sweep(SWEEP, ["A"], ["drive"])
+    (tmp_path / "apart.toml").write_text(
+        'base = "simulated"\n[generator]\ndriver = "rigol-dg1000z"\n'
+        'resource = "TCPIP::127.0.0.1::5555::SOCKET"\noutput = "elsewhere"\n'
+    )
+    rig = open(str(tmp_path / "apart.toml"))
+    with pytest.raises(ConfigurationError, match="wired to 'elsewhere', and its amplifier's input is"):
+        rig.sweep(SWEEP, ["A"], ["drive"])
+    # What is wired to the amplifier is the DAQ, and plays.
+    assert np.abs(rig.excite(tone(rig), ["A"], ["drive"]).volts).max() == pytest.approx(0.4, rel=0.02)
