@@ -1,4 +1,4 @@
-"""The command line: `haploop demo`, `record`, `show`, `calibrate`, `check`, `twin`.
+"""The command line: `haploop demo`, `record`, `show`, `calibrate`, `check`, `doctor`, `schema`, `twin`.
 
 Exit codes: 0 done and passed; 1 done, and what was measured is out of tolerance; 2 the request or
 the configuration is wrong; 3 an instrument failed; 130 or 143 stopped by Ctrl-C or SIGTERM. What
@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from haploop.serve import twin
 from instruments import HaploopError
 
 if TYPE_CHECKING:
-    from instruments import Rig
+    from instruments import Rig, RigFile
     from instruments.rig import Mode
 
 __all__ = ["cli", "main"]
@@ -328,36 +329,51 @@ def check(
     return 0 if result.passed else 1
 
 
-@cli.group(no_args_is_help=True)
-def twin() -> None:
-    """Serve simulated instruments to other programs."""
+@cli.command()
+@click.option(
+    "--mass",
+    type=click.FloatRange(0.05, 10),
+    default=0.5,
+    show_default=True,
+    metavar="KG",
+    help="Known mass, to be put on the force sensor when asked.",
+)
+@_RIG
+@_SIMULATE
+@_JSON
+@click.pass_obj
+def doctor(session: _Session, mass: float, rig: str, simulate: Mode | None, as_json: bool) -> int:
+    """Look at each instrument of a rig: is it there, wired and set as the rig file says?
 
-
-@twin.command()
-@click.option("--port", type=click.IntRange(0, 65535), default=0, show_default=True, help="0: any free one.")
-@click.option("--rig", "-r", metavar="FILE", help="Serve the devices of this rig.  [default: simulated]")
-@click.option("--devices", type=_PATH, metavar="FILE.ini", help="Serve those of a text export of NI MAX.")
-def ni(port: int, rig: str | None, devices: Path | None) -> None:
-    """Simulated NI-DAQmx devices, for any program that uses nidaqmx over gRPC.
-
-    The first line on standard output is "Server listening on port N". Ctrl-C ends it.
+    Exit codes: 0 nothing is red, 1 something is, 3 an instrument cannot be opened.
     """
-    from instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
-    from mocks.ni import inventory_from_file, inventory_of, run  # noqa: PLC0415
+    from haploop import doctor as diagnosis  # noqa: PLC0415
+    from haploop.console import Steps  # noqa: PLC0415
+    from instruments import load_rig_file  # noqa: PLC0415
 
-    if devices is not None and rig is not None:
-        raise click.UsageError("--rig and --devices both name devices: give one of them.")
-    if devices is not None:
-        inventory = inventory_from_file(devices)
-    else:
-        file = load_rig_file(rig or "simulated")
-        named = file.daq.settings.get("devices")
-        if file.daq.driver != "ni-daqmx" or not named:
-            raise ConfigurationError(
-                f"The rig {file.name!r} names no NI devices in [daq]: name another rig, or give --devices."
-            )
-        inventory = inventory_of(named)
-    run(inventory, port)
+    file = load_rig_file(rig)
+    missing = False
+    try:
+        with _rig(session, file, simulate) as opened, Steps() as steps:
+            findings = diagnosis.examine(opened, mass, steps)
+    except HaploopError as error:
+        # Once it is open, only a safe state that was not reached comes here: that is the message.
+        if session.rig_opened:
+            raise
+        findings, missing = diagnosis.find_each(file, simulate, error), True
+    diagnosis.tell(findings, file.name, as_json)
+    if missing:
+        return 3
+    return int(any(finding.status == "red" for finding in findings))
+
+
+@cli.command()
+def schema() -> None:
+    """Print the JSON schema of rig files, for editors."""
+    from haploop.console import print_json  # noqa: PLC0415
+    from instruments.rig_schema import rig_schema  # noqa: PLC0415
+
+    print_json(rig_schema())
 
 
 def _kind(simulated: bool) -> str:
@@ -385,7 +401,7 @@ def _new_file(path: Path) -> None:
 
 
 @contextmanager
-def _rig(session: _Session, rig: str, simulate: Mode | None) -> Iterator[Rig]:
+def _rig(session: _Session, rig: str | RigFile, simulate: Mode | None) -> Iterator[Rig]:
     """The rig, opened; says so when it is simulated."""
     from haploop.console import note  # noqa: PLC0415
     from instruments import open_rig  # noqa: PLC0415
@@ -396,6 +412,9 @@ def _rig(session: _Session, rig: str, simulate: Mode | None) -> Iterator[Rig]:
             seed = opened.file.simulation.seed
             note(f"Everything here is simulated ({opened.mode}, seed {seed}).")
         yield opened
+
+
+cli.add_command(twin)
 
 
 def main() -> None:

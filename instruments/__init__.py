@@ -6,7 +6,7 @@ from instruments.daq import Block, Capture, Daq, Stream
 from instruments.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
 from instruments.generator import Generator, Sweep
 from instruments.limits import Limits
-from instruments.operator import Aim, ConfirmSettings, Operator, Press, Request, Rest
+from instruments.operator import Aim, ConfirmSettings, Operator, Place, Press, Remove, Request, Rest
 from instruments.player import Player
 from instruments.relay import Relay
 from instruments.rig import Rig, open_rig
@@ -33,10 +33,12 @@ __all__ = [
     "LimitError",
     "Limits",
     "Operator",
+    "Place",
     "Player",
     "Press",
     "RealClock",
     "Relay",
+    "Remove",
     "Request",
     "Rest",
     "Rig",

@@ -111,6 +111,8 @@ class Daq(ABC):
 
     identity: str
     """Product names and serial numbers, as the cards themselves report them."""
+    simulated = False
+    """Whether a card says of itself that it is a simulated one."""
 
     @abstractmethod
     def stream(

@@ -43,8 +43,17 @@ _LATE = 5.0
 """Seconds that a block may be late before it counts as lost."""
 _CONNECT = 10.0
 """Seconds that a device server may take to answer."""
+_SILENCE = 15.0
+"""Seconds in which a device server must have answered a call; a read waits for its block as well."""
 _APART = 0.5
 """Seconds of samples by which two cards on one clock may seem apart: they hand over in portions."""
+
+
+class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
+    """nidaqmx sets no deadline on its calls: a server that falls silent would be waited for ever."""
+
+    def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+        return continuation(details._replace(timeout=_SILENCE), request)
 
 
 class _Section(BaseModel):
@@ -75,6 +84,7 @@ class _Card:
     name: str
     product: str
     serial: int
+    simulated: bool
     home: str
     """Whose clocks its tasks run on: the card's own, or the chassis of a module."""
     simultaneous: bool
@@ -101,6 +111,7 @@ class NiDaq(Daq):
         self._channel = channel
         self._streams: list[_NiStream] = []
         self._cards = self._find_cards()
+        self.simulated = any(card.simulated for card in self._cards.values())
         self.identity = " + ".join(
             f"{card.product} ({card.name}, serial {card.serial:X})" for card in self._cards.values()
         )
@@ -114,12 +125,13 @@ class NiDaq(Daq):
         """
         if settings.server is None:
             return cls(settings, {}, None)
-        channel = grpc.insecure_channel(
+        plain = grpc.insecure_channel(
             settings.server,
             options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)],
         )
+        channel = grpc.intercept_channel(plain, _Deadline())
         try:
-            grpc.channel_ready_future(channel).result(timeout=_CONNECT)
+            grpc.channel_ready_future(plain).result(timeout=_CONNECT)
         except grpc.FutureTimeoutError:
             channel.close()
             raise InstrumentError(
@@ -442,6 +454,7 @@ def _card(device: Any, name: str) -> _Card:
         name=name,
         product=str(device.product_type),
         serial=int(device.serial_num),
+        simulated=bool(device.is_simulated),
         home=str(device.compact_daq_chassis_device.name) if module else name,
         simultaneous=bool(device.ai_simultaneous_sampling_supported),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-__all__ = ["Aim", "ConfirmSettings", "Operator", "Press", "Request", "Rest"]
+__all__ = ["Aim", "ConfirmSettings", "Operator", "Place", "Press", "Remove", "Request", "Rest"]
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,25 @@ class ConfirmSettings:
         return self.sentence
 
 
-Request = Press | Rest | Aim | ConfirmSettings
+@dataclass(frozen=True)
+class Place:
+    """Put a known mass (kg) on the force sensor, where the button stands."""
+
+    mass: float
+
+    def __str__(self) -> str:
+        return f"Place a mass of {self.mass:g} kg on the force sensor, in its middle, and let go."
+
+
+@dataclass(frozen=True)
+class Remove:
+    """Take away what `Place` asked for."""
+
+    def __str__(self) -> str:
+        return "Take the mass off the force sensor."
+
+
+Request = Press | Rest | Aim | ConfirmSettings | Place | Remove
 
 
 class Operator(ABC):

@@ -85,8 +85,8 @@ class Rig:
 
     @property
     def simulated(self) -> bool:
-        """Whether anything that this rig measures is simulated."""
-        return self.simulation is not None
+        """Whether anything that this rig measures is simulated, as far as its cards tell."""
+        return self.simulation is not None or self.daq.simulated
 
     @property
     def sensors(self) -> Sensors:

@@ -4,21 +4,41 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from importlib import resources
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib import metadata, resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from pydantic_core import ErrorDetails
 
 from instruments.errors import ConfigurationError
 from instruments.limits import Limits
 from instruments.sensors import Sensors
+from instruments.toml_lines import Location, key_lines
 
-__all__ = ["Device", "RigFile", "SimulationSettings", "Table", "load_rig_file", "validate"]
+__all__ = [
+    "ROLES",
+    "Device",
+    "RigFile",
+    "SimulationSettings",
+    "Table",
+    "fault_kinds",
+    "load_rig_file",
+    "validate",
+    "validate_kind",
+]
+
+ROLES = ("daq", "amplifier", "relay", "vibrometer", "generator", "player", "operator")
+"""The tables of a rig file that name a driver."""
+
+_Places = tuple[str, dict[Location, int]]
 
 Model = TypeVar("Model", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class _Section(BaseModel):
@@ -51,6 +71,25 @@ class Table(_Section):
     rate_hz: Positive = 50_000.0
     """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
     the drive lie far above the table's band."""
+    patch_places: dict[str, tuple[Fraction, Fraction]] = {}
+    """Where patches are, as fractions of the table's width and height from its first grid point's
+    corner: with them `haploop doctor` can tell whether the relay's channels are swapped."""
+
+    @field_validator("patch_places")
+    @classmethod
+    def _known(
+        cls, places: dict[str, tuple[float, float]], info: ValidationInfo
+    ) -> dict[str, tuple[float, float]]:
+        unknown = sorted(set(places) - set(info.data.get("patches", places)))
+        if unknown:
+            raise ValueError(f"there is no patch {unknown[0]!r} in patches")
+        return places
+
+    def nearest(self, place: tuple[float, float]) -> int:
+        """Number of the grid point nearest to a place (fractions of width and height)."""
+        column = min(int(place[0] * self.columns), self.columns - 1)
+        row = min(int(place[1] * self.rows), self.rows - 1)
+        return row * self.columns + column
 
 
 class DriveLimits(_Section):
@@ -81,6 +120,8 @@ class SimulationSettings(_Section):
     """Width of the patches' loop over its height; 10 to 15 % is an estimate (hardware.md, section 13)."""
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
+    faults: tuple[dict[str, Any], ...] = ()
+    """What goes wrong in the plant, a table each: its `kind`, and what that kind takes (docs/faults.md)."""
 
 
 class RigFile(_Section):
@@ -95,6 +136,8 @@ class RigFile(_Section):
     amplifier: Device | None = None
     relay: Device | None = None
     vibrometer: Device | None = None
+    generator: Device | None = None
+    player: Device | None = None
     operator: Device = Device(driver="console")
     table: Table | None = None
     sensors: Sensors = Sensors()
@@ -107,13 +150,26 @@ def load_rig_file(path: str | Path) -> RigFile:
 
     A file with `base = "NAME"` says only how it differs from another rig file (a path beside it,
     or the bare name of a shipped rig). A file that holds nothing but `[simulation]` is the
-    simulated rig with another plant.
-    Raises ConfigurationError, which names the file, the key, and what was expected.
+    simulated rig with another plant. Settings of instruments are validated by their drivers, where
+    these are installed.
+    Raises ConfigurationError, which names the file, the line, the key, and what was expected.
     """
-    return validate(RigFile, _raw(Path(path), ()), str(path))
+    raw, places = _raw(Path(path), ())
+    where = partial(_place, places)
+    file = validate(RigFile, raw, where)
+    drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
+    for role in ROLES:
+        device = getattr(file, role)
+        if device is not None and device.driver in drivers:
+            driver = drivers[device.driver].load()
+            validate(driver.Settings, device.settings, where, (role,))
+    for index, fault in enumerate(file.simulation.faults):
+        validate_kind(fault_kinds(), fault, where, ("simulation", "faults", index))
+    return file
 
 
-def _raw(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
+def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[_Places]]:
+    """A file over its bases, and where the keys of each of them stand, its own first."""
     if path in above:
         raise ConfigurationError(f"{above[-1]}: the base {path} builds on this file itself.")
     text = _read(path)
@@ -121,27 +177,75 @@ def _raw(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
+    places = (str(path), key_lines(text))
     base = "simulated" if set(raw) == {"simulation"} else raw.pop("base", None)
     if base is None:
-        return raw
+        return raw, [places]
     if not isinstance(base, str):
         raise ConfigurationError(f"{path}: base must be the name of another rig file (found {base!r}).")
     beside = path.parent / base
-    return _merged(_raw(beside if beside.is_file() else Path(base), (*above, path)), raw)
+    below, others = _raw(beside if beside.is_file() else Path(base), (*above, path))
+    return _merged(below, raw), [places, *others]
+
+
+def _place(files: list[_Places], key: Location) -> str:
+    """The file and the line at which a key stands, or the nearest table above it."""
+    for length in range(len(key), 0, -1):
+        for path, lines in files:
+            if key[:length] in lines:
+                return f"{path}, line {lines[key[:length]]}"
+    return files[0][0]
 
 
 def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """`own` over `base`, table by table."""
-    both = {k: _merged(base[k], v) for k, v in own.items() if isinstance(v, dict) and k in base}
+    """`own` over `base`, table by table; another driver takes nothing over from the base's."""
+    both = {
+        key: _merged(base[key], value)
+        for key, value in own.items()
+        if isinstance(value, dict)
+        and isinstance(base.get(key), dict)
+        and value.get("driver") in (None, base[key].get("driver"))
+    }
     return {**base, **own, **both}
 
 
-def validate(model: type[Model], raw: object, source: str) -> Model:
-    """`raw` as a `model`; the first thing that is wrong becomes one ConfigurationError sentence."""
+def validate(
+    model: type[Model], raw: object, source: str | Callable[[Location], str], above: Location = ()
+) -> Model:
+    """`raw` as a `model`; the first thing that is wrong becomes one ConfigurationError sentence.
+
+    `source` says where the values come from, or gives that for a key; `above` leads from there to `raw`.
+    """
     try:
         return model.model_validate(raw)
     except ValidationError as error:
-        raise ConfigurationError(_sentence(error, model, source)) from None
+        # Of a misspelt key, not that the right one is missing.
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+        place = source if isinstance(source, str) else source((*above, *first["loc"]))
+        raise ConfigurationError(_sentence(first, model, place, above)) from None
+
+
+def validate_kind(
+    kinds: Mapping[str, type[Model]],
+    raw: Mapping[str, Any],
+    source: str | Callable[[Location], str],
+    above: Location = (),
+) -> Model:
+    """As `validate`, with the model that the key `kind` chooses among `kinds`."""
+    kind = str(raw.get("kind"))
+    if kind not in kinds:
+        near = difflib.get_close_matches(kind, kinds, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(sorted(kinds))}."
+        place = source if isinstance(source, str) else source((*above, "kind"))
+        raise ConfigurationError(f"{place}: there is no fault of the kind {kind!r}; {hint}")
+    return validate(kinds[kind], raw, source, above)
+
+
+def fault_kinds() -> Mapping[str, type[BaseModel]]:
+    """What can go wrong in the installed plant: the settings of each kind of fault."""
+    (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
+    kinds: Mapping[str, type[BaseModel]] = entry.load().fault_kinds
+    return kinds
 
 
 def _read(path: Path) -> str:
@@ -167,26 +271,26 @@ def _shipped(name: str) -> str:
     return (resources.files("rigs") / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def _sentence(error: ValidationError, model: type[BaseModel], source: str) -> str:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
+def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Location) -> str:
+    key = ".".join(str(part) for part in (*above, *first["loc"]))
     if first["type"] == "extra_forbidden":
         known = _keys_at(model, first["loc"][:-1])
         near = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(sorted(known))}."
-        return f"{source}: unknown key {key!r}; {hint}"
+        return f"{place}: unknown key {key!r}; {hint}"
     if first["type"] == "missing":
-        return f"{source}: the key {key!r} is missing."
+        return f"{place}: the key {key!r} is missing."
     message = first["msg"][:1].lower() + first["msg"][1:]
-    return f"{source}: {key or 'the file'}: {message} (found {first['input']!r})."
+    return f"{place}: {key or 'the file'}: {message} (found {first['input']!r})."
 
 
-def _keys_at(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    for part in location:
-        field = model.model_fields.get(str(part))
-        kinds = [field.annotation, *getattr(field.annotation, "__args__", ())] if field else []
-        inner = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
-        if not inner:
-            return []
-        model = inner[0]
-    return list(model.model_fields)
+def _keys_at(kind: Any, location: Location) -> list[str]:
+    """The keys that a table may have, `location` below a model or another annotation."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        if not location:
+            return list(kind.model_fields)
+        field = kind.model_fields.get(str(location[0]))
+        return _keys_at(field.annotation, location[1:]) if field else []
+    # A mapping or a sequence takes one step down, a union none.
+    step = int(get_origin(kind) in (dict, tuple, list))
+    return [key for inner in get_args(kind) for key in _keys_at(inner, location[step:])]

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import groupby
 
 import numpy as np
+from nidaqmx.errors import DaqError
 
 from instruments.arrays import FloatArray
 from instruments.daq import Block, Daq, Stream
-from instruments.errors import ConfigurationError, LimitError
+from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.ni_daqmx import NiDaq
+from instruments.ni_errors import translated
 from mocks.converter import convert, noise_of
+from mocks.ni.errors import DaqmxError, DAQmxErrors
 from mocks.nodes import Run
 from mocks.plant import Plant
 from mocks.products import PRODUCTS, Product, convert_interval
@@ -19,6 +23,8 @@ from mocks.products import PRODUCTS, Product, convert_interval
 __all__ = ["DaqTwin"]
 
 
+_APART = 0.5
+"""Seconds of samples by which the driver lets two cards seem apart."""
 _HELD = 1.0
 """Period (s) of a run of one value: any, for the value is held until the next run."""
 
@@ -70,6 +76,7 @@ class DaqTwin(Daq):
     ) -> Stream:
         """See `Daq.stream`."""
         self._refuse(channels, rate_hz, play or {})
+        self._refuse_apart(channels)
         devices: list[_Device] = []
         known = self._settings.channels
         for name, product in self._products.items():
@@ -80,7 +87,7 @@ class DaqTwin(Daq):
                 ranges = np.array([known[c].range for c in mine])
                 interval = convert_interval(product, rate_hz, len(mine))
                 delays = np.arange(len(mine), dtype=np.float64) * interval
-                devices.append(_Device(product, tuple(mine), ranges, delays, noise))
+                devices.append(_Device(name, product, tuple(mine), ranges, delays, noise))
         start = self._plant.clock.now()
         for name, volts in (play or {}).items():
             self._outputs[name].play(Run(start, 1 / rate_hz, volts))
@@ -122,19 +129,28 @@ class DaqTwin(Daq):
                     f"+-{outputs[name].range:g} V or is not finite."
                 )
 
+    def _refuse_apart(self, channels: Sequence[str]) -> None:
+        """Cards are joined by a cable, or they are not sampled together."""
+        used = {self._settings.channels[channel].terminal.split("/")[0] for channel in channels}
+        if len(used) > 1 and not self._plant.has_rtsi():
+            first = next(device for device in self._products if device in used)
+            with translated(first, None):
+                raise DaqError("", DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING.value)
+
 
 class _Device:
     """One card's share of a stream."""
 
     def __init__(
         self,
+        name: str,
         product: Product,
         channels: tuple[str, ...],
         ranges: FloatArray,
         delays: FloatArray,
         noise: np.random.Generator,
     ) -> None:
-        self.product, self.channels, self.ranges = product, channels, ranges
+        self.name, self.product, self.channels, self.ranges = name, product, channels, ranges
         self.delays, self.noise = delays, noise
 
 
@@ -171,21 +187,46 @@ class _TwinStream(Stream):
             clock.sleep(edges[-1] + self.delays.max() - clock.now())
             volts, overload = [], []
             for device in self._devices:
-                rows = [
-                    self._plant.read(channel, edges + delay)
-                    for channel, delay in zip(device.channels, device.delays, strict=True)
-                ]
+                with translated(device.name, None), _as_driver():
+                    rows = [
+                        self._plant.read(channel, edges + delay)
+                        for channel, delay in zip(device.channels, device.delays, strict=True)
+                    ]
                 converted = convert(np.array(rows), device.ranges, device.product, device.noise)
                 volts.append(converted[0])
                 overload.append(converted[1])
+            if self._samples is None:
+                self._refuse_drift(edges[-1])
             yield Block(first, np.concatenate(volts)[self._rows], np.concatenate(overload)[self._rows])
             first += count
+
+    def _refuse_drift(self, now: float) -> None:
+        """As the driver does: cards on one clock have sampled equally often."""
+        counts = {}
+        for device in self._devices:
+            begin, end = self._plant.lateness(device.name, np.array([self._start, now]))
+            counts[device.name] = round((now - self._start - (end - begin)) * self.rate_hz)
+        fewest, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
+        if counts[most] - counts[fewest] > max(_APART * self.rate_hz, 2 * self._block):
+            raise InstrumentError(
+                f"{fewest} has taken {counts[fewest]} samples and {most} {counts[most]}: they do not "
+                "run on one clock. Check the RTSI cable."
+            )
 
     def close(self) -> None:
         """See `Stream.close`."""
         if self._open:
             self._open = False
             self._daq.zero()
+
+
+@contextmanager
+def _as_driver() -> Iterator[None]:
+    """What the plant says in a wire's words, as NI's library would raise it."""
+    try:
+        yield
+    except DaqmxError as error:
+        raise DaqError(str(error), error.code) from None
 
 
 def _product(device: str, name: str) -> Product:

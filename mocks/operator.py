@@ -4,25 +4,35 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
-from instruments.operator import Aim, Operator, Press, Request
+from instruments.operator import Aim, ConfirmSettings, Operator, Place, Press, Remove, Request, Rest
 from mocks.plant import Plant
 
 __all__ = ["OperatorTwin"]
 
 
 class OperatorTwin(Operator):
-    """Presses when told to, aims where told to, and has set every instrument as the rig file says."""
+    """Does what it is told, and says truthfully whether the instruments are set as the rig file says."""
 
     def __init__(self, settings: BaseModel, plant: Plant) -> None:
         self._plant = plant
 
     def tell(self, request: Request) -> None:
         """See `Operator.tell`."""
-        if isinstance(request, Press):
-            self._plant.press(request)
+        self.confirm(request)
 
     def confirm(self, request: Request) -> bool:
         """See `Operator.confirm`."""
-        if isinstance(request, Aim):
-            self._plant.aim(request.point)
+        match request:
+            case Press():
+                self._plant.press(request)
+            case Aim():
+                self._plant.aim(request.point)
+            case Place():
+                self._plant.put(request.mass)
+            case Remove():
+                self._plant.put(0.0)
+            case ConfirmSettings():
+                return self._plant.set_as_filed
+            case Rest():
+                pass
         return True

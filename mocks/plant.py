@@ -10,26 +10,47 @@ from __future__ import annotations
 import threading
 import zlib
 from bisect import insort
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from instruments.arrays import ComplexArray, FloatArray
+from instruments.arrays import FloatArray
 from instruments.clock import Clock
 from instruments.operator import Press
 from instruments.rig_file import RigFile
 from instruments.rig_file import Table as TableSection
 from instruments.sensors import low_pass
 from mocks.buttons import ButtonPress, Finger, button_named, latest, press_button
-from mocks.nodes import Source
-from mocks.table import MAIN, Table, make_plate
+from mocks.faults import (
+    AccelerometerInverted,
+    AmplifierGain,
+    AmplifierTrip,
+    ClockDrift,
+    DaqOverflow,
+    DaqOverrun,
+    Faults,
+    ForceCalibration,
+    LaserBlocked,
+    LaserDropout,
+    PatchDead,
+    RelaySwapped,
+    RtsiMissing,
+    SensorDisconnected,
+    SensorSaturated,
+    VibrometerRange,
+    box_faults,
+)
+from mocks.nodes import Run, Source
+from mocks.relay import BoxFault
+from mocks.table import Table, make_plate
+from mocks.truth import Truth
 
-__all__ = ["LaserHead", "Plant", "Truth"]
+__all__ = ["LaserHead", "Plant"]
 
 GRAVITY = 9.80665
-AMPLIFIER_GAIN_ERROR = 0.01
+AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01
 AMPLIFIER_LOW, AMPLIFIER_HIGH = -100.0, 400.0
 FORCE_NOISE = 0.03
 """N sd of Fz: measured on a real Mini40 (found; hardware.md, section 6)."""
@@ -44,6 +65,10 @@ CONTACT = 5.0
 """V across a closed contact."""
 VIBROMETER_NOISE = 0.02e-6
 """m/s per sqrt(Hz) of the 20 mm/s range (estimate; hardware.md, section 5a)."""
+RAIL = 15.0
+"""V of a saturated sensor's output: its supply, beyond every converter's range (estimate)."""
+_NOWHERE = (0.0, 0.0)
+"""The pane's corner, where no mode has curvature: a patch there moves nothing."""
 _RING = 0.2
 """Seconds for which a click can be felt after the finger has left."""
 
@@ -63,46 +88,6 @@ class LaserHead:
     """Share of the light that comes back, 0 to 1; without light there is only noise."""
 
 
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """What only a simulator can know: for tests and reports, never for an estimator."""
-
-    _plant: Plant
-
-    @property
-    def presses(self) -> tuple[ButtonPress, ...]:
-        """Every press so far, in order."""
-        return tuple(self._plant.presses)
-
-    @property
-    def resonance_hz(self) -> float:
-        """Natural frequency of the mode near 263.5 Hz."""
-        return float(self._plant.table.plate.natural_hz[MAIN])
-
-    def velocity_response(self, patch: str, point: str, frequencies: FloatArray) -> ComplexArray:
-        """(frequencies,) m/s per V at the patch, hysteresis left out."""
-        return self._plant.table.plate.velocity(patch, self._plant.place(point), frequencies)
-
-    @property
-    def patch_voltages(self) -> dict[str, float]:
-        """Voltage across each patch now."""
-        plant = self._plant
-        now = np.array([plant.clock.now()])
-        plant.advance(now[0])
-        return {p: float(plant.table.voltage(p, now)[0]) for p in plant.table.plate.patches}
-
-    @property
-    def closed(self) -> frozenset[str]:
-        """Patches whose contacts are closed now."""
-        self._plant.advance(self._plant.clock.now())
-        return frozenset(self._plant.closed)
-
-    @property
-    def peak(self) -> float:
-        """Largest voltage (V) that any patch has been driven with so far."""
-        return self._plant.peak
-
-
 class Plant:
     """See the module. A laser looks at the table once a vibrometer's twin has installed its head."""
 
@@ -116,6 +101,7 @@ class Plant:
         self._section = file.table or TableSection(
             button_point=20, patch_capacitance=90e-9, patch_low=-100, patch_high=400
         )
+        self.faults = Faults.of_file(file)
         self._lock = threading.RLock()
         self._aim = "button"
         self._switched: list[tuple[float, int, str, bool]] = []
@@ -123,17 +109,16 @@ class Plant:
         self._source: Source | None = None
         self._now = clock.now()
         self._input = 0.0
-        s = self.settings
-        self.table = Table(
-            make_plate(
-                self.rng("table"),
-                s.mode_drift,
-                s.damping_scale,
-                self.place("button") if s.collocated else None,
-            ),
-            s.hysteresis,
-        )
-        self._gain = 50.0 * (1 + AMPLIFIER_GAIN_ERROR * self.rng("amplifier").uniform(-1, 1))
+        self._heads: list[tuple[LaserHead, LaserHead]] = []
+        self._loads: list[tuple[float, float]] = []
+        self.table = self._make_table()
+        gain = next((fault.settings.gain for fault in self.faults.of(AmplifierGain)), AMPLIFIER_GAIN)
+        self._gain = gain * (1 + AMPLIFIER_GAIN_ERROR * self.rng("amplifier").uniform(-1, 1))
+        self._terminals: dict[str, str] = {
+            node: str(channel["terminal"]).split("/")[0]
+            for node, channel in file.daq.settings.get("channels", {}).items()
+            if isinstance(channel, dict) and "terminal" in channel
+        }
         self._nodes = self._named_nodes()
         self._shaken: dict[tuple[float, float], tuple[FloatArray, FloatArray]] = {}
         self._noise = {node: self.rng(f"noise of {node}") for node in self._nodes}
@@ -156,7 +141,11 @@ class Plant:
     # What people and instruments do to the plant
 
     def install(self, node: str, head: LaserHead) -> None:
-        """Put a vibrometer in place, its output wired to `node`."""
+        """Put a vibrometer in place, its output wired to `node`; `head` as the rig file describes it."""
+        self._heads.append((head, replace(head)))
+        for fault in self.faults.of(VibrometerRange):
+            head.sensitivity *= fault.settings.range / head.range
+            head.range = fault.settings.range
         self.table.laser_pole_hz = head.bandwidth_hz
         self._nodes[node] = partial(self._laser, head)
         self._noise[node] = self.rng(f"noise of {node}")
@@ -177,9 +166,39 @@ class Plant:
             self.place(point)
             self._aim = point
 
+    @property
+    def set_as_filed(self) -> bool:
+        """Whether every vibrometer is set as the rig file says: what an honest operator answers."""
+        for fault in self.faults.of(VibrometerRange):
+            fault.notes(self.clock.now())
+        return all(
+            (head.range, head.sensitivity) == (filed.range, filed.sensitivity) for head, filed in self._heads
+        )
+
+    def put(self, mass: float) -> None:
+        """Leave nothing but `mass` (kg) on the force sensor, from now on."""
+        with self._lock:
+            self._loads.append((self.clock.now(), mass * GRAVITY))
+
+    def box_faults(self, patches: Mapping[str, int]) -> list[BoxFault]:
+        """The faults of a relay box whose channels are wired to patches as given."""
+        return box_faults(self.faults, patches, self.clock)
+
+    def has_rtsi(self) -> bool:
+        """Whether a cable joins the cards' clocks."""
+        missing = self.faults.of(RtsiMissing)
+        for fault in missing:
+            fault.notes(self.clock.now())
+        return not missing
+
     def switch(self, patch: str, closed: bool, at: float) -> None:
         """A relay contact changes at `at` (s), which does not lie before the latest question."""
         with self._lock:
+            for fault in self.faults.of(RelaySwapped):
+                if patch in fault.settings.patches:
+                    fault.notes(at)
+                    one, other = fault.settings.patches
+                    patch = other if patch == one else one
             insort(self._switched, (max(at, self._now), len(self._switched), patch, closed))
 
     def every(self, callback: Callable[[float], None]) -> None:
@@ -202,8 +221,10 @@ class Plant:
             if not len(times):
                 return np.zeros(0)
             self.advance(float(times[-1]))
+            times = self._as_clocked(node, times)
             quantity = self._nodes.get(node)
-            return quantity(times, self._noise[node]) if quantity else np.zeros(len(times))
+            volts = quantity(times, self._noise[node]) if quantity else np.zeros(len(times))
+            return self._as_wired(node, volts, times)
 
     def advance(self, until: float) -> None:
         """Step to `until` (s), contacts and output steps in order of time."""
@@ -223,19 +244,79 @@ class Plant:
         if self._source is not None:
             for run in self._source.take(until):
                 if len(run.values):
-                    self._feed(run.start, run.period, self._amplified(run.values))
+                    self._feed(run.start, run.period, self._amplified(run))
         self._now = max(self._now, until)
 
-    def _amplified(self, volts: FloatArray) -> FloatArray:
-        return np.asarray(np.clip(volts * self._gain, AMPLIFIER_LOW, AMPLIFIER_HIGH))
+    def _amplified(self, run: Run) -> FloatArray:
+        volts = np.clip(run.values * self._gain, AMPLIFIER_LOW, AMPLIFIER_HIGH)
+        for gain in self.faults.of(AmplifierGain):
+            if volts.any():
+                gain.notes(run.start)
+        for trip in self.faults.of(AmplifierTrip):
+            # A trip is felt by what is put out, not by an output that rests.
+            if volts.any():
+                times = np.asarray(run.start + np.arange(len(volts)) * run.period, dtype=np.float64)
+                volts = volts * ~trip.lasts(times)
+        return np.asarray(volts)
 
     def _feed(self, start: float, period: float, volts: FloatArray) -> None:
         self._input = float(volts[-1])
         open_circuit = np.zeros(len(volts))
         patches = self.table.plate.patches
+        for fault in self.faults.of(PatchDead):
+            if fault.settings.patch in self.closed and volts.any():
+                fault.notes(start)
         self.table.step(start, period, {p: volts if p in self.closed else open_circuit for p in patches})
         if self.closed:
             self.peak = max(self.peak, float(np.abs(volts).max()))
+
+    def _make_table(self) -> Table:
+        s = self.settings
+        under = self.place("button") if s.collocated else None
+        plate = make_plate(self.rng("table"), s.mode_drift, s.damping_scale, under)
+        dead = {fault.settings.patch: _NOWHERE for fault in self.faults.of(PatchDead)}
+        return Table(replace(plate, patches={**plate.patches, **dead}), s.hysteresis)
+
+    # Faults of what is measured
+
+    def _as_clocked(self, node: str, times: FloatArray) -> FloatArray:
+        """When a node's card really samples; raises what the card says when it has lost samples."""
+        device = self._terminals.get(node)
+        for overrun in self.faults.of(DaqOverrun):
+            if device and overrun.settings.device in (None, device) and overrun.strikes(float(times[-1])):
+                raise _lost(device, True)
+        for overflow in self.faults.of(DaqOverflow):
+            if device and overflow.settings.device in (None, device) and overflow.strikes(float(times[-1])):
+                raise _lost(device, False)
+        late = self.lateness(device, times) if device else np.zeros(len(times))
+        return np.asarray(times - late)
+
+    def lateness(self, device: str, times: FloatArray) -> FloatArray:
+        """(times,) s by which a card's clock is behind the rig's."""
+        late = np.zeros(len(times))
+        for drift in self.faults.of(ClockDrift):
+            if device == self._drifting(drift.settings.device):
+                late += drift.settings.drift * np.maximum(times - drift.begin, 0.0)
+                if late[-1] > 0:
+                    drift.notes(float(times[-1]))
+        return late
+
+    def _drifting(self, named: str | None) -> str | None:
+        """The card that a clock drift befalls: the one that is named, else the first without outputs."""
+        outputs = self._file.daq.settings.get("outputs", {}).values()
+        owners = {str(output["terminal"]).split("/")[0] for output in outputs}
+        devices = self._file.daq.settings.get("devices", {})
+        return named or next((device for device in devices if device not in owners), None)
+
+    def _as_wired(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
+        for loose in self.faults.of(SensorDisconnected):
+            if loose.settings.channel == node:
+                loose.notes(float(times[-1]))
+                volts = np.zeros(len(times))
+        for fault in self.faults.of(SensorSaturated):
+            if fault.settings.channel == node:
+                volts = np.where(fault.lasts(times), RAIL, volts)
+        return volts
 
     # Nodes
 
@@ -243,7 +324,7 @@ class Plant:
         sensors = self._file.sensors
         nodes: dict[str, Callable[[FloatArray, np.random.Generator], FloatArray]] = {}
         if sensors.force:
-            gauges = np.linalg.inv(np.array(sensors.force.matrix))
+            gauges = self._loaded_gauges(np.linalg.inv(np.array(sensors.force.matrix)))
             rest = self.rng("gauges").normal(0, 0.3, 6)
             # Fz is the sum of the gauges' noise through the matrix's third row.
             noise = FORCE_NOISE / float(np.linalg.norm(sensors.force.matrix[2]))
@@ -251,6 +332,8 @@ class Plant:
                 nodes[node] = partial(self._gauge, gauges[i], float(rest[i]), noise)
         if sensors.acceleration:
             tilt = np.array([0.04, -0.03, 1.0])
+            if self.faults.of(AccelerometerInverted):
+                tilt[1:] *= -1
             zero = self.rng("accelerometer").normal(0, 0.03, 3) * GRAVITY
             for i, node in enumerate(sensors.acceleration.channels):
                 nodes[node] = partial(self._axis, float(tilt[i]), float(zero[i]))
@@ -260,11 +343,24 @@ class Plant:
             nodes[sensors.drive.channels[0]] = self._monitor
         return nodes
 
+    def _loaded_gauges(self, gauges: FloatArray) -> FloatArray:
+        """(6, 6) V per N and N m of the sensor that is really there, from what the file's matrix says."""
+        for fault in self.faults.of(ForceCalibration):
+            mixing = fault.settings.crosstalk * self.rng("force sensor").standard_normal((6, 6))
+            np.fill_diagonal(mixing, fault.settings.gain)
+            gauges = mixing @ gauges
+        return np.asarray(gauges)
+
     def _gauge(
         self, row: FloatArray, rest: float, noise: float, times: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         force = np.zeros((6, len(times)))
         force[2] = WEIGHT + FORCE_DRIFT * times
+        if self._loads:
+            since = np.searchsorted([at for at, _ in self._loads], times, side="right")
+            force[2] += np.array([0.0, *(weight for _, weight in self._loads)])[since]
+        for fault in self.faults.of(ForceCalibration):
+            fault.notes(float(times[-1]))
         for press in latest(self.presses, times[0], times[-1], 0.0):
             pressed = press.force(times)
             force[0] += 0.05 * pressed
@@ -275,6 +371,8 @@ class Plant:
     def _axis(self, tilt: float, zero: float, times: FloatArray, rng: np.random.Generator) -> FloatArray:
         sensor = self._file.sensors.acceleration
         assert sensor is not None
+        for fault in self.faults.of(AccelerometerInverted):
+            fault.notes(float(times[-1]))
         motion = tilt * GRAVITY + zero + np.zeros(len(times))
         for press in latest(self.presses, times[0], times[-1], _RING):
             motion += tilt * self._filtered(press, sensor.bandwidth_hz, times)
@@ -312,10 +410,26 @@ class Plant:
         return np.asarray(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
 
     def _laser(self, head: LaserHead, times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        velocity = self.table.velocity(self.place(self._aim), times - head.delay) * (head.level > 0)
+        level = np.full(len(times), head.level)
+        for blocked in self.faults.of(LaserBlocked):
+            level[blocked.lasts(times)] = 0.0
+        velocity = self.table.velocity(self.place(self._aim), times - head.delay) * (level > 0)
         rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
         density = VIBROMETER_NOISE * self.settings.vibrometer_noise_scale
         # Noise grows as the light fades (an estimate: with the root of its share, and tenfold at most).
-        density /= np.sqrt(max(head.level, 0.01))
+        density = density / np.sqrt(np.maximum(level, 0.01))
         velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
-        return np.asarray(np.clip(velocity, -head.range, head.range) / head.sensitivity)
+        velocity = np.clip(velocity, -head.range, head.range)
+        for dropout in self.faults.of(LaserDropout):
+            lost = dropout.lasts(times)
+            velocity[lost] = 1.2 * head.range * rng.choice([-1.0, 1.0], int(lost.sum()))
+        return np.asarray(velocity / head.sensitivity)
+
+
+def _lost(device: str, overrun: bool) -> Exception:
+    """What a card whose samples were lost says, on the wire and to its twin."""
+    # NI's library is heavy, and a plant without such a fault does not need it.
+    from mocks.ni.errors import DaqmxError, DAQmxErrors  # noqa: PLC0415
+
+    code = DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE if overrun else DAQmxErrors.INPUT_FIFO_OVERFLOW
+    return DaqmxError(code, f"Samples of {device} were lost.", read=0)

@@ -120,6 +120,18 @@ PRODUCTS: dict[str, Product] = {
             ai_fifo=127,
         ),
         Product(  # all estimates
+            name="NI 9775",
+            family="C Series",
+            ai_differential=4,
+            ai_ranges=(10.0,),
+            ai_bits=14,
+            ai_rate_hz=20e6,
+            ai_rate_single_hz=20e6,
+            ai_simultaneous=True,
+            ai_noise=1.5e-3,
+            ai_fifo=127,
+        ),
+        Product(  # all estimates
             name="NI 9205",
             family="C Series",
             ai_single_ended=32,
@@ -137,7 +149,7 @@ PRODUCTS: dict[str, Product] = {
             ao_range=10.0,
             ao_rate_hz=100e3,
         ),
-        Product(name="NI 9401", family="C Series", ports=(8,)),
+        Product(name="NI 9401", family="C Series", ports=(8,), counters=4),  # counters of its chassis
         Product(name="PCIe-6535", family="Digital I/O", ports=(8, 8, 8, 8)),
         Product(name="cDAQ-9174", family="CompactDAQ Chassis", slots=4, counters=4),
         Product(name="cDAQ-9178", family="CompactDAQ Chassis", slots=8, counters=4),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -37,6 +37,9 @@ class Contacts(Protocol):
 
     def every(self, callback: Callable[[float], None]) -> None:
         """Have `callback(until)` called before the plant steps to `until` (s)."""
+
+    def box_faults(self, patches: Mapping[str, int]) -> Sequence[BoxFault]:
+        """The faults of a box whose channels are wired to patches as given."""
 
 
 @dataclass
@@ -218,6 +221,7 @@ def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] =
     """A box wired to a plant: each patch on its channel."""
     wiring = {channel: patch for patch, channel in patches.items()}
     box = RelayBox(wiring, plant.switch, plant.clock, plant.rng("relay"), numbers)
+    box.faults.extend(plant.box_faults(patches))
     plant.every(box.advance)
     return box
 

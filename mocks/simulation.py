@@ -6,10 +6,15 @@ from contextlib import ExitStack
 from importlib import metadata
 from typing import Any
 
+from instruments.clock import Clock
+from instruments.errors import ConfigurationError
 from instruments.rig import Driver, Mode
 from instruments.rig_file import Device, RigFile, validate
 from mocks.clock import VirtualClock
-from mocks.plant import Plant, Truth
+from mocks.faults import KINDS, Faults, Reply
+from mocks.faulty_line import faulty_lines
+from mocks.plant import Plant
+from mocks.truth import Truth
 
 __all__ = ["Simulation"]
 
@@ -23,30 +28,51 @@ class Simulation:
     that has neither talks to nothing (an amplifier is arithmetic), and is used as it is.
     """
 
-    def __init__(self, file: RigFile) -> None:
-        self.clock = VirtualClock()
+    fault_kinds = KINDS
+    """See `mocks.faults`."""
+
+    def __init__(self, file: RigFile, clock: Clock | None = None) -> None:
+        self.clock = clock or VirtualClock()
         self._file = file
         self._stack = ExitStack()
         self.plant = Plant(file, self.clock)
 
     @property
     def truth(self) -> Truth:
-        """See `mocks.plant.Truth`."""
+        """See `mocks.truth.Truth`."""
         return self.plant.truth
+
+    @property
+    def faults(self) -> Faults:
+        """What was asked to go wrong, each with how often it has."""
+        return self.plant.faults
 
     def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:
         """See `instruments.rig.Simulation.instrument`."""
         settings = validate(driver.Settings, device.settings, f"[{role}] of {self._file.name}")
         wires = metadata.entry_points(group="haploop.wires", name=device.driver)
+        disturbed = [fault for fault in self.faults.of(Reply) if fault.settings.instrument == role]
+        if disturbed and (mode == "twin" or not wires):
+            raise ConfigurationError(
+                f"A fault of the kind 'reply' needs a line to the {role}, and {device.driver} has none when "
+                f"it is simulated as {mode}: simulate as wire, with a driver that speaks to something."
+            )
         if mode == "wire" and wires:
-            (wire,) = wires
-            address = self._stack.enter_context(wire.load()(settings, self.plant))
+            address = self.serve(device.driver, settings)
+            if disturbed:
+                address = self._stack.enter_context(faulty_lines(address, disturbed, self.clock))
             return driver.open(settings.model_copy(update=address), self.clock)
         twins = metadata.entry_points(group="haploop.twins", name=device.driver)
         if twins:
             (twin,) = twins
             return twin.load()(settings, self.plant)
         return driver.open(settings, self.clock)
+
+    def serve(self, driver: str, settings: Any) -> dict[str, Any]:
+        """Serve a driver's wire until `close`; gives the settings that point the driver at it."""
+        (wire,) = metadata.entry_points(group="haploop.wires", name=driver)
+        address: dict[str, Any] = self._stack.enter_context(wire.load()(settings, self.plant))
+        return address
 
     def close(self) -> None:
         """Stop every wire. May be called again."""

@@ -3,7 +3,7 @@
 from mocks.ni.devices import Inventory, NiDevice, devices_from_ini
 from mocks.ni.server import NiServer
 from mocks.ni.standalone import inventory_from_file, inventory_of, run
-from mocks.ni.wire import wire
+from mocks.ni.wire import wire, wiring_of
 
 __all__ = [
     "Inventory",
@@ -14,4 +14,5 @@ __all__ = [
     "inventory_of",
     "run",
     "wire",
+    "wiring_of",
 ]

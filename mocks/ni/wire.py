@@ -13,17 +13,21 @@ if TYPE_CHECKING:  # The plant is not needed to serve devices that nothing drive
     from instruments.ni_daqmx import NiDaq
     from mocks.plant import Plant
 
-__all__ = ["wire"]
+__all__ = ["wire", "wiring_of"]
 
 
 @contextmanager
 def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
     """Serve the cards of `settings` on `plant`; gives the setting that points the driver at them.
 
-    Channels and outputs are nodes of the plant by their own names. The cards have a RTSI cable.
+    Channels and outputs are nodes of the plant by their own names.
     """
-    wiring = {channel.terminal: name for name, channel in settings.channels.items()}
-    wiring |= {output.terminal: name for name, output in settings.outputs.items()}
-    inventory = inventory_of(settings.devices)
-    with NiServer(inventory, plant, wiring, rtsi=True, seed=plant.settings.seed) as server:
+    inventory, wiring, rtsi = inventory_of(settings.devices), wiring_of(settings), plant.has_rtsi()
+    with NiServer(inventory, plant, wiring, rtsi=rtsi, seed=plant.settings.seed) as server:
         yield {"server": server.address}
+
+
+def wiring_of(settings: NiDaq.Settings) -> dict[str, str]:
+    """The plant's node at each terminal of the cards."""
+    inputs = {channel.terminal: name for name, channel in settings.channels.items()}
+    return inputs | {output.terminal: name for name, output in settings.outputs.items()}

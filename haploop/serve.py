@@ -1,0 +1,124 @@
+"""`haploop twin`: simulated instruments, served to programs that are not ours."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from pathlib import Path
+
+import click
+
+__all__ = ["twin"]
+
+_SERVED = {
+    "ni": ("daq", "server"),
+    "yocto": ("relay", "hub"),
+    "ofv": ("vibrometer", "port"),
+    "scpi": ("generator", "resource"),
+}
+"""Kind of wire: the role that it serves, and the driver's setting that is its address."""
+
+_rig = click.option("--rig", "-r", metavar="FILE", help="Serve the instruments of this rig.")
+
+
+@click.group(no_args_is_help=True)
+def twin() -> None:
+    """Serve simulated instruments to other programs, in real time."""
+
+
+@twin.command()
+@click.option("--port", type=click.IntRange(0, 65535), default=0, show_default=True, help="0: any free one.")
+@_rig
+@click.option(
+    "--devices",
+    type=click.Path(path_type=Path),
+    metavar="FILE.ini",
+    help="Serve those of a text export of NI MAX.",
+)
+def ni(port: int, rig: str | None, devices: Path | None) -> None:
+    """Simulated NI-DAQmx devices, for any program that uses nidaqmx over gRPC.
+
+    The first line on standard output is "Server listening on port N". Ctrl-C ends it. A rig's
+    devices stand on its plant; without one they are the devices of the rig "simulated".
+    """
+    from instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from instruments.ni_daqmx import NiDaq  # noqa: PLC0415
+    from instruments.rig_file import validate  # noqa: PLC0415
+    from mocks.ni import inventory_from_file, inventory_of, run, wiring_of  # noqa: PLC0415
+    from mocks.plant import Plant  # noqa: PLC0415
+
+    if devices is not None and rig is not None:
+        raise click.UsageError("--rig and --devices both name devices: give one of them.")
+    if devices is not None:
+        run(inventory_from_file(devices), port)
+        return
+    file = load_rig_file(rig or "simulated")
+    if file.daq.driver != "ni-daqmx" or not file.daq.settings.get("devices"):
+        raise ConfigurationError(
+            f"The rig {file.name!r} names no NI devices in [daq]: name another rig, or give --devices."
+        )
+    settings = validate(NiDaq.Settings, file.daq.settings, f"[daq] of {file.name}")
+    plant = Plant(file, RealClock())
+    run(inventory_of(settings.devices), port, plant, wiring_of(settings), plant.has_rtsi())
+
+
+def _serve(kinds: tuple[str, ...], rig: str | None, as_json: bool) -> None:
+    """Serve wires on one plant until Ctrl-C, and print their addresses."""
+    from importlib import metadata  # noqa: PLC0415
+
+    from instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from instruments.rig_file import ROLES, validate  # noqa: PLC0415
+    from mocks.simulation import Simulation  # noqa: PLC0415
+
+    file = load_rig_file(rig or "bench")
+    drivers = {entry.name: entry for entry in metadata.entry_points(group="haploop.drivers")}
+    wires = {entry.name for entry in metadata.entry_points(group="haploop.wires")}
+    wanted = {_SERVED[kind][0]: kind for kind in kinds}
+    told = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: told.set())
+    simulation = Simulation(file, RealClock())
+    addresses: dict[str, str] = {}
+    try:
+        for role in ROLES:
+            device = getattr(file, role)
+            if device is None:
+                continue
+            driver = drivers[device.driver].load()
+            if role in wanted and device.driver in wires:
+                settings = validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
+                kind = wanted[role]
+                addresses[kind] = str(simulation.serve(device.driver, settings)[_SERVED[kind][1]])
+            else:
+                # What is not served stands in the plant all the same: a laser must be in place.
+                simulation.instrument(role, device, driver, "twin")
+        missing = [kind for kind in kinds if kind not in addresses]
+        if missing:
+            raise ConfigurationError(
+                f"The rig {file.name!r} has no instrument to serve as {', '.join(missing)}: name another rig."
+            )
+        if as_json:
+            click.echo(json.dumps(addresses))
+        else:
+            for kind, address in addresses.items():
+                click.echo(f"{kind}: {address}")
+        # With a time-out, because a wait without one cannot be interrupted on Windows.
+        while not told.wait(0.25):
+            pass
+    finally:
+        simulation.close()
+
+
+def _command(name: str, kinds: tuple[str, ...], help_text: str) -> None:
+    @twin.command(name, help=help_text)
+    @_rig
+    @click.option("--json", "as_json", is_flag=True, help="Print the addresses as one JSON object.")
+    def serve(rig: str | None, as_json: bool) -> None:
+        _serve(kinds, rig, as_json)
+
+
+_command("all", tuple(_SERVED), "Every wire of a rig, on one plant.")
+_command("yocto", ("yocto",), "A Yoctopuce hub with a relay box.")
+_command("ofv", ("ofv",), "An OFV-5000 vibrometer's serial line.")
+_command("scpi", ("scpi",), "A function generator's SCPI socket.")

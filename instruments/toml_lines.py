@@ -1,0 +1,64 @@
+"""On which line of a TOML file a key stands: Python's parser gives values, and no places."""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["Location", "key_lines"]
+
+Location = tuple[str | int, ...]
+"""A key's way down: names of tables and keys, and numbers within arrays."""
+
+_PART = r"(?:[\w-]+|\"[^\"]*\"|'[^']*')"
+_NAME = rf"({_PART}(?:\s*\.\s*{_PART})*)"
+_TABLE = re.compile(rf"\s*\[\s*{_NAME}\s*\]")
+_TABLES = re.compile(rf"\s*\[\[\s*{_NAME}\s*\]\]")
+_KEY = re.compile(rf"\s*{_NAME}\s*=(.*)")
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'')
+_LONG = re.compile(r'"""|\'\'\'')
+
+
+def key_lines(text: str) -> dict[Location, int]:
+    """Line numbers, from 1, of the tables and keys of a valid TOML text.
+
+    What stands inside a value (in an inline table or an array) is not looked at: it is where its key is.
+    """
+    lines: dict[Location, int] = {}
+    counts: dict[Location, int] = {}
+    table: Location = ()
+    depth, in_string = 0, False
+    for number, line in enumerate(text.splitlines(), start=1):
+        rest = line
+        if in_string or depth:
+            in_string ^= len(_LONG.findall(line)) % 2 == 1
+        elif header := _TABLES.match(line):
+            name = _numbered(_parts(header[1]), counts)
+            counts[name] = counts.get(name, -1) + 1
+            table = (*name, counts[name])
+            lines[table] = number
+            continue
+        elif header := _TABLE.match(line):
+            table = _numbered(_parts(header[1]), counts)
+            lines.setdefault(table, number)
+            continue
+        elif key := _KEY.match(line):
+            lines[(*table, *_parts(key[1]))] = number
+            rest = key[2]
+            in_string = len(_LONG.findall(rest)) % 2 == 1
+        bare = _STRING.sub("", rest).partition("#")[0]
+        depth = max(0, depth + len(re.findall(r"[\[{]", bare)) - len(re.findall(r"[\]}]", bare)))
+    return lines
+
+
+def _parts(name: str) -> Location:
+    return tuple(part.strip("\"'") for part in re.findall(_PART, name))
+
+
+def _numbered(name: Location, counts: dict[Location, int]) -> Location:
+    """A table below an array of tables belongs to the array's latest."""
+    way: Location = ()
+    for part in name[:-1]:
+        way = (*way, part)
+        if way in counts:
+            way = (*way, counts[way])
+    return (*way, name[-1])
