@@ -47,7 +47,11 @@ class AtiCalibration:
                 f"The force sensor {self.serial} has 6 gauges, but {len(channels)} channels are named."
             )
         return ForceTorque(
-            channels=channels, matrix=self.matrix, ratings=self.ratings, gauge_range=self.gauge_range
+            channels=channels,
+            matrix=self.matrix,
+            ratings=self.ratings,
+            gauge_range=self.gauge_range,
+            serial=self.serial,
         )
 
 

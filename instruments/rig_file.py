@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 from pydantic_core import ErrorDetails
 
+from instruments.ati_cal import read_ati_cal
 from instruments.errors import ConfigurationError
 from instruments.limits import Limits
 from instruments.sensors import Sensors
@@ -178,6 +179,7 @@ def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[_Pla
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
     places = (str(path), key_lines(text))
+    _read_calibration(raw, path)
     base = "simulated" if set(raw) == {"simulation"} else raw.pop("base", None)
     if base is None:
         return raw, [places]
@@ -186,6 +188,21 @@ def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[_Pla
     beside = path.parent / base
     below, others = _raw(beside if beside.is_file() else Path(base), (*above, path))
     return _merged(below, raw), [places, *others]
+
+
+def _read_calibration(raw: dict[str, Any], path: Path) -> None:
+    """`[sensors.force] calibration` names the sensor's own `.cal` file, beside the rig file."""
+    sensors = raw.get("sensors")
+    force = sensors.get("force") if isinstance(sensors, dict) else None
+    if not isinstance(force, dict) or "calibration" not in force:
+        return
+    if "matrix" in force or not isinstance(force["calibration"], str):
+        raise ConfigurationError(
+            f"{path}: sensors.force takes either a matrix or the name of a calibration file."
+        )
+    found = read_ati_cal(path.parent / force["calibration"])
+    force |= {"matrix": found.matrix, "ratings": found.ratings, "gauge_range": found.gauge_range}
+    force["serial"] = found.serial
 
 
 def _place(files: list[_Places], key: Location) -> str:

@@ -62,6 +62,10 @@ class ForceTorque(Sensor):
     ]
     ratings: Annotated[tuple[Positive, ...], Field(min_length=6, max_length=6)]
     gauge_range: Positive = 10.0
+    calibration: str | None = None
+    """Name of the calibration file that a rig file took these from, if it did."""
+    serial: str | None = None
+    """Serial number of the sensor that the file belongs to."""
 
     def to_si(self, volts: FloatArray) -> FloatArray:
         """(6, samples) V above rest to (6, samples): Fx, Fy, Fz (N), Tx, Ty, Tz (N m)."""

@@ -14,11 +14,11 @@ from instruments.daq import Block, Daq, Stream
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.ni_daqmx import NiDaq
 from instruments.ni_errors import translated
-from mocks.converter import convert, noise_of
+from mocks.converter import convert, noise_of, put_out
 from mocks.ni.errors import DaqmxError, DAQmxErrors
 from mocks.nodes import Run
 from mocks.plant import Plant
-from mocks.products import PRODUCTS, Product, convert_interval
+from mocks.products import PRODUCTS, Product, convert_interval, input_range
 
 __all__ = ["DaqTwin"]
 
@@ -80,17 +80,18 @@ class DaqTwin(Daq):
         devices: list[_Device] = []
         known = self._settings.channels
         for name, product in self._products.items():
-            mine = [c for c in channels if known[c].terminal.split("/")[0] == name]
+            mine = [c for c in channels if _card(known[c].terminal) == name]
             if mine:
                 noise = noise_of(self._plant.settings.seed, name, self._starts[name])
                 self._starts[name] += 1
-                ranges = np.array([known[c].range for c in mine])
+                ranges = np.array([_full_scale(product, c, known[c].range) for c in mine])
                 interval = convert_interval(product, rate_hz, len(mine))
                 delays = np.arange(len(mine), dtype=np.float64) * interval
                 devices.append(_Device(name, product, tuple(mine), ranges, delays, noise))
         start = self._plant.clock.now()
         for name, volts in (play or {}).items():
-            self._outputs[name].play(Run(start, 1 / rate_hz, volts))
+            put = put_out(volts, self._products[_card(self._settings.outputs[name].terminal)])
+            self._outputs[name].play(Run(start, 1 / rate_hz, put))
         return _TwinStream(self, self._plant, devices, tuple(channels), rate_hz, block, samples, start)
 
     def zero(self) -> None:
@@ -110,7 +111,7 @@ class DaqTwin(Daq):
             raise ConfigurationError(
                 f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
             )
-        devices = sorted(known[c].terminal.split("/")[0] for c in channels)
+        devices = sorted(_card(known[c].terminal) for c in channels)
         for device, group in groupby(devices):
             product, count = self._products[device], len(list(group))
             fastest = product.ai_rate_single_hz if count == 1 else product.ai_rate_hz
@@ -131,7 +132,7 @@ class DaqTwin(Daq):
 
     def _refuse_apart(self, channels: Sequence[str]) -> None:
         """Cards are joined by a cable, or they are not sampled together."""
-        used = {self._settings.channels[channel].terminal.split("/")[0] for channel in channels}
+        used = {_card(self._settings.channels[channel].terminal) for channel in channels}
         if len(used) > 1 and not self._plant.has_rtsi():
             first = next(device for device in self._products if device in used)
             with translated(first, None):
@@ -227,6 +228,21 @@ def _as_driver() -> Iterator[None]:
         yield
     except DaqmxError as error:
         raise DaqError(str(error), error.code) from None
+
+
+def _card(terminal: str) -> str:
+    return terminal.partition("/")[0]
+
+
+def _full_scale(product: Product, channel: str, wanted: float) -> float:
+    """The card's next wider range, as the driver would choose it."""
+    full_scale = input_range(product, wanted)
+    if full_scale is None:
+        raise ConfigurationError(
+            f"The channel {channel!r} asks for +-{wanted:g} V, and the widest range of a {product.name} is "
+            f"+-{max(product.ai_ranges, default=0):g} V."
+        )
+    return full_scale
 
 
 def _product(device: str, name: str) -> Product:

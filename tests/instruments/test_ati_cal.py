@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError
+from instruments import ConfigurationError, load_rig_file
 from instruments.ati_cal import load_ati_cal, read_ati_cal
 
 CHANNELS = tuple(f"gauge{i}" for i in range(6))
@@ -112,3 +112,22 @@ def test_a_missing_file_and_too_few_channels(path: Path) -> None:
     path.write_text(cal(), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"FT99999 has 6 gauges, but 2 channels"):
         load_ati_cal(path, CHANNELS[:2])
+
+
+def test_a_rig_file_names_the_sensors_own_file(path: Path) -> None:
+    path.write_text(cal(), encoding="utf-8")
+    rig = path.parent / "rig.toml"
+    gauges = ", ".join(f'"{name}"' for name in CHANNELS)
+    table = f'[sensors.force]\nchannels = [{gauges}]\ncalibration = "FT99999.cal"\n'
+    rig.write_text(f'base = "haptable"\nname = "mine"\n{table}', encoding="utf-8")
+    force = load_rig_file(rig).sensors.force
+    assert force is not None
+    assert (force.serial, force.calibration) == ("FT99999", "FT99999.cal")
+    np.testing.assert_allclose(np.array(force.matrix)[2], MATRIX[2])
+    rig.write_text(f'base = "haptable"\n{table}matrix = []\n', encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="either a matrix or the name of a calibration file"):
+        load_rig_file(rig)
+    path.unlink()
+    rig.write_text(f'base = "haptable"\n{table}', encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="FT99999"):
+        load_rig_file(rig)
