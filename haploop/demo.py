@@ -65,6 +65,8 @@ class Demo:
     calibration: Calibration
     true_response: ComplexArray
     true_resonance_hz: float
+    notes: tuple[str, ...]
+    """What the rig cannot record or render, as sentences."""
     simulated_s: float
     wall_s: float
 
@@ -203,6 +205,7 @@ def _loop(
         calibration=calibration,
         true_response=truth.velocity_response(response.patch, response.point, response.frequencies),
         true_resonance_hz=truth.resonance_hz,
+        notes=tuple(n for n in [_loss(rig, calibration.model.resonance_hz)] if n),
         simulated_s=rig.clock.now() - start,
         wall_s=wall(),
     )
@@ -210,6 +213,11 @@ def _loop(
 
 def _told(progress: Progress, step: str) -> Callable[[float, float], None]:
     return lambda done, of: progress(step, done, of)
+
+
+def _loss(rig: Rig, resonance_hz: float) -> str | None:
+    sensor = rig.sensors.acceleration
+    return sensor.loss(resonance_hz) if sensor else None
 
 
 def _summary(demo: Demo) -> dict[str, Any]:
@@ -233,6 +241,7 @@ def _summary(demo: Demo) -> dict[str, Any]:
         "model_error": _number(model.error),
         "coherence_min_in_band": _number(float(np.min(response.coherence[inside]))) if inside.any() else None,
         "band_hz": [_number(low), _number(high)],
+        "notes": list(demo.notes),
         "simulated_s": _number(demo.simulated_s),
         "wall_s": _number(demo.wall_s),
         "folder": str(demo.out),

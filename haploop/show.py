@@ -137,6 +137,8 @@ def demo(summary: Mapping[str, Any]) -> None:
     for name, button in summary["buttons"].items():
         for reason in button["reasons"]:
             print_line(f"{name}: {reason}")
+    for note in summary["notes"]:
+        print_line(note)
     print_line("In band: the share of the modulated press's energy that is played and compared.")
     print_line(
         f"Resonance {summary['resonance_hz']:.2f} Hz (true: {summary['resonance_true_hz']:.2f} Hz). "

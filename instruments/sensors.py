@@ -103,6 +103,17 @@ class Accelerometer(Sensor):
         """The filter capacitor's pole."""
         return low_pass(frequencies, self.bandwidth_hz)
 
+    def loss(self, frequency_hz: float) -> str | None:
+        """What the capacitor costs at a frequency, as a sentence; None when it costs less than 3 dB."""
+        gain = complex(self.response(np.array([frequency_hz]))[0])
+        if abs(gain) >= np.sqrt(0.5):
+            return None
+        return (
+            f"The accelerometer passes {self.bandwidth_hz:g} Hz: of a vibration at {frequency_hz:.1f} Hz it "
+            f"records {abs(gain):.0%} ({20 * np.log10(abs(gain)):.1f} dB), {-np.degrees(np.angle(gain)):.0f} "
+            "degrees late, and what is recorded is what is rendered. Change its filter capacitors."
+        )
+
 
 class Switch(Sensor):
     """A contact that switches a voltage: the button's activation state."""

@@ -359,16 +359,43 @@ def test_output_without_regeneration_paces_its_writer_and_reports_a_late_one(tas
         task.write(np.zeros(1000), timeout=5)
     # Host buffer and the card's 8,191 samples were full, so that the rest had to wait.
     assert task.out_stream.total_samp_per_chan_generated >= 21_000 - 1000 - 8191
-    with pytest.raises(nidaqmx.DaqError) as caught:
+    with pytest.raises(nidaqmx.DaqWriteError) as short:
         task.write(np.zeros(100_000), timeout=0.05)
-    assert caught.value.error_code == DAQmxErrors.SAMPLES_CAN_NOT_YET_BE_WRITTEN
-    while task.out_stream.total_samp_per_chan_generated <= 21_000:
+    assert short.value.error_code == DAQmxErrors.SAMPLES_CAN_NOT_YET_BE_WRITTEN
+    written = task.out_stream.curr_write_pos
+    assert written == 21_000 + short.value.samps_per_chan_written
+    assert 0 < short.value.samps_per_chan_written < 100_000
+    while task.out_stream.total_samp_per_chan_generated <= written:
         pass
     with pytest.raises(nidaqmx.DaqError) as caught:
         task.write(np.zeros(10))
     assert caught.value.error_code == DAQmxErrors.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES
     with pytest.raises(nidaqmx.DaqError):
         task.stop()
+
+
+def test_more_than_a_buffer_that_does_not_play_can_hold_is_refused(task: nidaqmx.Task) -> None:
+    task.ao_channels.add_ao_voltage_chan("Card/ao0")
+    task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.CONTINUOUS)
+    task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
+    task.out_stream.output_buf_size = 100
+
+    with pytest.raises(nidaqmx.DaqWriteError) as caught:
+        task.write(np.zeros(10_000))
+
+    assert caught.value.error_code == DAQmxErrors.NO_MORE_SPACE
+    assert caught.value.samps_per_chan_written == 0
+
+
+def test_limits_that_were_reset_cannot_be_read(task: nidaqmx.Task) -> None:
+    channel = task.ai_channels.add_ai_voltage_chan("Sim/ai0", max_val=5)
+    assert channel.ai_max == 5
+    del channel.ai_max
+
+    with pytest.raises(nidaqmx.DaqError) as caught:
+        _ = channel.ai_max
+
+    assert caught.value.error_code == DAQmxErrors.AI_MAX_NOT_SPECIFIED
 
 
 @pytest.mark.parametrize("kind", ["int16", "uint16", "int32", "uint32"])

@@ -45,6 +45,7 @@ def other(options: nidaqmx.GrpcSessionOptions) -> Iterator[nidaqmx.Task]:
         ("Sim/port0/line0:1", EACH, "button", ["button0", "button1"]),
         ("Sim/port0/line0:7", TOGETHER, "button", ["button"]),
         ("Sim/port1", TOGETHER, "", ["Sim/port1"]),
+        ("Sim/port1", EACH, "", [f"Sim/port1/line{i}" for i in range(8)]),
     ],
 )
 def test_names(
@@ -121,6 +122,41 @@ def test_clocked_waveforms(task: nidaqmx.Task) -> None:
     assert [s.name for s in waveform.signals] == ["Sim/port0/line1", "Sim/port0/line2"]
     assert waveform.signals[0].data[:4].tolist() == [0, 0, 1, 1]
     assert waveform.timing.sample_interval.total_seconds() == 1e-3
+
+
+def test_waveform_columns_go_down_a_whole_port_and_follow_named_lines(task: nidaqmx.Task) -> None:
+    task.di_channels.add_di_chan("Sim/port0/line2:0, Sim/port1", line_grouping=TOGETHER)
+    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+
+    waveform = task.read_waveform(10)
+
+    columns = ["".join(str(int(bit)) for bit in sample) for sample in waveform.data]
+    assert columns[1] == "001" + "00000001"
+    assert columns[6] == "110" + "00000110"
+    assert waveform.signals[0].name == "Sim/port1/line0"
+    assert waveform.signals[10].name == "Sim/port0/line2"
+
+
+def test_waveform_of_a_port_is_written_from_its_highest_line_down(
+    task: nidaqmx.Task, other: nidaqmx.Task
+) -> None:
+    task.do_channels.add_do_chan("Card/port1", line_grouping=TOGETHER)
+    other.di_channels.add_di_chan("Card/port1", line_grouping=TOGETHER)
+    task.start()
+    waveform = DigitalWaveform(1, 8)
+    waveform.data[0] = [0, 1, 0, 0, 1, 0, 1, 1]
+
+    assert DigitalSingleChannelWriter(task.out_stream).write_waveform(waveform) == 1
+
+    assert other.read() == 0b01001011
+
+
+def test_an_output_is_read_back(task: nidaqmx.Task) -> None:
+    task.do_channels.add_do_chan("Sim/port2", line_grouping=TOGETHER)
+    for value in (0xA5, 0x5A):
+        task.write(value)
+        assert task.read() == value
+    assert task.read(3) == [0x5A] * 3
 
 
 @pytest.mark.parametrize("device", ["Card", "Sim"])

@@ -365,11 +365,43 @@ def test_what_is_not_served_fails_loudly_and_is_counted() -> None:
         nidaqmx.Task(grpc_options=options) as task,
     ):
         with pytest.raises(nidaqmx.errors.RpcError) as caught:
-            task.ai_channels.add_ai_strain_gage_chan("A/ai0")
+            task.ai_channels.add_ai_bridge_chan("A/ai0")
         assert caught.value.rpc_code == grpc.StatusCode.UNIMPLEMENTED
         task.ai_channels.add_ai_voltage_chan("A/ai0")
         assert code(lambda: task.timing.samp_clk_overrun_behavior) == DAQmxErrors.ATTR_NOT_SUPPORTED
         assert server.unserved == {
-            "CreateAIStrainGageChan": 1,
+            "CreateAIBridgeChan": 1,
             "Timing SAMP_CLK_OVERRUN_BEHAVIOR": 1,
         }
+
+
+def test_a_full_terminal_name_is_looked_up_when_it_is_used() -> None:
+    with (
+        NiServer(inventory_of({"A": "PCIe-6321"})) as server,
+        connected(server) as options,
+        nidaqmx.Task(grpc_options=options) as task,
+    ):
+        task.ai_channels.add_ai_voltage_chan("A/ai0")
+        task.timing.cfg_samp_clk_timing(1000, source="/Elsewhere/PFI0")
+
+        assert task.timing.samp_clk_src == "/Elsewhere/PFI0"
+        assert code(task.start) == DAQmxErrors.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING
+
+
+def test_counters_have_no_reference_trigger_and_count_nothing() -> None:
+    with (
+        NiServer(inventory_of({"A": "PCIe-6321"})) as server,
+        connected(server) as options,
+        nidaqmx.Task(grpc_options=options) as pulses,
+        nidaqmx.Task(grpc_options=options) as edges,
+    ):
+        pulses.co_channels.add_co_pulse_chan_freq("A/ctr0")
+
+        def set_reference() -> None:
+            pulses.triggers.reference_trigger.trig_type = TriggerType.NONE
+
+        assert code(set_reference) == DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT
+        edges.ci_channels.add_ci_count_edges_chan("A/ctr1").ci_count_edges_term = "/A/PFI3"
+        edges.start()
+        with pytest.raises(nidaqmx.errors.Error):
+            edges.read()

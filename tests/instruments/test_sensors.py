@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from instruments import Accelerometer, load_rig_file
+
+
+def accelerometer(rig: str) -> Accelerometer:
+    sensor = load_rig_file(rig).sensors.acceleration
+    assert sensor is not None
+    return sensor
+
+
+def test_a_stock_board_says_what_it_costs() -> None:
+    said = accelerometer("stock-accelerometer").loss(263.5)
+    assert said is not None
+    assert "passes 50 Hz" in said and "19%" in said and "-14.6 dB" in said and "79 degrees" in said
+    assert accelerometer("simulated").loss(263.5) is None
+
+
+def test_volts_become_metres_per_second_squared() -> None:
+    sensor = accelerometer("simulated")
+    g = sensor.zero + sensor.sensitivity * np.array([[0.0, 9.80665, 40.0]] * 3)
+    assert sensor.to_si(g)[2] == pytest.approx([0, 9.80665, 40])
+    assert sensor.saturated(g).tolist() == [False, False, True]
+
+
+def test_the_matrix_gives_newtons_and_saturation() -> None:
+    force = load_rig_file("simulated").sensors.force
+    assert force is not None
+    wanted = np.array([1.0, -2.0, 10.0, 0.1, 0.2, -0.1])
+    volts = np.linalg.solve(np.array(force.matrix), wanted)[:, None]
+    assert force.to_si(volts)[:, 0] == pytest.approx(wanted)
+    assert not force.saturated(volts)[0]
+    assert force.saturated(np.full((6, 1), 10.0))[0]
+    assert force.saturated(13 * volts)[0]  # Fz beyond 120 N
