@@ -12,11 +12,14 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+import numpy as np
 from nidaqmx import constants as c
 from nidaqmx.utils import unflatten_channel_string
 
+from mocks.ni.defaults import default_value
 from mocks.ni.errors import DaqmxError, DAQmxErrors
 from mocks.ni.facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
+from mocks.ni.keeping import read_kept, write_kept
 from mocks.ni.system import NiSystem
 from mocks.ni.tasks import Channel, Task
 from mocks.ni.writing import space
@@ -25,84 +28,11 @@ __all__ = ["ATTRIBUTE_CALL", "serve"]
 
 ATTRIBUTE_CALL = re.compile(
     r"(?P<verb>Get|Set|Reset)(?P<kind>Chan|Timing|Trig|Read|Write|Buffer|ExportedSignal|Device|PhysicalChan"
-    r"|SystemInfo|Task)Attribute(?P<ex>Ex)?(?P<type>\w*)"
+    r"|SystemInfo|Task|Scale|PersistedScale|PersistedTask|Watchdog)Attribute(?P<ex>Ex)?(?P<type>\w*)"
 )
 """Names of the calls that `serve` serves."""
 
-_NI_EPOCH = datetime(1904, 1, 1, tzinfo=UTC)
-
-_ZERO: dict[str, Any] = {
-    "Bool": False,
-    "Double": 0.0,
-    "Int32": 0,
-    "UInt32": 0,
-    "UInt64": 0,
-    "String": "",
-    "Timestamp": _NI_EPOCH,
-    "DoubleArray": [],
-    "Int32Array": [],
-    "UInt32Array": [],
-    "Bytes": b"",
-}
-
-_DEFAULTS: list[tuple[str, str, Any]] = [
-    ("Read", "OVERWRITE", c.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES.value),
-    ("Read", "RELATIVE_TO", c.ReadRelativeTo.CURRENT_READ_POSITION.value),
-    ("Read|Write", "OFFSET", 0),
-    ("Read|Write", "WAIT_MODE", c.WaitMode.POLL.value),
-    ("Read|Write", "SLEEP_TIME", 0.001),
-    ("Read", "AUTO_START", True),
-    ("Read", "READ_ALL_AVAIL_SAMP", False),
-    ("Read", "LOGGING_MODE", c.LoggingMode.OFF.value),
-    ("Read", "LOGGING_TDMS_OPERATION", c.LoggingOperation.OPEN_OR_CREATE.value),
-    ("Read", "LOGGING_.*", None),
-    ("Read|Write", r"\w*_EXIST", False),
-    ("Read|Write", r"\w*_CHANS", ""),
-    ("Write", "REGEN_MODE", c.RegenerationMode.ALLOW_REGENERATION.value),
-    ("Write", "RELATIVE_TO", c.WriteRelativeTo.CURRENT_WRITE_POSITION.value),
-    ("Write", "NEXT_WRITE_IS_LAST", False),
-    ("Timing", "SAMP_TIMING_TYPE", c.SampleTimingType.ON_DEMAND.value),
-    ("Timing", "SAMP_QUANT_SAMP_MODE", c.AcquisitionType.CONTINUOUS.value),
-    ("Timing", "SAMP_CLK_ACTIVE_EDGE|AI_CONV_ACTIVE_EDGE", c.Edge.RISING.value),
-    ("Timing", r"\w*TIMESCALE", c.Timescale.USE_HOST.value),
-    ("Timing", "FIRST_SAMP_TIMESTAMP_ENABLE", True),
-    ("Timing", r"ON_DEMAND_SIMULTANEOUS_AO_ENABLE|\w*DIG_FLTR\w*|\w*DIG_SYNC\w*|DELAY_FROM\w*", None),
-    ("Timing", r"REF_CLK_SRC|CHANGE_DETECT\w*|SYNC_\w*|FIRST_SAMP_CLK\w*", None),
-    ("Trig", r"(START|REF|PAUSE|ARM_START|ADV|HSHK)_TRIG_TYPE", c.TriggerType.NONE.value),
-    ("Trig", r"DIG_EDGE_\w*_EDGE", c.Edge.RISING.value),
-    ("Trig", r"\w*_SLOPE", c.Slope.RISING.value),
-    ("Trig", "REF_TRIG_PRETRIG_SAMPLES", 2),
-    ("Trig", r"\w*TIMESCALE", c.Timescale.USE_HOST.value),
-    ("Trig", r"\w*_COUPLING", c.Coupling.DC.value),
-    ("Trig", r"DIG_LVL_PAUSE_TRIG_WHEN", c.Level.HIGH.value),
-    ("Trig", r"START_TRIG_DELAY_UNITS", c.DigitalWidthUnits.SAMPLE_CLOCK_PERIODS.value),
-    ("Trig", r"(?!.*(WHEN|TYPE)$)\w*|START_TRIG_TRIG_WHEN|ARM_START_TRIG_TRIG_WHEN", None),
-    ("ExportedSignal", r"\w*_OUTPUT_TERM|\w*_ENABLE|\w*_DELAY|\w*_DELAY_OFFSET|\w*_PULSE_WIDTH", None),
-    ("ExportedSignal", r"\w*_PULSE_POLARITY", c.Polarity.ACTIVE_HIGH.value),
-    ("ExportedSignal", r"\w*_ACTIVE_LVL", c.Polarity.ACTIVE_HIGH.value),
-    ("ExportedSignal", r"\w*_OUTPUT_BEHAVIOR", c.ExportAction.PULSE.value),
-    ("Chan", "AI_COUPLING", c.Coupling.DC.value),
-    ("Chan", "AI_RESOLUTION_UNITS|AO_RESOLUTION_UNITS", c.ResolutionType.BITS.value),
-    ("Chan", "AI_RAW_SAMP_JUSTIFICATION", c.DataJustification.RIGHT.value),
-    ("Chan", "AI_DATA_XFER_MECH|AO_DATA_XFER_MECH", c.DataTransferActiveTransferMode.DMA.value),
-    ("Chan", "AI_LOSSY_LSB_REMOVAL_COMPRESSED_SAMP_SIZE", 16),
-    ("Chan", "AI_EXCIT_USE_FOR_SCALING", False),
-    ("Chan", "AI_RTD_A", 0.00381),
-    ("Chan", "AI_RTD_B", -6.02e-7),
-    ("Chan", "AI_RTD_C", -6.0e-12),
-    ("Chan", "AI_TEDS_IS_TEDS|CHAN_IS_GLOBAL|AI_CHAN_CAL_ENABLE_CAL", False),
-    ("Chan", "CHAN_DESCR|AI_TEDS_UNITS|AI_CUSTOM_SCALE_NAME|AO_CUSTOM_SCALE_NAME", ""),
-    ("Chan", r"AI_(LOWPASS|HIGHPASS|BANDPASS|NOTCH|FILTER|DIG_FLTR)_ENABLE|AI_DITHER_ENABLE", False),
-    ("Chan", r"(DI|DO)_(TRISTATE|INVERT_LINES|DIG_FLTR_ENABLE|DIG_SYNC_ENABLE)|AO_\w*ENABLE", False),
-    ("Chan", "AO_TERM_CFG", c.TerminalConfiguration.RSE.value),
-    ("Chan", "AO_IDLE_OUTPUT_BEHAVIOR", c.AOIdleOutputBehavior.MAINTAIN_EXISTING_VALUE.value),
-    ("Chan", "AO_LOAD_IMPEDANCE|AO_OUTPUT_IMPEDANCE|AO_DAC_OFFSET_VAL", 0.0),
-    ("Chan", "AO_DAC_REF_VAL", 10.0),
-    ("Chan", "AO_GAIN|AI_GAIN", 1.0),
-    ("Chan", "CO_PULSE_TERM|CI_CTR_TIMEBASE_SRC", ""),
-    ("Chan", "DI_LOGIC_FAMILY|DO_LOGIC_FAMILY", c.LogicFamily.FIVE_V.value),
-]
-"""(kind of property, its name as a pattern, value); None is zero, empty or false. First match counts."""
+_KEPT = ("Scale", "PersistedScale", "PersistedTask", "Watchdog")
 
 
 def serve(system: NiSystem, match: re.Match[str], request: Any, reply: Any) -> None:
@@ -114,6 +44,9 @@ def serve(system: NiSystem, match: re.Match[str], request: Any, reply: Any) -> N
             DAQmxErrors.M_STUDIO_OPERATION_DOES_NOT_SUPPORT_DEVICE_CONTEXT,
             f"Property {name} does not support device context: read it of the task.",
         )
+    if kind in _KEPT and verb != "Get":
+        write_kept(system, kind, name, request, _value(request, type_) if verb == "Set" else None)
+        return
     if verb == "Get":
         _answer(reply, type_, _get(system, kind, type_, name, request))
         return
@@ -123,6 +56,8 @@ def serve(system: NiSystem, match: re.Match[str], request: Any, reply: Any) -> N
             DAQmxErrors.CANNOT_SET_PROPERTY_WHEN_TASK_RUNNING,
             f"Specified property cannot be set while the task is running: {name}.",
         )
+    if kind == "Trig":
+        _refuse_trigger(task, name)
     if kind == "Buffer" and name.startswith("INPUT") is not task.is_input:
         raise DaqmxError(
             DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT,
@@ -141,6 +76,16 @@ def serve(system: NiSystem, match: re.Match[str], request: Any, reply: Any) -> N
             store.pop(key, None)
     if verb == "Set" and name == "SAMP_CLK_RATE":
         task.settings.pop(("Timing", "SAMP_CLK_TIMEBASE_DIV"), None)
+
+
+def _refuse_trigger(task: Task, name: str) -> None:
+    """Outputs have no reference trigger; a counter has no handshake, and advances nothing."""
+    foreign = {"co": ("REF_", "HSHK_", "ADV_"), "ao": ("REF_",), "do": ("REF_",)}.get(task.kind, ())
+    if any(f"_{mark}TRIG" in f"_{name}" for mark in foreign):
+        raise DaqmxError(
+            DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT,
+            f"Specified property is not supported by the channels of {task.name!r}: {name}.",
+        )
 
 
 def _attribute_name(system: NiSystem, call: str, request: Any) -> str:
@@ -185,6 +130,11 @@ def _answer(reply: Any, type_: str, value: Any) -> None:
 def _get(system: NiSystem, kind: str, type_: str, name: str, request: Any) -> Any:
     if kind in ("Device", "SystemInfo", "PhysicalChan"):
         return _fact(system, kind, name, request)
+    if kind in _KEPT:
+        kept = read_kept(system, kind, name, request)
+        if kept is None:
+            raise _unserved(system, kind, name)
+        return kept
     task = system.task(request.task.name)
     if kind == "Chan":
         channel = _channels(task, request.channel)[0]
@@ -198,7 +148,7 @@ def _get(system: NiSystem, kind: str, type_: str, name: str, request: Any) -> An
     if value is None:
         value = _default(system, kind, type_, name)
     elif re.fullmatch(r"(ANLG_(EDGE|WIN|LVL)|DIG_EDGE|DIG_LVL)_\w*_TRIG_SRC", name) and value:
-        value = system.inventory.terminal(task.device, value)
+        value = system.inventory.written(task.device, value)
     return value
 
 
@@ -213,15 +163,15 @@ def _fact(system: NiSystem, kind: str, name: str, request: Any) -> Any:
         if name in CHANNEL_FACTS:
             return CHANNEL_FACTS[name](device, tail)
     elif name in SYSTEM_FACTS:
-        return SYSTEM_FACTS[name](system.inventory)
+        return SYSTEM_FACTS[name](system)
     raise _unserved(system, kind, name)
 
 
 def _default(system: NiSystem, kind: str, type_: str, name: str) -> Any:
-    for kinds, pattern, value in _DEFAULTS:
-        if kind in kinds.split("|") and re.fullmatch(pattern, name):
-            return _ZERO[type_] if value is None else value
-    raise _unserved(system, kind, name)
+    value = default_value(kind, type_, name)
+    if value is None:
+        raise _unserved(system, kind, name)
+    return value
 
 
 def _unserved(system: NiSystem, kind: str, name: str) -> DaqmxError:
@@ -261,10 +211,20 @@ _CHANNEL_TYPE = {
 
 def _limit(sign: int) -> Callable[[Channel], float]:
     def limit(channel: Channel) -> float:
-        if channel.kind == "ai" and channel.values.get("AI_MEAS_TYPE_NAME") != "VOLTAGE":
+        name, missing = (
+            ("AI_MAX", DAQmxErrors.AI_MAX_NOT_SPECIFIED)
+            if sign > 0
+            else ("AI_MIN", DAQmxErrors.AI_MIN_NOT_SPECIFIED)
+        )
+        if name not in channel.values:
+            raise DaqmxError(missing, f"{name} of {channel.name!r} was reset, and not set since.")
+        if channel.values.get("AI_MEAS_TYPE_NAME") != "VOLTAGE":
             return channel.high if sign > 0 else channel.low
         # The driver widens what was asked to the range that it takes.
-        return sign * channel.full_scale
+        ends = np.array([-channel.full_scale, channel.full_scale])
+        if channel.scale is not None:
+            ends = channel.scale.to_units(ends)
+        return float(ends.max() if sign > 0 else ends.min())
 
     return limit
 
@@ -303,7 +263,7 @@ def _clock_source(system: NiSystem, task: Task) -> str:
     source = task.setting("Timing", "SAMP_CLK_SRC", "")
     device = task.device
     return (
-        system.inventory.terminal(device, source)
+        system.inventory.written(device, source)
         if source
         else f"/{device.name}/{task.kind}/SampleClockTimebase"
     )

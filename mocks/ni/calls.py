@@ -18,8 +18,8 @@ from nidaqmx.utils import unflatten_channel_string
 
 from mocks.ni.channels import CREATES, field
 from mocks.ni.errors import DaqmxError, DAQmxErrors, error_string
+from mocks.ni.keeping import KEEPING
 from mocks.ni.reading import READS
-from mocks.ni.scales import Scale, linear
 from mocks.ni.system import NiSystem
 from mocks.ni.tasks import Task
 from mocks.ni.writing import WRITES
@@ -253,16 +253,6 @@ def _wait_for_timestamp(system: NiSystem, request: Any, alive: Alive) -> Any:
 # Devices and the system
 
 
-def _create_linear_scale(system: NiSystem, request: Any, alive: Alive) -> None:
-    if request.slope == 0:
-        raise DaqmxError(DAQmxErrors.INVALID_ATTRIBUTE_VALUE, "A linear scale needs a slope.")
-    system.scales[request.name] = linear(request.slope, request.y_intercept)
-
-
-def _create_polynomial_scale(system: NiSystem, request: Any, alive: Alive) -> None:
-    system.scales[request.name] = Scale(tuple(request.forward_coeffs), tuple(request.reverse_coeffs))
-
-
 def _nth_channel(system: NiSystem, request: Any, alive: Alive) -> Any:
     return pb.GetNthTaskChannelResponse(
         buffer=system.task(request.task.name).channels[request.index - 1].name
@@ -292,12 +282,11 @@ CALLS: dict[str, Call] = {
     **{name: _creating(create) for name, create in CREATES.items()},
     **READS,
     **WRITES,
+    **KEEPING,
     "CfgChangeDetectionTiming": _change_detection,
     "ExportSignal": _export_signal,
     "ConfigureLogging": _logging,
     "StartNewFile": _new_file,
-    "CreateLinScale": _create_linear_scale,
-    "CreatePolynomialScale": _create_polynomial_scale,
     "CreateTask": _create_task,
     "ClearTask": lambda s, r, a: s.clear_task(s.task(r.task.name)),
     "StartTask": lambda s, r, a: s.start(s.task(r.task.name)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from nidaqmx.constants import (
     TerminalConfiguration,
     UsageTypeAI,
     UsageTypeAO,
+    UsageTypeCI,
     UsageTypeCO,
 )
 
@@ -23,7 +23,7 @@ from mocks.ni.scales import Scale
 from mocks.ni.system import NiSystem
 from mocks.ni.tasks import Channel, Kind, Task
 
-__all__ = ["CREATES", "field", "line_order", "port_words", "waveform_columns", "word_lines"]
+__all__ = ["CREATES", "field", "line_order", "port_words", "word_lines"]
 
 
 def field(request: Any, name: str) -> Any:
@@ -66,14 +66,6 @@ def line_order(channel: Channel) -> list[int]:
     """Order of a channel's lines in the driver's arrays of lines: going up, however they were named."""
     bits = _bits(channel)
     return sorted(range(len(bits)), key=bits.__getitem__)
-
-
-def waveform_columns(channel: Channel) -> list[int]:
-    """Order of a digital waveform's columns: as the lines were named, the highest port first."""
-    ports = {port: list(lines) for port, lines in groupby(
-        range(len(channel.physical)), key=lambda i: channel.physical[i].partition("/")[0]
-    )}  # fmt: skip
-    return [i for port in sorted(ports, reverse=True) for i in ports[port]]
 
 
 def _add(task: Task, channels: list[Channel]) -> None:
@@ -206,24 +198,33 @@ def _analog_output(system: NiSystem, request: Any) -> None:
     _add(task, made)
 
 
+def _lines_of(device: NiDevice, tail: str) -> list[str]:
+    """The line itself, or every line of a port, going up."""
+    port = tail.removeprefix("port")
+    if not port.isdecimal():
+        return [tail]
+    return [f"{tail}/line{i}" for i in range(device.product.ports[int(port)])]
+
+
 def _digital(kind: Kind) -> Callable[[NiSystem, Any], None]:
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
+        together = field(request, "line_grouping") == LineGrouping.CHAN_FOR_ALL_LINES.value
         resolved = list(system.inventory.resolve(request.lines))
+        if not together:
+            # NI's reference of DAQmxCreateDIChan: a port alone stands for all its lines.
+            resolved = [(device, line) for device, tail in resolved for line in _lines_of(device, tail)]
         groups: list[tuple[NiDevice, tuple[str, ...], bool]] = []
         for device, tail in resolved:
             if not tail.startswith("port"):
                 raise _wrong_kind(device, tail, "digital")
-            whole = "/line" not in tail
-            lines: tuple[str, ...] = (tail,)
-            if whole:
-                count = device.product.ports[int(tail.removeprefix("port"))]
-                lines = tuple(f"{tail}/line{i}" for i in range(count))
-            groups.append((device, lines, whole))
-        if field(request, "line_grouping") == LineGrouping.CHAN_FOR_ALL_LINES.value and groups:
+            # A whole port counts as named from its highest line down.
+            lines = tuple(reversed(_lines_of(device, tail)))
+            groups.append((device, lines, "/line" not in tail))
+        if together and groups:
             device = groups[0][0]
-            together = tuple(line for _, lines, _ in groups for line in lines)
-            groups = [(device, together, all(whole for _, _, whole in groups))]
+            every = tuple(line for _, lines, _ in groups for line in lines)
+            groups = [(device, every, all(whole for _, _, whole in groups))]
         names = _digital_names(request.name_to_assign_to_lines, groups, resolved)
         _add(
             task,
@@ -246,7 +247,7 @@ def _digital_names(
     if len(groups) == len(resolved):
         return [f"{device.name}/{tail}" for device, tail in resolved]
     # So the driver names several lines in one channel.
-    return [f"{device.name}/{lines[0]}..." for device, lines, _ in groups]
+    return [f"{resolved[0][0].name}/{resolved[0][1]}..."]
 
 
 def _pulse_output(
@@ -266,6 +267,26 @@ def _pulse_output(
             made.append(Channel(name, "co", device, (tail,), values))
         _add(task, made)
         task.settings["Timing", "SAMP_CLK_RATE"] = rate(request)
+
+    return create
+
+
+def _counter_input(measurement: UsageTypeCI, properties: dict[str, str]) -> Callable[[NiSystem, Any], None]:
+    """A create call of a counter that can be configured, started and waited for, but not read."""
+
+    def create(system: NiSystem, request: Any) -> None:
+        task = system.task(request.task.name)
+        resolved = list(system.inventory.resolve(request.counter))
+        made = []
+        for name, (device, tail) in zip(
+            _named(request.name_to_assign_to_channel, resolved), resolved, strict=True
+        ):
+            if "ctr" not in tail:
+                raise _wrong_kind(device, tail, "counter input")
+            values: dict[str, Any] = {"CI_MEAS_TYPE": measurement.value}
+            values |= {attribute: field(request, name) for name, attribute in properties.items()}
+            made.append(Channel(name, "ci", device, (tail,), values))
+        _add(task, made)
 
     return create
 
@@ -344,12 +365,43 @@ CREATES: dict[str, Callable[[NiSystem, Any], None]] = {
             "r1": "AI_THRMSTR_R1",
         },
     ),
+    "CreateAIStrainGageChan": _analog_input(
+        UsageTypeAI.STRAIN_STRAIN_GAGE,
+        "AI_STRAIN_UNITS",
+        {
+            "strain_config": "AI_STRAIN_GAGE_CFG",
+            "voltage_excit_source": "AI_EXCIT_SRC",
+            "voltage_excit_val": "AI_EXCIT_VAL",
+            "gage_factor": "AI_STRAIN_GAGE_GAGE_FACTOR",
+            "initial_bridge_voltage": "AI_BRIDGE_INITIAL_VOLTAGE",
+            "nominal_gage_resistance": "AI_BRIDGE_NOM_RESISTANCE",
+            "poisson_ratio": "AI_STRAIN_GAGE_POISSON_RATIO",
+            "lead_wire_resistance": "AI_LEAD_WIRE_RESISTANCE",
+        },
+    ),
     "CreateAITempBuiltInSensorChan": _analog_input(
         UsageTypeAI.TEMPERATURE_BUILT_IN_SENSOR, "AI_TEMP_UNITS", {}
     ),
     "CreateAOVoltageChan": _analog_output,
     "CreateDIChan": _digital("di"),
     "CreateDOChan": _digital("do"),
+    "CreateCICountEdgesChan": _counter_input(
+        UsageTypeCI.COUNT_EDGES,
+        {
+            "edge": "CI_COUNT_EDGES_ACTIVE_EDGE",
+            "initial_count": "CI_COUNT_EDGES_INITIAL_CNT",
+            "count_direction": "CI_COUNT_EDGES_DIR",
+        },
+    ),
+    "CreateCIPulseWidthChan": _counter_input(
+        UsageTypeCI.PULSE_WIDTH_DIGITAL,
+        {
+            "min_val": "CI_MIN",
+            "max_val": "CI_MAX",
+            "units": "CI_PULSE_WIDTH_UNITS",
+            "starting_edge": "CI_PULSE_WIDTH_STARTING_EDGE",
+        },
+    ),
     "CreateCOPulseChanFreq": _pulse_output(
         UsageTypeCO.PULSE_FREQUENCY,
         lambda r: float(r.freq),

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from nidaqmx.utils import unflatten_channel_string
 
 from mocks.ni.errors import DaqmxError, DAQmxErrors
-from mocks.ni.scales import Scale, linear
+from mocks.ni.scales import Scale, scale_from_export
 from mocks.products import PRODUCTS, Product
 
 __all__ = ["Inventory", "NiDevice", "devices_from_ini"]
@@ -99,7 +99,8 @@ class Inventory:
                 return device
         raise DaqmxError(
             DAQmxErrors.INVALID_DEVICE_ID,
-            f"Device identifier is invalid: there is no device {name.strip()!r}.",
+            f"Device identifier is invalid: there is no device {name.strip()!r}.\n\n"
+            f"Device Specified: {name.strip()}",
         )
 
     def modules(self, chassis: str) -> list[NiDevice]:
@@ -153,6 +154,13 @@ class Inventory:
         homes = {d.chassis or d.name for d in (source, target)}
         return len(homes) == 1
 
+    def written(self, device: NiDevice, text: str) -> str:
+        """A terminal as the driver reports what a program set: a full name is not looked up until it is used.
+
+        Raises DaqmxError for a short name that is no terminal of `device`.
+        """
+        return text if text.startswith("/") else self.terminal(device, text)
+
     @staticmethod
     def _exists(device: NiDevice, tail: str) -> bool:
         own = (*device.ai, *device.ao, *device.lines, *device.ports, *device.counters)
@@ -196,10 +204,7 @@ def _scales(export: configparser.ConfigParser) -> dict[str, Scale]:
     scales = {}
     for section in export.sections():
         kind, _, name = section.partition(" ")
-        entry = export[section]
-        if kind == "DAQmxScale" and entry.get("ScaleType") == "Linear":
-            scales[name] = linear(float(entry["Lin.Slope"]), float(entry["Lin.YIntercept"]))
-        elif kind == "DAQmxScale" and entry.get("ScaleType") == "Polynomial":
-            ways = (entry["Poly.ForwardCoeff"], entry["Poly.ReverseCoeff"])
-            scales[name] = Scale(*(tuple(float(c) for c in way.split(",")) for way in ways))
+        scale = scale_from_export(export[section]) if kind == "DAQmxScale" else None
+        if scale is not None:
+            scales[name] = scale
     return scales

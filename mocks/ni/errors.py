@@ -10,15 +10,34 @@ __all__ = ["DAQmxErrors", "DaqmxError", "error_string"]
 class DaqmxError(Exception):
     """A call that the driver refuses. Travels to the client as gRPC status and trailing metadata."""
 
-    def __init__(self, code: DAQmxErrors, text: str, *, read: int | None = None) -> None:
+    def __init__(
+        self, code: DAQmxErrors, text: str, *, read: int | None = None, written: int | None = None
+    ) -> None:
         super().__init__(f"{text}\n\nStatus Code: {code.value}")
         self.code = code.value
         self.read = read
         """Samples per channel that a failed read delivered; None for a call that is not a read."""
+        self.written = written
+        """Samples per channel that a failed write put away; None for a call that is not a write."""
+
+
+_SENTENCES = {
+    DAQmxErrors.INVALID_ATTRIBUTE_VALUE: "Requested value is not a supported value for this property.",
+    DAQmxErrors.INVALID_DEVICE_ID: "Device identifier is invalid.",
+    DAQmxErrors.INVALID_TASK: "Task specified is invalid or does not exist.",
+    DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST: "Physical channel specified does not exist on this device.",
+    DAQmxErrors.PAL_RESOURCE_RESERVED: "The specified resource is reserved.",
+    DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE: "Some or all of the samples requested have not yet been acquired.",
+    DAQmxErrors.WRITE_NUM_CHANS_MISMATCH: "Write cannot be performed, because the number of channels in the "
+    "data does not match the number of channels in the task.",
+}
 
 
 def error_string(code: int) -> str:
-    """What the driver says about a code, in words made of NI's own name for it."""
+    """What the driver says about a code: its sentence, else words made of NI's own name for the code."""
+    for known, sentence in _SENTENCES.items():
+        if known.value == code:
+            return f"{sentence}\n\nStatus Code: {code}"
     for table in (DAQmxErrors, DAQmxWarnings):
         try:
             name = table(code).name

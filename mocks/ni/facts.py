@@ -8,6 +8,7 @@ from typing import Any
 from nidaqmx import constants as c
 
 from mocks.ni.devices import Inventory, NiDevice
+from mocks.ni.system import NiSystem
 
 __all__ = ["CHANNEL_FACTS", "DEVICE_FACTS", "SYSTEM_FACTS"]
 
@@ -134,16 +135,27 @@ DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
     "CO_SAMP_MODES": lambda i, d: _SAMPLE_MODES if d.counters else [],
     "AI_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.ai else 0,
     "AO_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.ao else 0,
+    "DI_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.product.ports else 0,
+    "DO_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.product.ports else 0,
+    "NUM_TIMESTAMP_ENGINES": lambda i, d: 0,
+    "AI_DIG_FLTR_TYPES": lambda i, d: [],
+    "AI_DIG_FLTR_LOWPASS_CUTOFF_FREQ_DISCRETE_VALS": lambda i, d: [],
+    "AI_DIG_FLTR_LOWPASS_CUTOFF_FREQ_RANGE_VALS": lambda i, d: [],
+    "AI_LOWPASS_CUTOFF_FREQ_DISCRETE_VALS": lambda i, d: [],
+    "AI_LOWPASS_CUTOFF_FREQ_RANGE_VALS": lambda i, d: [],
+    "AI_CURRENT_INT_EXCIT_DISCRETE_VALS": lambda i, d: [],
+    "AI_VOLTAGE_INT_EXCIT_DISCRETE_VALS": lambda i, d: [],
+    "AI_VOLTAGE_INT_EXCIT_RANGE_VALS": lambda i, d: [],
 }
-SYSTEM_FACTS: dict[str, Callable[[Inventory], Any]] = {
+SYSTEM_FACTS: dict[str, Callable[[NiSystem], Any]] = {
     # From 24.5 on, clients ask for internal properties: findings.md.
-    "NIDAQ_MAJOR_VERSION": lambda i: 24,
-    "NIDAQ_MINOR_VERSION": lambda i: 0,
-    "NIDAQ_UPDATE_VERSION": lambda i: 0,
-    "DEV_NAMES": lambda i: _names(list(i.devices)),
-    "GLOBAL_CHANS": lambda i: "",
-    "SCALES": lambda i: _names(list(i.scales)),
-    "TASKS": lambda i: "",
+    "NIDAQ_MAJOR_VERSION": lambda s: 24,
+    "NIDAQ_MINOR_VERSION": lambda s: 0,
+    "NIDAQ_UPDATE_VERSION": lambda s: 0,
+    "DEV_NAMES": lambda s: _names(list(s.inventory.devices)),
+    "GLOBAL_CHANS": lambda s: "",
+    "SCALES": lambda s: _names(list(s.scales)),
+    "TASKS": lambda s: _names(list(s.saved_tasks)),
 }
 
 

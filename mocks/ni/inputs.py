@@ -46,10 +46,11 @@ def acquire(system: NiSystem, task: Task, count: int) -> Any:
     """`count` samples now, taken by software. Shapes as in `samples`."""
     now = system.clock.now()
     first = task.on_demand
-    task.on_demand += count
+    if task.is_input:
+        task.on_demand += count
     times = np.full(count, now)
     index = np.arange(first, first + count)
-    if task.kind == "di":
+    if task.kind in ("di", "do"):
         return _lines(system, task, times, index)
     volts, driven = _volts(system, task, [times] * len(task.channels), index)
     noise = {d.name: np.random.default_rng([system.seed, 1, first]) for d in task.devices}

@@ -14,7 +14,7 @@ from nidaqmx.utils import unflatten_channel_string
 
 from instruments.arrays import FloatArray
 from mocks.ni import inputs
-from mocks.ni.channels import line_order, port_words, waveform_columns
+from mocks.ni.channels import line_order, port_words
 from mocks.ni.errors import DaqmxError, DAQmxErrors
 from mocks.ni.system import NiSystem
 from mocks.ni.tasks import Channel, Task
@@ -49,19 +49,12 @@ def _read(
     -1 asks for all of a finite task, or for those there are now, as far as `space` samples of the
     program's array hold them: it made the array a moment ago.
     """
-    if not task.is_input:
-        raise DaqmxError(
-            DAQmxErrors.INVALID_TASK, f"Task {task.name!r} has no input channels, so it cannot be read."
-        )
-    injected = system.injected(task)
-    if injected is not None:
-        system.stop(task)
-        raise DaqmxError(injected, f"The acquisition of {task.device.name} was stopped.", read=0)
+    _refuse_unreadable(system, task)
     if not task.running:
         system.start(task, auto=True)
     if not task.timed:
         taken = inputs.acquire(system, task, max(1, wanted))
-        result = _Read(*_wanted(task, taken), task.on_demand - taken.shape[1])
+        result = _Read(*_wanted(task, taken), max(0, task.on_demand - taken.shape[1]))
         if task.auto_started:
             count = task.on_demand
             system.stop(task)
@@ -111,6 +104,25 @@ def _read(
         system.stop(task)
     system.changed.notify_all()
     return result
+
+
+def _refuse_unreadable(system: NiSystem, task: Task) -> None:
+    """Outputs and counters cannot be read, nor a device with an injected failure."""
+    if not task.is_input and (task.kind != "do" or task.timed):
+        raise DaqmxError(
+            DAQmxErrors.READ_NO_INPUT_CHANS_IN_TASK,
+            f"Read cannot be performed, because task {task.name!r} has no input channels: only the lines "
+            "of an output that programs step can be read back.",
+        )
+    if task.kind == "ci":
+        system.unserved["reading a counter"] += 1
+        raise DaqmxError(
+            DAQmxErrors.ATTR_NOT_SUPPORTED, f"haploop's NI wire counts nothing: {task.name!r} cannot be read."
+        )
+    injected = system.injected(task)
+    if injected is not None:
+        system.stop(task)
+        raise DaqmxError(injected, f"The acquisition of {task.device.name} was stopped.", read=0)
 
 
 def _wanted_channels(task: Task) -> tuple[Channel, ...]:
@@ -337,13 +349,12 @@ def _digital_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any:
     for channel in result.channels:
         mine = result.rows[row : row + len(channel.physical)]
         row += len(channel.physical)
-        order = waveform_columns(channel)
         waveform = answer.waveforms.add()
-        waveform.signal_count = len(order)
-        waveform.y_data = np.ascontiguousarray(mine[order].T).astype(np.uint8).tobytes()
+        waveform.signal_count = len(channel.physical)
+        waveform.y_data = np.ascontiguousarray(mine.T).astype(np.uint8).tobytes()
         _describe(system, task, request, waveform, result.first, channel.name)
         if _mode(request) & _PROPERTIES:
-            names = [f"{channel.device.name}/{channel.physical[i]}" for i in order]
+            names = [f"{channel.device.name}/{line}" for line in channel.physical]
             waveform.attributes["NI_LineNames"].string_value = ", ".join(names)
     return answer
 

@@ -28,7 +28,7 @@ from mocks.nodes import Nodes
 
 __all__ = ["NiServer"]
 
-_THREADS = 64
+_THREADS = 256
 """Each event stream and each blocked read holds one."""
 _SERVICE = pb.DESCRIPTOR.services_by_name["NiDAQmx"]
 _SESSION_FILE = pb.CreateTaskResponse.DESCRIPTOR.fields_by_name["task"].message_type.file
@@ -214,5 +214,7 @@ def _abort(context: Any, error: DaqmxError) -> None:
     metadata = [("ni-error", str(error.code))]
     if error.read is not None:
         metadata.append(("ni-samps-per-chan-read", str(error.read)))
+    if error.written is not None:
+        metadata.append(("ni-samps-per-chan-written", str(error.written)))
     context.set_trailing_metadata(tuple(metadata))
     context.abort(grpc.StatusCode.UNKNOWN, str(error))

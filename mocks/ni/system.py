@@ -39,7 +39,10 @@ class NiSystem:
         seed: int,
     ) -> None:
         self.inventory = inventory
-        self.scales = dict(inventory.scales)
+        self.scales = {name: scale.copy() for name, scale in inventory.scales.items()}
+        self.saved_tasks: dict[str, object] = {}
+        self.power_up: dict[str, int] = {}
+        """States of digital lines at power-up that a program set, by line."""
         self.clock = clock
         self.nodes = nodes
         self.wiring = dict(wiring)
@@ -132,6 +135,9 @@ class NiSystem:
         """Take every resource that the task needs, or none of them."""
         if task.state >= State.RESERVED:
             return
+        if task.watchdog is not None:
+            task.state = State.RESERVED
+            return
         self.verify(task)
         wanted = self._resources(task)
         for key in wanted:
@@ -148,7 +154,8 @@ class NiSystem:
         """Reserve, and see that its clocks and triggers can be routed."""
         self.reserve(task)
         if task.state < State.COMMITTED:
-            self._sources(task)
+            if task.watchdog is None:
+                self._sources(task)
             task.state = State.COMMITTED
 
     def release(self, task: Task) -> None:
@@ -164,6 +171,10 @@ class NiSystem:
                 DAQmxErrors.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING,
                 f"Specified operation cannot be performed while the task is running: {task.name!r}.",
             )
+        if task.watchdog is not None:
+            task.watchdog.start(self.clock.now())
+            task.state = State.RUNNING
+            return
         if not task.is_input and task.timed and task.kind != "co" and not task.buffer.shape[1]:
             raise DaqmxError(
                 DAQmxErrors.OUTPUT_BUFFER_EMPTY,
@@ -204,6 +215,10 @@ class NiSystem:
     def stop(self, task: Task) -> None:
         """Stop sampling; outputs hold their last value."""
         if not task.running:
+            return
+        if task.watchdog is not None:
+            task.watchdog.stop()
+            task.state = State.COMMITTED
             return
         now = self.clock.now()
         if task.shares is None and task.clock.start is not None:
@@ -300,7 +315,9 @@ class NiSystem:
     def _joins(self, task: Task, terminal: str, now: float) -> bool:
         """Run on the clock at `terminal` from its next edge; False when it does not run."""
         for other in self.tasks.values():
-            if other is not task and other.running and terminal in self._emits(other) and not other.waits_for:
+            if other is task or not other.channels or not other.running or other.waits_for:
+                continue
+            if terminal in self._emits(other):
                 task.clock = other.clock
                 task.offset = other.clock.edges(now)
                 return True

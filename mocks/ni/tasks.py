@@ -15,6 +15,7 @@ from mocks.ni.devices import NiDevice
 from mocks.ni.errors import DaqmxError, DAQmxErrors
 from mocks.ni.scales import Scale
 from mocks.ni.terminals import Timebase
+from mocks.ni.watchdog import Watchdog
 from mocks.products import Product, code_width, convert_interval, input_range
 
 __all__ = ["Channel", "Chunk", "Kind", "State", "Task"]
@@ -42,7 +43,8 @@ class Channel:
     kind: Kind
     device: NiDevice
     physical: tuple[str, ...]
-    """Names without the device: ("ai0",), or lines ("port0/line0", ...)."""
+    """Names without the device: ("ai0",), or lines as named ("port0/line0", ...), the highest of a whole
+    port first: also the order of a digital waveform's columns."""
     values: dict[str, Any] = field(default_factory=dict)
     """Properties that were set, by the name of the attribute."""
     ports: bool = False
@@ -142,6 +144,8 @@ class Task:
         self.dropped = 0
         """Samples at the buffer's beginning that have been played and let go of."""
         self.failure: DaqmxError | None = None
+        self.watchdog: Watchdog | None = None
+        """Set for a watchdog timer task, which has no channels."""
 
     @property
     def kind(self) -> Kind:

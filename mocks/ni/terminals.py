@@ -114,13 +114,17 @@ class OutputTerminal:
             if len(times):
                 self._advance(float(times[-1]))
             values = np.empty(len(times))
-            for run in self._past:
-                here = times >= run.start
+            missing = np.ones(len(times), dtype=np.bool_)
+            for run in reversed(self._past):
+                here = missing & (times >= run.start)
                 if here.any():
+                    missing &= ~here
                     step = np.zeros(len(times), dtype=np.int64)
                     if np.isfinite(run.start):
                         step[here] = np.floor((times[here] - run.start) / run.period + _EDGE)
                     values[here] = run.values[np.minimum(step[here], len(run.values) - 1)]
+                if not missing.any():
+                    break
             return values
 
     def _advance(self, until: float) -> None:

@@ -11,7 +11,7 @@ from nidaqmx.constants import FillMode, WriteRelativeTo
 
 from instruments.arrays import FloatArray
 from mocks.converter import put_out
-from mocks.ni.channels import field, line_order, waveform_columns, word_lines
+from mocks.ni.channels import field, line_order, word_lines
 from mocks.ni.errors import DaqmxError, DAQmxErrors
 from mocks.ni.system import NiSystem
 from mocks.ni.tasks import Channel, Task
@@ -87,10 +87,18 @@ def _fill(system: NiSystem, task: Task, rows: FloatArray) -> None:
     if task.setting("Write", "RELATIVE_TO") == WriteRelativeTo.FIRST_SAMPLE.value:
         position = 0
     position += int(task.setting("Write", "OFFSET", 0))
+    if asked and not system.regenerates(task) and position + count > asked + task.device.product.ao_fifo:
+        raise DaqmxError(
+            DAQmxErrors.NO_MORE_SPACE,
+            f"Write cannot be performed, because there is no space for {count} samples per channel in the "
+            f"buffer of {task.name!r}, which does not play yet and holds {asked}.",
+            written=0,
+        )
     if not task.running and not task.written:
         task.buffer = np.zeros((len(rows), 0))
         task.first_write, task.dropped = count, 0
-    size = int(asked) if asked else max(task.buffer.shape[1], count if task.running else position + count)
+    grows = not asked or not system.regenerates(task)
+    size = int(asked) if not grows else max(task.buffer.shape[1], count if task.running else position + count)
     if size != task.buffer.shape[1]:
         grown = np.zeros((len(rows), size))
         kept = min(size, task.buffer.shape[1])
@@ -108,28 +116,32 @@ def _fill(system: NiSystem, task: Task, rows: FloatArray) -> None:
 
 def _queue(system: NiSystem, task: Task, rows: FloatArray, timeout: float, alive: Alive) -> None:
     """Append to what plays without going round; wait for space, which is how such a program is paced."""
-    count = rows.shape[1]
     _refuse_underflow(system, task)
-    excess = task.written + count - _capacity(task)
+    excess = task.written + rows.shape[1] - _capacity(task)
 
     def due() -> float | None:
         return task.ready(excess)
 
-    if not system.wait(
+    fits = system.wait(
         lambda: not task.running or task.count(system.clock.now()) >= excess, due, timeout, alive
-    ):
-        raise DaqmxError(
-            DAQmxErrors.SAMPLES_CAN_NOT_YET_BE_WRITTEN,
-            f"Some or all of the samples to write could not be written to the buffer of {task.name!r} yet.",
-        )
+    )
     _refuse_underflow(system, task)
     now = system.clock.now()
+    if not fits:
+        rows = rows[:, : space(system, task)]
+    count = rows.shape[1]
     played = task.count(now)
     task.buffer = np.concatenate([task.buffer[:, played - task.dropped :], rows], axis=1)
     task.dropped = played
     task.written += count
     for name, row in zip(system.rows(task), task.buffer, strict=True):
         system.outputs[name].replace(row, now, played)
+    if not fits:
+        raise DaqmxError(
+            DAQmxErrors.SAMPLES_CAN_NOT_YET_BE_WRITTEN,
+            f"Some or all of the samples to write could not be written to the buffer of {task.name!r} yet.",
+            written=count,
+        )
 
 
 def _refuse_underflow(system: NiSystem, task: Task) -> None:
@@ -278,10 +290,7 @@ def _digital_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any:
     for channel, waveform in zip(task.channels, request.waveforms, strict=True):
         _refuse_lines(channel, waveform.signal_count)
         data = np.frombuffer(waveform.y_data, dtype=np.uint8).reshape(-1, waveform.signal_count)
-        mine = np.zeros((len(channel.physical), len(data)))
-        for column, line in enumerate(waveform_columns(channel)):
-            mine[line] = data[:, column]
-        rows.append(mine)
+        rows.append(data.T.astype(np.float64))
     written = _write(system, task, np.concatenate(rows), request.auto_start, request.timeout, alive)
     return pb.WriteDigitalWaveformsResponse(samps_per_chan_written=written)
 

@@ -100,7 +100,8 @@ def summary(**changes: object) -> dict[str, object]:
         "simulated": True, "mode": "twin", "rig": "lab", "rig_file": "lab.toml", "seed": 3,
         "simulation": {"seed": 3}, "participants": 1, "buttons": {"latch": button}, "patch": "A",
         "point": "button", "resonance_hz": 263.5, "resonance_true_hz": 263.6, "model_error": 0.01,
-        "coherence_min_in_band": 0.9, "band_hz": [30.0, 600.0], "simulated_s": 90.0, "wall_s": 20.0, "notes": [],
+        "coherence_min_in_band": 0.9, "band_hz": [30.0, 600.0], "simulated_s": 90.0, "wall_s": 20.0,
+        "notes": [],
         "folder": "demo", "report": "demo/report.html", "software": {"haploop": "0.1.0"},
         "date": "2026-01-02T03:04:05+00:00", "passed": False,
     }  # fmt: skip

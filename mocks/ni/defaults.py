@@ -1,0 +1,94 @@
+"""What a property reads as where no program has set it and no state decides it."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from typing import Any
+
+from nidaqmx import constants as c
+
+__all__ = ["default_value"]
+
+_ZERO: dict[str, Any] = {
+    "Bool": False,
+    "Double": 0.0,
+    "Int32": 0,
+    "UInt32": 0,
+    "UInt64": 0,
+    "String": "",
+    "Timestamp": datetime(1904, 1, 1, tzinfo=UTC),
+    "DoubleArray": [],
+    "Int32Array": [],
+    "UInt32Array": [],
+    "Bytes": b"",
+}
+
+_DEFAULTS: list[tuple[str, str, Any]] = [
+    ("Read", "OVERWRITE", c.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES.value),
+    ("Read", "RELATIVE_TO", c.ReadRelativeTo.CURRENT_READ_POSITION.value),
+    ("Read|Write", "OFFSET", 0),
+    ("Read|Write", "WAIT_MODE", c.WaitMode.POLL.value),
+    ("Read|Write", "SLEEP_TIME", 0.001),
+    ("Read", "AUTO_START", True),
+    ("Read", "READ_ALL_AVAIL_SAMP", False),
+    ("Read", "LOGGING_MODE", c.LoggingMode.OFF.value),
+    ("Read", "LOGGING_TDMS_OPERATION", c.LoggingOperation.OPEN_OR_CREATE.value),
+    ("Read", "LOGGING_.*", None),
+    ("Read|Write", r"\w*_EXIST", False),
+    ("Read|Write", r"\w*_CHANS", ""),
+    ("Write", "REGEN_MODE", c.RegenerationMode.ALLOW_REGENERATION.value),
+    ("Write", "RELATIVE_TO", c.WriteRelativeTo.CURRENT_WRITE_POSITION.value),
+    ("Write", "NEXT_WRITE_IS_LAST", False),
+    ("Timing", "SAMP_TIMING_TYPE", c.SampleTimingType.ON_DEMAND.value),
+    ("Timing", "SAMP_QUANT_SAMP_MODE", c.AcquisitionType.CONTINUOUS.value),
+    ("Timing", "SAMP_CLK_ACTIVE_EDGE|AI_CONV_ACTIVE_EDGE", c.Edge.RISING.value),
+    ("Timing", r"\w*TIMESCALE", c.Timescale.USE_HOST.value),
+    ("Timing", "FIRST_SAMP_TIMESTAMP_ENABLE", True),
+    ("Timing", r"ON_DEMAND_SIMULTANEOUS_AO_ENABLE|\w*DIG_FLTR\w*|\w*DIG_SYNC\w*|DELAY_FROM\w*", None),
+    ("Timing", r"REF_CLK_SRC|CHANGE_DETECT\w*|SYNC_\w*|FIRST_SAMP_CLK\w*", None),
+    ("Trig", r"(START|REF|PAUSE|ARM_START|ADV|HSHK)_TRIG_TYPE", c.TriggerType.NONE.value),
+    ("Trig", r"DIG_EDGE_\w*_EDGE", c.Edge.RISING.value),
+    ("Trig", r"\w*_SLOPE", c.Slope.RISING.value),
+    ("Trig", "REF_TRIG_PRETRIG_SAMPLES", 2),
+    ("Trig", r"\w*TIMESCALE", c.Timescale.USE_HOST.value),
+    ("Trig", r"\w*_COUPLING", c.Coupling.DC.value),
+    ("Trig", r"DIG_LVL_PAUSE_TRIG_WHEN", c.Level.HIGH.value),
+    ("Trig", r"START_TRIG_DELAY_UNITS", c.DigitalWidthUnits.SAMPLE_CLOCK_PERIODS.value),
+    ("Trig", r"(?!.*(WHEN|TYPE)$)\w*|START_TRIG_TRIG_WHEN|ARM_START_TRIG_TRIG_WHEN", None),
+    ("ExportedSignal", r"\w*_OUTPUT_TERM|\w*_ENABLE|\w*_DELAY|\w*_DELAY_OFFSET|\w*_PULSE_WIDTH", None),
+    ("ExportedSignal", r"\w*_PULSE_POLARITY", c.Polarity.ACTIVE_HIGH.value),
+    ("ExportedSignal", r"\w*_ACTIVE_LVL", c.Polarity.ACTIVE_HIGH.value),
+    ("ExportedSignal", r"\w*_OUTPUT_BEHAVIOR", c.ExportAction.PULSE.value),
+    ("Chan", "AI_COUPLING", c.Coupling.DC.value),
+    ("Chan", "AI_RESOLUTION_UNITS|AO_RESOLUTION_UNITS", c.ResolutionType.BITS.value),
+    ("Chan", "AI_RAW_SAMP_JUSTIFICATION", c.DataJustification.RIGHT.value),
+    ("Chan", "AI_DATA_XFER_MECH|AO_DATA_XFER_MECH", c.DataTransferActiveTransferMode.DMA.value),
+    ("Chan", "AI_LOSSY_LSB_REMOVAL_COMPRESSED_SAMP_SIZE", 16),
+    ("Chan", "AI_EXCIT_USE_FOR_SCALING", False),
+    ("Chan", "AI_RTD_A", 0.00381),
+    ("Chan", "AI_RTD_B", -6.02e-7),
+    ("Chan", "AI_RTD_C", -6.0e-12),
+    ("Chan", "AI_TEDS_IS_TEDS|CHAN_IS_GLOBAL|AI_CHAN_CAL_ENABLE_CAL", False),
+    ("Chan", "CHAN_DESCR|AI_TEDS_UNITS|AI_CUSTOM_SCALE_NAME|AO_CUSTOM_SCALE_NAME", ""),
+    ("Chan", r"AI_(LOWPASS|HIGHPASS|BANDPASS|NOTCH|FILTER|DIG_FLTR)_ENABLE|AI_DITHER_ENABLE", False),
+    ("Chan", r"(DI|DO)_(TRISTATE|INVERT_LINES|DIG_FLTR_ENABLE|DIG_SYNC_ENABLE)|AO_\w*ENABLE", False),
+    ("Chan", "AO_TERM_CFG", c.TerminalConfiguration.RSE.value),
+    ("Chan", "AO_IDLE_OUTPUT_BEHAVIOR", c.AOIdleOutputBehavior.MAINTAIN_EXISTING_VALUE.value),
+    ("Chan", "AO_LOAD_IMPEDANCE|AO_OUTPUT_IMPEDANCE|AO_DAC_OFFSET_VAL", 0.0),
+    ("Chan", "AO_DAC_REF_VAL", 10.0),
+    ("Chan", "AO_GAIN|AI_GAIN", 1.0),
+    ("Chan", "CO_PULSE_TERM", ""),
+    ("Chan", r"CI_\w*TIMEBASE_SRC", "100MHzTimebase"),
+    ("Chan", r"CI_\w*_TERM", ""),
+    ("Chan", "DI_LOGIC_FAMILY|DO_LOGIC_FAMILY", c.LogicFamily.FIVE_V.value),
+]
+"""(kind of property, its name as a pattern, value); None is zero, empty or false. First match counts."""
+
+
+def default_value(kind: str, type_: str, name: str) -> Any:
+    """The default of property `name` of this `kind`, in the form of calls of `type_`; None: not known."""
+    for kinds, pattern, value in _DEFAULTS:
+        if kind in kinds.split("|") and re.fullmatch(pattern, name):
+            return _ZERO[type_] if value is None else value
+    return None
