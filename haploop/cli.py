@@ -352,16 +352,17 @@ def doctor(session: _Session, mass: float, rig: str, simulate: Mode | None, as_j
     from instruments import load_rig_file  # noqa: PLC0415
 
     file = load_rig_file(rig)
-    missing = False
+    missing, simulated = False, (simulate or file.simulate) is not None
     try:
         with _rig(session, file, simulate) as opened, Steps() as steps:
+            simulated = opened.simulated
             findings = diagnosis.examine(opened, mass, steps)
     except HaploopError as error:
         # Once it is open, only a safe state that was not reached comes here: that is the message.
         if session.rig_opened:
             raise
         findings, missing = diagnosis.find_each(file, simulate, error), True
-    diagnosis.tell(findings, file.name, as_json)
+    diagnosis.tell(findings, file.name, simulated, as_json)
     if missing:
         return 3
     return int(any(finding.status == "red" for finding in findings))

@@ -113,13 +113,20 @@ def find_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list
     return findings
 
 
-def tell(findings: Sequence[Finding], rig: str, as_json: bool) -> None:
+def tell(findings: Sequence[Finding], rig: str, simulated: bool, as_json: bool) -> None:
     """Print findings on standard output: a table, or one JSON object."""
     worst = max((finding.status for finding in findings), key=_STATUSES.index)
     if as_json:
-        print_json({"rig": rig, "status": worst, "findings": [asdict(finding) for finding in findings]})
+        found = [asdict(finding) for finding in findings]
+        print_json({"rig": rig, "simulated": simulated, "status": worst, "findings": found})
         return
-    table = Table("", "instrument", "what", "finding", title=f"The rig {rig}: {worst}")
+    table = Table(
+        "",
+        "instrument",
+        "what",
+        "finding",
+        title=f"The rig {rig}{', simulated' if simulated else ''}: {worst}",
+    )
     for finding in findings:
         mark = f"[{finding.status}]{finding.status}[/{finding.status}]"
         table.add_row(mark, finding.instrument, finding.name, escape(finding.sentence))
