@@ -8,10 +8,10 @@ after both have been brought to the same bandwidth and time.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from instruments.arrays import BoolArray, ComplexArray, FloatArray
 
@@ -19,6 +19,11 @@ __all__ = ["Accelerometer", "Divider", "ForceTorque", "Sensor", "Switch", "low_p
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+_G = 9.80665
+_OUTPUT_RESISTANCE = 32e3
+"""Ohm, of each output of an ADXL335 (data sheet)."""
 
 
 def low_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
@@ -80,16 +85,32 @@ class ForceTorque(Sensor):
 class Accelerometer(Sensor):
     """A three-axis analog accelerometer (ADXL335 on a GY-61 board).
 
-    `sensitivity` (V per m/s^2) and `zero` (V at 0 m/s^2) hold for the board's supply voltage: the
-    part is ratiometric. `bandwidth_hz` follows from the filter capacitor: 1 / (2 pi 32 kOhm C),
-    50 Hz as sold (0.1 uF), 500 Hz with 10 nF (ADXL335 data sheet; hardware.md section 7).
+    The part is ratiometric: from the board's `supply` (V) follow, unless they are given because they
+    were measured, `sensitivity` (V per m/s^2; a tenth of the supply per g) and `zero` (V at 0 m/s^2;
+    half of it). Likewise `bandwidth_hz` follows from the filter's `capacitor` (F): 1 / (2 pi 32 kOhm
+    C), 50 Hz as sold (0.1 uF), 500 Hz with 10 nF (ADXL335 data sheet; hardware.md, section 7).
     """
 
     channels: Annotated[tuple[str, ...], Field(min_length=3, max_length=3)]
     sensitivity: Positive
     zero: Finite
     bandwidth_hz: Positive
-    range: Positive = 3.0 * 9.80665
+    range: Positive = 3.0 * _G
+    supply: Positive | None = None
+    capacitor: Positive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _derived(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        derived = {}
+        supply, capacitor = given.get("supply"), given.get("capacitor")
+        if isinstance(supply, int | float) and supply > 0:
+            derived = {"sensitivity": 0.1 * supply / _G, "zero": supply / 2}
+        if isinstance(capacitor, int | float) and capacitor > 0:
+            derived["bandwidth_hz"] = 1 / (2 * np.pi * _OUTPUT_RESISTANCE * capacitor)
+        return {**derived, **given}
 
     def to_si(self, volts: FloatArray) -> FloatArray:
         """(3, samples) V to (3, samples) m/s^2 along x, y, z."""
@@ -109,7 +130,7 @@ class Accelerometer(Sensor):
         if abs(gain) >= np.sqrt(0.5):
             return None
         return (
-            f"The accelerometer passes {self.bandwidth_hz:g} Hz: of a vibration at {frequency_hz:.1f} Hz it "
+            f"The accelerometer passes {self.bandwidth_hz:.0f} Hz: of a vibration at {frequency_hz:.1f} Hz it "
             f"records {abs(gain):.0%} ({20 * np.log10(abs(gain)):.1f} dB), {-np.degrees(np.angle(gain)):.0f} "
             "degrees late, and what is recorded is what is rendered. Change its filter capacitors."
         )

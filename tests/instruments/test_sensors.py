@@ -19,6 +19,16 @@ def test_a_stock_board_says_what_it_costs() -> None:
     assert accelerometer("simulated").loss(263.5) is None
 
 
+def test_supply_and_capacitor_give_what_was_not_measured() -> None:
+    channels = ("x", "y", "z")
+    board = Accelerometer.model_validate({"channels": channels, "supply": 3.3, "capacitor": 0.1e-6})
+    assert board.sensitivity * 9.80665 == pytest.approx(0.33)
+    assert board.zero == pytest.approx(1.65)
+    assert board.bandwidth_hz == pytest.approx(49.7, abs=0.1)
+    measured = Accelerometer.model_validate({**board.model_dump(), "zero": 1.62})
+    assert measured.zero == 1.62 and measured.sensitivity == board.sensitivity
+
+
 def test_volts_become_metres_per_second_squared() -> None:
     sensor = accelerometer("simulated")
     g = sensor.zero + sensor.sensitivity * np.array([[0.0, 9.80665, 40.0]] * 3)
