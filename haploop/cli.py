@@ -1,26 +1,20 @@
 """The command line: `haploop demo`, `record`, `show`, `calibrate`, `check`, `doctor`, `schema`, `twin`.
 
-Exit codes: 0 done and passed; 1 done, and what was measured is out of tolerance; 2 the request or
-the configuration is wrong; 3 an instrument failed; 130 or 143 stopped by Ctrl-C or SIGTERM. What
-goes wrong is one sentence on standard error. Heavy imports wait until a command needs them, so
-that `haploop --help` answers at once.
+How a command ends stands in `haploop.exits`. Heavy imports wait until a command needs them, so that
+`haploop --help` answers at once.
 """
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING
 
 import click
 
+from haploop.exits import Commands, Session
 from haploop.serve import twin
 from instruments import HaploopError
 
@@ -29,93 +23,6 @@ if TYPE_CHECKING:
     from instruments.rig import Mode
 
 __all__ = ["cli", "main"]
-
-INTERNAL_ERROR = 70
-"""A bug in haploop: none of the documented codes, and sysexits' EX_SOFTWARE."""
-
-
-class _Terminated(KeyboardInterrupt):
-    """SIGTERM, which leaves by the same way as Ctrl-C: through every context's exit."""
-
-
-@dataclass
-class _Session:
-    """What an interrupted command can say about itself."""
-
-    rig_opened: bool = False
-    recordings: Path | None = None
-
-
-class _Commands(click.Group):
-    """A group whose every failure is one sentence and an exit code."""
-
-    def main(self, *args: Any, **extra: Any) -> NoReturn:
-        session = _Session()
-        extra |= {"standalone_mode": False, "obj": session}
-        try:
-            with _sigterm_as_interrupt():
-                result = super().main(*args, **extra)
-            sys.stdout.flush()
-        except BrokenPipeError:
-            # Whoever read the output has gone, as in `haploop show FILE | head`.
-            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115
-            sys.exit(0)
-        except click.Abort as stop:
-            self._fail(*_interrupted(session, stop.__cause__))
-        except KeyboardInterrupt as stop:
-            self._fail(*_interrupted(session, stop))
-        except click.exceptions.NoArgsIsHelpError as error:
-            click.echo(error.format_message())
-            result = 0
-        except click.UsageError as error:
-            command = error.ctx.command_path if error.ctx else "haploop"
-            self._fail(f"{error.format_message().rstrip('.')}. Try '{command} --help'.", 2)
-        except click.ClickException as error:
-            self._fail(error.format_message(), 2)
-        except HaploopError as error:
-            self._fail(str(error), error.exit_code)
-        except OSError as error:
-            self._fail(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", 2)
-        except Exception as error:
-            if os.environ.get("HAPLOOP_TRACEBACK"):
-                raise
-            self._fail(
-                f"haploop itself failed ({type(error).__name__}: {error}). "
-                "Please report it, with what HAPLOOP_TRACEBACK=1 shows.",
-                INTERNAL_ERROR,
-            )
-        sys.exit(result if isinstance(result, int) else 0)
-
-    @staticmethod
-    def _fail(sentence: str, code: int) -> NoReturn:
-        click.echo("Error: " + " ".join(sentence.split()), err=True)
-        sys.exit(code)
-
-
-@contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        raise _Terminated
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _interrupted(session: _Session, cause: BaseException | None) -> tuple[str, int]:
-    # Had the safe state not been read back, its own error would have come here instead.
-    sentence = "Stopped."
-    if session.rig_opened:
-        sentence = "Stopped: the output is zero and the relay is open."
-    if session.recordings is not None and any(session.recordings.glob("*.h5")):
-        sentence += f" What was recorded until now is in {session.recordings} and can be read."
-    return sentence, 143 if isinstance(cause, _Terminated) else 130
-
 
 _RIG = click.option(
     "--rig",
@@ -134,7 +41,7 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON obj
 _PATH = click.Path(path_type=Path)
 
 
-@click.group(cls=_Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="haploop", message="haploop %(version)s")
 def cli() -> None:
     """From a physical button to a verified digital one.
@@ -160,7 +67,7 @@ def cli() -> None:
 @_JSON
 @click.pass_obj
 def demo(
-    session: _Session,
+    session: Session,
     out: Path | None,
     seed: int | None,
     participants: int,
@@ -206,7 +113,7 @@ def demo(
 @_JSON
 @click.pass_obj
 def record(
-    session: _Session,
+    session: Session,
     button: str,
     participant: str,
     presses: int,
@@ -269,7 +176,7 @@ def recover(file: Path, as_json: bool) -> int:
 @_JSON
 @click.pass_obj
 def calibrate(
-    session: _Session, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
+    session: Session, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
 ) -> int:
     """Measure the table's response and fit its model."""
     import haploop  # noqa: PLC0415
@@ -299,7 +206,7 @@ def calibrate(
 @_JSON
 @click.pass_obj
 def check(
-    session: _Session,
+    session: Session,
     recordings: Sequence[Path],
     calibration: Path,
     out: Path | None,
@@ -342,7 +249,7 @@ def check(
 @_SIMULATE
 @_JSON
 @click.pass_obj
-def doctor(session: _Session, mass: float, rig: str, simulate: Mode | None, as_json: bool) -> int:
+def doctor(session: Session, mass: float, rig: str, simulate: Mode | None, as_json: bool) -> int:
     """Look at each instrument of a rig: is it there, wired and set as the rig file says?
 
     Exit codes: 0 nothing is red, 1 something is, 3 an instrument cannot be opened.
@@ -402,7 +309,7 @@ def _new_file(path: Path) -> None:
 
 
 @contextmanager
-def _rig(session: _Session, rig: str | RigFile, simulate: Mode | None) -> Iterator[Rig]:
+def _rig(session: Session, rig: str | RigFile, simulate: Mode | None) -> Iterator[Rig]:
     """The rig, opened; says so when it is simulated."""
     from haploop.console import note  # noqa: PLC0415
     from instruments import open_rig  # noqa: PLC0415
@@ -410,8 +317,10 @@ def _rig(session: _Session, rig: str | RigFile, simulate: Mode | None) -> Iterat
     with open_rig(rig, simulate=simulate) as opened:
         session.rig_opened = True
         if opened.simulated:
-            seed = opened.file.simulation.seed
-            note(f"Everything here is simulated ({opened.mode}, seed {seed}).")
+            world = (
+                f"{opened.mode}, seed {opened.file.simulation.seed}" if opened.mode else "by its DAQ cards"
+            )
+            note(f"Everything here is simulated ({world}).")
         yield opened
 
 

@@ -1,0 +1,111 @@
+"""How every command ends: one sentence on standard error, and an exit code.
+
+0 done and passed; 1 done, and what was measured is out of tolerance; 2 the request or the
+configuration is wrong; 3 an instrument failed; 130 or 143 stopped by Ctrl-C or SIGTERM.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+import click
+
+from instruments import HaploopError
+
+__all__ = ["Commands", "Session"]
+
+INTERNAL_ERROR = 70
+"""A bug in haploop: none of the documented codes, and sysexits' EX_SOFTWARE."""
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM, which leaves by the same way as Ctrl-C: through every context's exit."""
+
+
+@dataclass
+class Session:
+    """What an interrupted command can say about itself."""
+
+    rig_opened: bool = False
+    recordings: Path | None = None
+
+
+class Commands(click.Group):
+    """A group whose every failure is one sentence and an exit code."""
+
+    def main(self, *args: Any, **extra: Any) -> NoReturn:
+        """Run a command, and end the process as the module says."""
+        session = Session()
+        extra |= {"standalone_mode": False, "obj": session}
+        try:
+            with _sigterm_as_interrupt():
+                result = super().main(*args, **extra)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # Whoever read the output has gone, as in `haploop show FILE | head`.
+            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115
+            sys.exit(0)
+        except click.Abort as stop:
+            self._fail(*_interrupted(session, stop.__cause__))
+        except KeyboardInterrupt as stop:
+            self._fail(*_interrupted(session, stop))
+        except click.exceptions.NoArgsIsHelpError as error:
+            click.echo(error.format_message())
+            result = 0
+        except click.UsageError as error:
+            command = error.ctx.command_path if error.ctx else "haploop"
+            self._fail(f"{error.format_message().rstrip('.')}. Try '{command} --help'.", 2)
+        except click.ClickException as error:
+            self._fail(error.format_message(), 2)
+        except HaploopError as error:
+            self._fail(str(error), error.exit_code)
+        except OSError as error:
+            self._fail(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", 2)
+        except Exception as error:
+            if os.environ.get("HAPLOOP_TRACEBACK"):
+                raise
+            self._fail(
+                f"haploop itself failed ({type(error).__name__}: {error}). "
+                "Please report it, with what HAPLOOP_TRACEBACK=1 shows.",
+                INTERNAL_ERROR,
+            )
+        sys.exit(result if isinstance(result, int) else 0)
+
+    @staticmethod
+    def _fail(sentence: str, code: int) -> NoReturn:
+        click.echo("Error: " + " ".join(sentence.split()), err=True)
+        sys.exit(code)
+
+
+@contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        raise _Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupted(session: Session, cause: BaseException | None) -> tuple[str, int]:
+    # Had the safe state not been read back, its own error would have come here instead.
+    sentence = "Stopped."
+    if session.rig_opened:
+        sentence = "Stopped: the output is zero and the relay is open."
+    if session.recordings is not None and any(session.recordings.glob("*.h5")):
+        sentence += f" What was recorded until now is in {session.recordings} and can be read."
+    return sentence, 143 if isinstance(cause, _Terminated) else 130
