@@ -1,7 +1,8 @@
 """How every command ends: one sentence on standard error, and an exit code.
 
 0 done and passed; 1 done, and what was measured is out of tolerance; 2 the request or the
-configuration is wrong; 3 an instrument failed; 130 or 143 stopped by Ctrl-C or SIGTERM.
+configuration is wrong; 3 an instrument failed; 130, 143 or 129 stopped by Ctrl-C, SIGTERM or a
+closed terminal.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any, NoReturn
 import click
 
 from instruments import HaploopError
+from instruments.signals import STOPPING
 
 __all__ = ["Commands", "Session"]
 
@@ -28,7 +30,11 @@ INTERNAL_ERROR = 70
 
 
 class _Terminated(KeyboardInterrupt):
-    """SIGTERM, which leaves by the same way as Ctrl-C: through every context's exit."""
+    """SIGTERM or a closed terminal, which leave by Ctrl-C's way: through every context's exit."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.exit_code = 128 + number
 
 
 @dataclass
@@ -47,7 +53,7 @@ class Commands(click.Group):
         session = Session()
         extra |= {"standalone_mode": False, "obj": session}
         try:
-            with _sigterm_as_interrupt():
+            with _stopping_as_interrupt():
                 result = super().main(*args, **extra)
             sys.stdout.flush()
         except BrokenPipeError:
@@ -87,18 +93,20 @@ class Commands(click.Group):
 
 
 @contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        raise _Terminated
+def _stopping_as_interrupt() -> Iterator[None]:
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise _Terminated(number)
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, stop)
+    # Ctrl-C is Python's own KeyboardInterrupt already.
+    before = {kind: signal.signal(kind, stop) for kind in STOPPING if kind != signal.SIGINT}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
 
 
 def _interrupted(session: Session, cause: BaseException | None) -> tuple[str, int]:
@@ -108,4 +116,4 @@ def _interrupted(session: Session, cause: BaseException | None) -> tuple[str, in
         sentence = "Stopped: the output is zero and the relay is open."
     if session.recordings is not None and any(session.recordings.glob("*.h5")):
         sentence += f" What was recorded until now is in {session.recordings} and can be read."
-    return sentence, 143 if isinstance(cause, _Terminated) else 130
+    return sentence, cause.exit_code if isinstance(cause, _Terminated) else 130

@@ -31,8 +31,8 @@ class E413(Amplifier):
         input: str
         """Name of the DAQ output that feeds it."""
         gain: Positive = 50.0
-        low: float = -100.0
-        high: float = 400.0
+        low: Annotated[float, Field(lt=0, allow_inf_nan=False)] = -100.0
+        high: Positive = 400.0
         current_peak: Positive = 0.1
         current_average: Positive = 0.05
 

@@ -55,11 +55,30 @@ class Limits:
         """Largest voltage of a drive that swings evenly about zero (V)."""
         return float(min(self.high, -self.low, self.swing / 2))
 
+    def check_measured(self, volts: FloatArray, margin: float) -> None:
+        """Refuse what was measured at the patch ((samples,) V), beyond low, high or swing.
+
+        `margin` is the share by which a monitor may be off. Raises LimitError.
+        """
+        lowest, highest = float(volts.min()), float(volts.max())
+        within = (
+            lowest >= margin * self.low
+            and highest <= margin * self.high
+            and highest - lowest <= margin * self.swing
+        )
+        if not within:
+            raise LimitError(
+                f"The patch got {lowest:.1f} to {highest:.1f} V, and the rig's limits are {self.low:g} to "
+                f"{self.high:g} V and {self.swing:g} V from peak to peak."
+            )
+
     def check(self, drive: FloatArray, rate_hz: float) -> None:
         """Refuse a drive ((samples,) V at the patch) that breaks any limit.
 
         Raises LimitError, which says the limit, by how much, and at which sample.
         """
+        if not isinstance(drive, np.ndarray) or drive.dtype.kind != "f":
+            raise LimitError("A drive is a numpy array of real numbers, in volts at the patch.")
         if drive.ndim != 1 or not len(drive):
             raise LimitError(f"A drive is one row of samples, and this one has the shape {drive.shape}.")
         bad = np.flatnonzero(~np.isfinite(drive))
@@ -83,8 +102,9 @@ class Limits:
             ("starts or ends at", float(ends.max()), self.end, "V", int(ends.argmax()) * (len(drive) - 1), 1),
         )
         for what, value, limit, unit, sample, sign in rows:
-            # One part in 10^9 is rounding, not a drive that breaks a limit.
-            if sign * (value - limit) > 1e-9 * max(1.0, abs(limit)):
+            # One part in 10^9 is rounding, not a drive that breaks a limit. A limit that is no number
+            # is broken by every drive.
+            if not sign * (value - limit) <= 1e-9 * max(1.0, abs(limit)):
                 raise LimitError(
                     f"The drive {what} {value:.4g} {unit} at sample {sample}, "
                     f"and the rig's limit is {limit:.4g} {unit}."

@@ -9,9 +9,10 @@ clock (hardware.md, section 1d), armed before it. That needs a RTSI cable that i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, Literal, Self
 
 import grpc
@@ -161,16 +162,26 @@ class NiDaq(Daq):
 
     def zero(self) -> None:
         """See `Daq.zero`. Stops what plays first: a task that plays holds its outputs reserved."""
-        for stream in self._streams:
-            stream.stop_playing()
         outputs: dict[str, list[str]] = {}
         for output in self._settings.outputs.values():
             outputs.setdefault(_device(output.terminal), []).append(output.terminal)
-        for device, terminals in outputs.items():
-            with self.talking_to(device), self.task() as task:
-                for terminal in terminals:
-                    task.ao_channels.add_ao_voltage_chan(terminal)
-                task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
+        steps: list[Callable[[], None]] = [stream.stop_playing for stream in self._streams]
+        steps += [partial(self._write_zero, device, names) for device, names in outputs.items()]
+        failures = []
+        # One card that fails must not keep another one from zero.
+        for step in steps:
+            try:
+                step()
+            except InstrumentError as error:
+                failures.append(error)
+        if failures:
+            raise InstrumentError(" ".join(str(error) for error in failures)) from failures[0]
+
+    def _write_zero(self, device: str, terminals: Sequence[str]) -> None:
+        with self.talking_to(device), self.task() as task:
+            for terminal in terminals:
+                task.ao_channels.add_ao_voltage_chan(terminal)
+            task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
 
     def close(self) -> None:
         """See `Daq.close`."""

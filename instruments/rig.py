@@ -19,7 +19,7 @@ from instruments.amplifier import Amplifier
 from instruments.arrays import FloatArray
 from instruments.clock import Clock, RealClock
 from instruments.daq import Block, Capture, Daq
-from instruments.errors import ConfigurationError, InstrumentError
+from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.generator import Generator, Sweep
 from instruments.limits import Limits
 from instruments.operator import ConfirmSettings, Operator
@@ -189,15 +189,17 @@ class Rig:
         """
         rate_hz = self.table.rate_hz
         self.limits_for(len(patches)).check(drive, rate_hz)
+        _refuse_tail(tail)
         count = len(drive) + max(1, round(tail * rate_hz))
         volts = self.amplifier.to_input(np.pad(drive, (0, count - len(drive))))
         if self._wired("player"):
             return self._excite_by_player(drive, patches, channels, count, progress)
+        recorded, each = self._watched(patches, channels, progress)
         with (
             self._connected(patches),
-            self.daq.stream(channels, rate_hz, self._block, count, {self.amplifier.input: volts}) as stream,
+            self.daq.stream(recorded, rate_hz, self._block, count, {self.amplifier.input: volts}) as stream,
         ):
-            return stream.capture(self._each(progress))
+            return _only(channels, stream.capture(each), count)
 
     def sweep(
         self,
@@ -217,6 +219,9 @@ class Rig:
         Raises LimitError, ConfigurationError, InstrumentError.
         """
         rate_hz = self.table.rate_hz
+        _refuse_tail(tail)
+        if not sweep.amplitude > 0:
+            raise ConfigurationError(f"A sweep needs an amplitude above 0 V, and this has {sweep.amplitude}.")
         if not self._wired("generator"):
             raise ConfigurationError(
                 f"The generator of the rig {self.name!r} is wired to {self.generator.output!r}, and its "
@@ -234,7 +239,7 @@ class Rig:
 
         triggered: list[float] = []
         ended = False
-        each = self._each(progress)
+        recorded, each = self._watched(patches, channels, progress)
 
         def follow(block: Block) -> None:
             nonlocal ended
@@ -249,8 +254,8 @@ class Rig:
         total = round((sweep.duration + tail + _SLACK) * rate_hz)
         with self._connected(patches):
             self.generator.arm()
-            with self.daq.stream(channels, rate_hz, self._block, total) as stream:
-                capture = stream.capture(follow)
+            with self.daq.stream(recorded, rate_hz, self._block, total) as stream:
+                capture = _only(channels, stream.capture(follow), total)
         if not ended:
             raise InstrumentError(
                 f"The sweep of the {self.generator.identity} had not ended when recording ended: it was too "
@@ -307,7 +312,7 @@ class Rig:
         progress: Callable[[float], None],
     ) -> Capture:
         rate_hz, monitor = self.table.rate_hz, self._monitor()
-        recorded = (*channels, *({monitor.channels[0]} - set(channels)))
+        recorded, each = self._watched(patches, channels, progress)
         row = recorded.index(monitor.channels[0])
         total = count + round(self.player.room * rate_hz)
         with (
@@ -315,19 +320,12 @@ class Rig:
             self.daq.stream(recorded, rate_hz, self._block, total) as stream,
             self.player.play(self.amplifier.to_input(drive), rate_hz),
         ):
-            capture = stream.capture(self._each(progress, row))
+            capture = stream.capture(each)
         if drive.any():
             measured = monitor.to_si(capture.volts[[row]])[0]
             delay = float(capture.delays[row])
             capture = align(capture, find(measured, drive, rate_hz, delay, self.player.response), count)
-        rows = [recorded.index(channel) for channel in channels]
-        return replace(
-            capture,
-            channels=tuple(channels),
-            volts=capture.volts[rows, :count],
-            delays=capture.delays[rows],
-            overload=capture.overload[rows],
-        )
+        return _only(channels, capture, count)
 
     @property
     def _block(self) -> int:
@@ -345,25 +343,31 @@ class Rig:
             with uninterrupted():
                 self.make_safe()
 
-    def _each(self, progress: Callable[[float], None], monitor: int | None = None) -> Callable[[Block], None]:
-        """What is done with every block: the relay's dead man, and who waits, are told.
+    def _watched(
+        self, patches: Collection[str], channels: Sequence[str], progress: Callable[[float], None]
+    ) -> tuple[tuple[str, ...], Callable[[Block], None]]:
+        """What to record, the drive monitor among it, and what is done with every block.
 
-        With the row of the drive `monitor`, more volts than the limits allow are an InstrumentError.
+        The relay's dead man, and who waits, are told; more volts at the patch than the limits allow
+        are an InstrumentError, whoever plays: a gain that is not what the rig file says, say.
         """
-        most = _EXCESS * max(self.limits.high, -self.limits.low)
+        limits, monitor = self.limits_for(len(patches)), self.file.sensors.drive
+        recorded = tuple(dict.fromkeys([*channels, *(monitor.channels if monitor else ())]))
 
         def each(block: Block) -> None:
             self.relay.renew()
             if monitor is not None:
-                seen = float(np.abs(self._monitor().to_si(block.volts[[monitor]])).max())
-                if seen > most:
+                row = recorded.index(monitor.channels[0])
+                try:
+                    limits.check_measured(monitor.to_si(block.volts[[row]])[0], _EXCESS)
+                except LimitError as error:
                     raise InstrumentError(
-                        f"The patch got {seen:.1f} V, and the rig's limit is {most / _EXCESS:.1f} V: the "
-                        "play was stopped. Check the player's volume, and its 'volts_per_full_scale'."
-                    )
+                        f"{error} The play was stopped. Check the amplifier's gain, and a player's volume "
+                        "and 'volts_per_full_scale'."
+                    ) from None
             progress(block.volts.shape[1] / self.table.rate_hz)
 
-        return each
+        return recorded, each
 
     def _wired(self, role: Literal["player", "generator"]) -> bool:
         """Whether that is what feeds the amplifier."""
@@ -451,6 +455,23 @@ def open_rig(
         opened.close()
         raise
     return opened
+
+
+def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:
+    """The channels that were asked for, and no more than `samples`."""
+    rows = [capture.channels.index(channel) for channel in channels]
+    return replace(
+        capture,
+        channels=tuple(channels),
+        volts=capture.volts[rows, :samples],
+        delays=capture.delays[rows],
+        overload=capture.overload[rows],
+    )
+
+
+def _refuse_tail(tail: float) -> None:
+    if not 0 <= tail < np.inf:
+        raise ConfigurationError(f"Recording can go on for 0 s or more after a drive, not for {tail} s.")
 
 
 def _check_import_name() -> None:

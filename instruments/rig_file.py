@@ -38,6 +38,7 @@ _Places = tuple[str, dict[Location, int]]
 
 Model = TypeVar("Model", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Negative = Annotated[float, Field(lt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
@@ -67,8 +68,8 @@ class Table(_Section):
     button_point: Annotated[int, Field(ge=0)]
     patches: tuple[str, ...] = ("A", "B", "C", "D")
     patch_capacitance: Positive
-    patch_low: float
-    patch_high: float
+    patch_low: Negative
+    patch_high: Positive
     rate_hz: Positive = 50_000.0
     """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
     the drive lie far above the table's band."""
@@ -97,8 +98,8 @@ class DriveLimits(_Section):
     """The `[limits]` table: the rig's own limits, below those of its parts (see `Limits`)."""
 
     swing: Positive = 100.0
-    low: float = -50.0
-    high: float = 50.0
+    low: Negative = -50.0
+    high: Positive = 50.0
     slew: Positive = 0.5e6
     burst: Positive = 60.0
     mean: NotNegative = 0.5

@@ -130,8 +130,8 @@ class Accelerometer(Sensor):
         if abs(gain) >= np.sqrt(0.5):
             return None
         return (
-            f"The accelerometer passes {self.bandwidth_hz:.0f} Hz: of a vibration at {frequency_hz:.1f} Hz it "
-            f"records {abs(gain):.0%} ({20 * np.log10(abs(gain)):.1f} dB), {-np.degrees(np.angle(gain)):.0f} "
+            f"The accelerometer passes {self.bandwidth_hz:.0f} Hz: of a vibration at {frequency_hz:.1f} Hz "
+            f"it records {abs(gain):.0%} ({20 * np.log10(abs(gain)):.1f} dB), {-np.degrees(np.angle(gain)):.0f} "
             "degrees late, and what is recorded is what is rendered. Change its filter capacitors."
         )
 

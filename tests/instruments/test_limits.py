@@ -44,6 +44,8 @@ def test_a_drive_within_every_limit_passes() -> None:
         (np.array([0.0, np.inf, 0.0]), "inf at sample 1"),
         (np.zeros(0), "shape"),
         (np.zeros((2, 5)), "shape"),
+        (np.zeros(5, dtype=complex), "real numbers"),
+        (np.zeros(5, dtype=bool), "real numbers"),
     ],
 )
 def test_each_limit_refuses_and_says_which(drive: np.ndarray, says: str) -> None:
@@ -80,3 +82,16 @@ def test_what_passes_two_limits_passes_their_union(
         return True
 
     assert passes(a.within(b)) == (passes(a) and passes(b))
+
+
+@pytest.mark.parametrize("limit", ["low", "high", "swing", "slew", "mean", "end", "burst"])
+def test_a_limit_that_is_no_number_refuses_everything(limit: str) -> None:
+    with pytest.raises(LimitError):
+        Limits(**{limit: float("nan")}).check(tone(1), RATE_HZ)
+
+
+def test_what_was_measured_is_held_against_low_high_and_swing() -> None:
+    LIMITS.check_measured(tone(44), 1.1)
+    for measured in (tone(60), tone(30) + 30, tone(30) - 30, np.full(5, np.nan)):
+        with pytest.raises(LimitError, match="The patch got"):
+            LIMITS.check_measured(measured, 1.1)

@@ -12,6 +12,7 @@ import pytest
 
 from instruments import ConfigurationError, InstrumentError, LimitError, Rig, open_rig
 from instruments.generator import Sweep
+from instruments.signals import uninterrupted
 from tests.conftest import OpenRig
 
 
@@ -231,3 +232,32 @@ def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open: OpenRig, tmp_pa
         rig.sweep(SWEEP, ["A"], ["drive"])
     # What is wired to the amplifier is the DAQ, and plays.
     assert np.abs(rig.excite(tone(rig), ["A"], ["drive"]).volts).max() == pytest.approx(0.4, rel=0.02)
+
+
+def test_more_volts_than_the_limits_allow_are_stopped_whoever_plays(open: OpenRig) -> None:
+    """An amplifier whose real gain is twice the rig file's."""
+    rig = open(faults=[{"kind": "amplifier-gain", "gain": 100.0}])
+    with pytest.raises(InstrumentError, match=r"The patch got .* The play was stopped. Check the amplifier"):
+        rig.excite(tone(rig, duration=1.0), ["A"], ["laser"])
+    assert_safe(rig)
+
+
+def test_a_capture_holds_what_was_asked_for_and_no_monitor_besides(open: OpenRig) -> None:
+    rig = open()
+    assert rig.excite(tone(rig), ["A"], ["laser"]).channels == ("laser",)
+
+
+def test_a_tail_that_is_no_time_is_refused(open: OpenRig) -> None:
+    rig = open()
+    for tail in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ConfigurationError, match="Recording can go on"):
+            rig.excite(tone(rig), ["A"], ["laser"], tail=tail)
+
+
+def test_that_the_safe_state_failed_matters_more_than_a_second_ctrl_c() -> None:
+    with pytest.raises(InstrumentError, match="not confirmed"), uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+        raise InstrumentError("The safe state was not confirmed.")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with pytest.raises(KeyboardInterrupt), uninterrupted():
+        signal.raise_signal(signal.SIGINT)

@@ -198,3 +198,9 @@ def test_only_rigs_that_say_so_are_simulated() -> None:
     assert load_rig_file("simulated").simulate == "twin"
     assert load_rig_file("haptable").simulate is None
     assert load_rig_file("minimal").simulate is None
+
+
+@pytest.mark.parametrize("line", ["high = nan", "low = nan", "high = -60", "low = 60", "swing = inf"])
+def test_limits_are_numbers_about_zero(tmp_path: Path, line: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"limits.{line.split(maxsplit=1)[0]}"):
+        load_rig_file(written(tmp_path, f'base = "simulated"\n[limits]\n{line}\n'))
