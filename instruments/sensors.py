@@ -129,10 +129,11 @@ class Accelerometer(Sensor):
         gain = complex(self.response(np.array([frequency_hz]))[0])
         if abs(gain) >= np.sqrt(0.5):
             return None
+        level, late = 20 * np.log10(abs(gain)), -np.degrees(np.angle(gain))
         return (
             f"The accelerometer passes {self.bandwidth_hz:.0f} Hz: of a vibration at {frequency_hz:.1f} Hz "
-            f"it records {abs(gain):.0%} ({20 * np.log10(abs(gain)):.1f} dB), {-np.degrees(np.angle(gain)):.0f} "
-            "degrees late, and what is recorded is what is rendered. Change its filter capacitors."
+            f"it records {abs(gain):.0%} ({level:.1f} dB), {late:.0f} degrees late, and what is recorded "
+            "is what is rendered. Change its filter capacitors."
         )
 
 
