@@ -94,8 +94,17 @@ class Recording:
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of the samples and of what turns them into SI; of a finished file, as stored in it."""
-        return self._contents.stored_hash or self.header.content_hash(self._contents.codes)
+        """SHA-256 of the samples and of what turns them into SI.
+
+        Raises DataError when a finished file holds another one: it was changed afterwards.
+        """
+        found, stored = self.header.content_hash(self._contents.codes), self._contents.stored_hash
+        if stored and stored != found:
+            raise DataError(
+                f"{self.path} was changed after it was finished: its content does not match its hash. "
+                "Use a copy that was kept."
+            )
+        return found
 
     @cached_property
     def sensors(self) -> Sensors:
@@ -109,7 +118,8 @@ class Recording:
 
     @cached_property
     def volts(self) -> FloatArray:
-        """(channels, samples) V, as acquired."""
+        """(channels, samples) V, as acquired. Raises DataError as `content_hash` does."""
+        assert self.content_hash  # what was changed afterwards is no measurement
         return from_codes(self._contents.codes, self.header.full_scale)
 
     @cached_property

@@ -30,6 +30,8 @@ def show(path: Path, as_json: bool, plot: Path | None = None) -> None:
     Raises DataError for a file that is missing, damaged, or of another kind, and
     ConfigurationError when there is nothing to draw to.
     """
+    if plot is not None:
+        _new_picture(plot)
     values, table, draw = _contents(path)
     if plot is not None:
         save(draw(), plot)
@@ -42,6 +44,14 @@ def show(path: Path, as_json: bool, plot: Path | None = None) -> None:
         print_line("Simulated: no real instrument measured this.")
     if plot is not None:
         print_line(f"Plot: {plot}")
+
+
+def _new_picture(path: Path) -> None:
+    """Refuse a name at which no new PNG can stand: a recording must not become a picture."""
+    if path.suffix.lower() != ".png":
+        raise ConfigurationError(f"{path} is no name for a picture: it must end with .png.")
+    if path.exists():
+        raise ConfigurationError(f"{path} exists, and nothing is overwritten: name another file.")
 
 
 def save(figure: Figure, path: Path) -> None:

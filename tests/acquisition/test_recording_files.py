@@ -134,6 +134,8 @@ def test_a_changed_sample_does_not_pass_for_what_was_recorded(finished, tmp_path
     copy = Path(shutil.copy(finished[0].path, tmp_path))
     with h5py.File(copy, "r+") as file:
         file["codes"][3, 1000] += 1
+    with pytest.raises(DataError, match="was changed after it was finished"):
+        _ = Recording.open(copy).force
     (problem,) = verify(copy)
     assert "content hash" in problem
 

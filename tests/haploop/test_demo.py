@@ -143,3 +143,14 @@ def test_a_stranger_s_file_is_refused(run: Run, tmp_path: Any) -> None:
     result = run("show", path)
     assert result.exit_code == 2
     assert "not a file that haploop wrote" in result.stderr
+
+
+def test_a_picture_takes_no_file_s_place(demo: Demo, run: Run, tmp_path: Any) -> None:
+    recording = demo.folder / "recordings" / "P01-latch.h5"
+    before = recording.read_bytes()
+    assert run("show", recording, "--plot", recording).exit_code == 2
+    there = tmp_path / "there.png"
+    there.write_text("mine")
+    assert run("show", recording, "--plot", there).exit_code == 2
+    assert run("show", recording, "--plot", tmp_path / "picture.xyz").exit_code == 2
+    assert recording.read_bytes() == before and there.read_text() == "mine"
