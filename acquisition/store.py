@@ -46,7 +46,7 @@ def check_target(path: Path) -> None:
         ) from None
     if path.exists():
         raise ConfigurationError(
-            f"{path} exists and is never overwritten: move it away, or record another button or participant."
+            f"{path} exists and is never overwritten: move it away, or choose another name."
         )
 
 

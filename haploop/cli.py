@@ -221,6 +221,8 @@ def check(
 
     table = haploop.Calibration.load(calibration)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])
+    if out is not None:
+        display.claim(out, press.button)
     with _rig(session, rig, simulate) as opened, Steps() as steps:
         if table.response.simulated != opened.simulated:
             raise haploop.ConfigurationError(
@@ -230,9 +232,9 @@ def check(
         drive = haploop.drive_for(press, table, opened.limits)
         step = f"Play and measure the {press.button} button"
         result = haploop.check(opened, drive, progress=lambda done, of: steps(step, done, of))
+    display.check(press, result, as_json)
     if out is not None:
         display.keep(out, press, result)
-    display.check(press, result, as_json)
     return 0 if result.passed else 1
 
 
@@ -300,12 +302,14 @@ def _on_table(rig: Rig, point: str) -> None:
 
 def _new_file(path: Path) -> None:
     """Refuse before anything is measured what could not be written after it."""
+    from acquisition.store import check_target  # noqa: PLC0415
     from instruments import ConfigurationError  # noqa: PLC0415
 
     if path.exists():
         raise ConfigurationError(f"{path} exists, and nothing is overwritten: name another file with --out.")
     if not path.parent.is_dir():
         raise ConfigurationError(f"There is no folder {path.parent} to write {path.name} to.")
+    check_target(path)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition import ButtonPress, Recording, Representative, find_presses, high_pass
+from acquisition.store import check_target
 from calibration import Calibration, Check, Drive
 from haploop import figures
 from haploop.console import print_json, print_line, print_table
@@ -103,15 +104,22 @@ def check(press: Representative, result: Check, as_json: bool) -> None:
         print_line(reason)
 
 
+def claim(out: Path, button: str) -> None:
+    """Refuse, before anything is played, a folder that cannot take what `keep` will write."""
+    for path in _kept(out, button):
+        check_target(path)
+
+
 def keep(out: Path, press: Representative, result: Check) -> None:
     """Write what a check used and found into a folder. Raises ConfigurationError."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"The folder {out} cannot be made: {error.strerror or error}.") from None
-    press.save(out / f"{press.button}-press.h5")
-    result.drive.save(out / f"{press.button}-drive.h5")
-    save(figures.comparison([(press, result)]), out / f"{press.button}-check.png")
+    press_file, drive_file, picture = _kept(out, press.button)
+    press.save(press_file)
+    result.drive.save(drive_file)
+    save(figures.comparison([(press, result)]), picture)
+
+
+def _kept(out: Path, button: str) -> tuple[Path, Path, Path]:
+    return out / f"{button}-press.h5", out / f"{button}-drive.h5", out / f"{button}-check.png"
 
 
 def demo(summary: Mapping[str, Any]) -> None:
