@@ -176,6 +176,8 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
             f"{path} has the recording format {version}, and this haploop reads up to {VERSION}: update it."
         )
     a = file.attrs
+    rig = file["rig"].asstr()[()]
+    json.loads(rig)  # here a file that was damaged there is one that cannot be read
     header = Header(
         button=str(a["button"]),
         participant=str(a["participant"]),
@@ -187,7 +189,7 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
         full_scale=np.asarray(a["full_scale"], dtype=np.float64),
         delays=np.asarray(a["delays"], dtype=np.float64),
         rest=float(a["rest"]),
-        rig=file["rig"].asstr()[()],
+        rig=rig,
         daq=str(a["daq"]),
         software=str(a["software"]),
         started=str(a["started"]),

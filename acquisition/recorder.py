@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
@@ -65,14 +66,16 @@ def record(
 
     The operator is asked to keep hands off, then for each press once the one before has ended.
     `progress(done, of)` is called at the start and after each press. Whatever ends it early (Ctrl-C
-    and a lost sample too) leaves a readable recording of all that was read, then the error goes on.
+    and a lost sample too) leaves a readable recording of all that was read, not `complete` and without
+    the room that was left over, then the error goes on.
 
     Raises ConfigurationError for a bad name, a missing sensor, an existing file, and a folder or disk
     that cannot take it; DataError when no press comes within 15 s; InstrumentError when a sample is
     lost or the disk refuses.
     """
-    if presses < 1:
-        raise ConfigurationError(f"{presses} presses were asked for; at least 1 is needed.")
+    if not isinstance(presses, int | np.integer) or presses < 1:
+        raise ConfigurationError(f"{presses} presses were asked for; a whole number, at least 1, is needed.")
+    presses = int(presses)
     path = Path(out) / file_name(participant, button)
     force, channels = _wiring(rig)
     check_target(path)
@@ -81,18 +84,27 @@ def record(
     samples = round(p.block * rate_hz)
     # The longest that it can last, so that room for all of it is taken before the first sample.
     longest = 2 * p.patience * (presses + 1) + p.trail
-    with rig.daq.stream(channels, rate_hz, samples) as stream:
-        header = _header(rig, stream, button, participant, presses, p)
-        with (
-            Writer(path, header, samples, int(longest / p.block) + 2) as writer,
-            Reader(stream, rig.clock) as reader,
-        ):
-            try:
-                _conduct(rig, _written(reader, writer, rig.clock), writer, header, force, p, progress)
-            except BaseException as error:
-                with uninterrupted():
-                    _keep(reader, writer, rig.clock.now(), error)
-                raise
+    laid_out = False
+    try:
+        with rig.daq.stream(channels, rate_hz, samples) as stream:
+            header = _header(rig, stream, button, participant, presses, p)
+            with (
+                Writer(path, header, samples, int(longest / p.block) + 2) as writer,
+                Reader(stream, rig.clock) as reader,
+            ):
+                laid_out = True
+                try:
+                    _conduct(rig, _written(reader, writer, rig.clock), writer, header, force, p, progress)
+                except BaseException as error:
+                    with uninterrupted():
+                        _keep(reader, writer, rig.clock.now(), error)
+                    raise
+    except BaseException:
+        if laid_out:
+            # Where this fails, the file stays as it is, whole and recoverable: what ended it is told.
+            with suppress(DataError, InstrumentError):
+                finish(path, "interrupted")
+        raise
     finish(path)
     return Recording.open(path)
 

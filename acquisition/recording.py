@@ -23,8 +23,9 @@ class Recording:
     """One participant's presses of one button, as `Recording.open` reads them.
 
     Opening reads the header only. Arrays are (channels, samples); sample k of a channel was taken
-    at (k + delay * rate_hz) / rate_hz seconds (`delay`). Any of them may raise DataError when the
-    file turns out to be damaged.
+    at (k + delay * rate_hz) / rate_hz seconds (`delay`). Any of them may raise DataError: when the
+    file turns out to be damaged, or was changed after it was finished (its content hash is compared
+    when its samples are first read).
     """
 
     def __init__(self, path: Path, header: Header, state: str) -> None:
@@ -92,19 +93,10 @@ class Recording:
         """The blocks as they came: first, count, overload (a bit per channel), time (s, rig's clock)."""
         return self._contents.blocks
 
-    @cached_property
+    @property
     def content_hash(self) -> str:
-        """SHA-256 of the samples and of what turns them into SI.
-
-        Raises DataError when a finished file holds another one: it was changed afterwards.
-        """
-        found, stored = self.header.content_hash(self._contents.codes), self._contents.stored_hash
-        if stored and stored != found:
-            raise DataError(
-                f"{self.path} was changed after it was finished: its content does not match its hash. "
-                "Use a copy that was kept."
-            )
-        return found
+        """SHA-256 of the samples and of what turns them into SI, computed from what is in the file."""
+        return self._checked[1]
 
     @cached_property
     def sensors(self) -> Sensors:
@@ -118,8 +110,7 @@ class Recording:
 
     @cached_property
     def volts(self) -> FloatArray:
-        """(channels, samples) V, as acquired. Raises DataError as `content_hash` does."""
-        assert self.content_hash  # what was changed afterwards is no measurement
+        """(channels, samples) V, as acquired."""
         return from_codes(self._contents.codes, self.header.full_scale)
 
     @cached_property
@@ -162,9 +153,21 @@ class Recording:
             return float(np.average(delays, weights=weights))
         return float(delays[-1])
 
-    @cached_property
+    @property
     def _contents(self) -> Contents:
-        return read_contents(self.path)
+        return self._checked[0]
+
+    @cached_property
+    def _checked(self) -> tuple[Contents, str]:
+        """What the file holds, and its hash. What was changed afterwards is no measurement: DataError."""
+        contents = read_contents(self.path)
+        found = self.header.content_hash(contents.codes)
+        if contents.stored_hash not in (None, found):
+            raise DataError(
+                f"{self.path} was changed after it was finished, its content does not match its hash: "
+                f"{contents.stored_hash} is stored and {found} was found. Use an unchanged copy."
+            )
+        return contents, found
 
     @cached_property
     def _gauges(self) -> FloatArray:

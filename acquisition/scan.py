@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -46,7 +47,9 @@ def opened(path: Path) -> Iterator[h5py.File]:
         with h5py.File(path, "r") as file:
             yield file
     except (OSError, KeyError, ValueError, RuntimeError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} is damaged, or not a recording ({_first_line(error)}).") from None
+        if isinstance(error, PermissionError):
+            raise DataError(f"{path} may not be read by you: ask for its permissions.") from None
+        raise DataError(_damage(path, str(error))) from None
 
 
 def read_contents(path: Path) -> Contents:
@@ -64,16 +67,17 @@ def read_contents(path: Path) -> Contents:
         return Contents(*_valid(file["blocks"], len(header.channels)), events, None)
 
 
-def finish(path: Path) -> None:
-    """Turn a recording that ran to its end into its final form, in its own place.
+def finish(path: Path, state: str = "finished") -> None:
+    """Turn a recording that has ended into its final form, in its own place, without the room left over.
 
-    The new file is read back before it takes the old one's name. Raises DataError or
-    InstrumentError; the unfinished file is then as it was.
+    `state` is "interrupted" when it ended before all that was asked for. The new file is read back
+    before it takes the old one's name. Raises DataError or InstrumentError; the unfinished file is
+    then as it was.
     """
     with opened(path) as file:
         header, _ = read_header(file, path)
     contents = read_contents(path)
-    _write_finished(path, header, contents, "finished", contents.events, replace=True)
+    _write_finished(path, header, contents, state, contents.events, replace=True)
 
 
 def recover(path: str | Path) -> Path:
@@ -87,7 +91,7 @@ def recover(path: str | Path) -> Path:
         header, state = read_header(file, path)
         later = _later_blocks(file["blocks"]) if state == "recording" else 0
     if state != "recording":
-        raise ConfigurationError(f"{path} is a whole recording; there is nothing to recover.")
+        raise ConfigurationError(f"{path} holds all that was recorded; there is nothing to recover.")
     contents = read_contents(path)
     samples = contents.codes.shape[1]
     told = sum(event.kind == "pressed" for event in contents.events)
@@ -137,15 +141,17 @@ def _write_finished(
             with h5py.File(temporary, "w") as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
-                codes = file.create_dataset(
-                    "codes",
-                    data=contents.codes,
+                packed: dict[str, Any] = {
                     # A channel's samples resemble each other: row by row compresses twice as well.
-                    chunks=(1, max(1, min(contents.codes.shape[1], 1 << 16))),
-                    compression="gzip",
-                    compression_opts=4,
-                    shuffle=True,
-                    fletcher32=True,
+                    "chunks": (1, min(contents.codes.shape[1], 1 << 16)),
+                    "compression": "gzip",
+                    "compression_opts": 4,
+                    "shuffle": True,
+                    "fletcher32": True,
+                }
+                # HDF5 has no chunks of nothing: what ended before its first block is stored plainly.
+                codes = file.create_dataset(
+                    "codes", data=contents.codes, **(packed if contents.codes.size else {})
                 )
                 codes.attrs["volts_per_code"] = header.full_scale / CODES
                 file.create_dataset("blocks", data=contents.blocks)
@@ -195,6 +201,13 @@ def _whole(record: np.void) -> bool:
     return int(record["count"]) > 0 and zlib.crc32(record.tobytes()[:-4]) == int(record["crc"])
 
 
-def _first_line(error: BaseException) -> str:
-    text = str(error.args[0]) if error.args else str(error)
-    return text.splitlines()[0].rstrip(".") if text else type(error).__name__
+def _damage(path: Path, told: str) -> str:
+    """One sentence for what HDF5 said of a file that it could not read."""
+    size = path.stat().st_size if path.is_file() else 0
+    # HDF5 finds in the file's beginning how long it should be, and says so among its own terms.
+    cut = re.search(r"truncated file: .*stored_eof = (\d+)", told)
+    if cut and int(cut[1]) > size:
+        return f"{path} is cut short: {size} of {cut[1]} bytes are there. Copy it again from where it came."
+    if size == 0:
+        return f"{path} is cut short: it is empty. Copy it again from where it came."
+    return f"{path} is damaged, or not a recording. Copy it again from where it came."

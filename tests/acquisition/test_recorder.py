@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import errno
+
 import numpy as np
 import pytest
 from pressworld import World, world_rig
 
-from acquisition import Recording, find_presses, record, representative
+from acquisition import Recording, find_presses, record, recover, representative, verify
 from acquisition.layout import to_codes
 from instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
 
@@ -94,6 +96,33 @@ def test_ctrl_c_leaves_a_readable_recording_of_all_that_was_read(tmp_path, numbe
     assert len(find_presses(recording)) == number - 1
     assert recording.path.parent == tmp_path
     assert len(list(tmp_path.iterdir())) == 1
+    # It keeps no room for what was never recorded, and nothing of it is left to recover.
+    assert recording.path.stat().st_size < recording.volts.size * 2 + 50_000
+    assert verify(recording.path) == ()
+    with pytest.raises(ConfigurationError, match="nothing to recover"):
+        recover(recording.path)
+
+
+def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_path, monkeypatch):
+    def refused(*_arguments, **_settings):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("acquisition.scan.write_header", refused)
+    rig = world_rig(answers=False)
+    with pytest.raises(DataError, match="No press 1 of 3 arrived"):
+        record(rig, "push", "P01", 3, tmp_path)
+    monkeypatch.undo()
+    path = tmp_path / "P01-push.h5"
+    recording = assert_kept(rig, path, 15 * 5000)
+    assert list(tmp_path.iterdir()) == [path]
+    assert Recording.open(recover(path)).content_hash == recording.content_hash
+
+
+@pytest.mark.parametrize("presses", [0, -1, 2.5, 3.0, "3", None, float("nan")])
+def test_presses_are_counted_in_whole_numbers(tmp_path, presses):
+    with pytest.raises(ConfigurationError, match=f"{presses} presses were asked for; a whole number"):
+        record(world_rig(), "push", "P01", presses, tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_ctrl_c_while_a_block_is_being_written_loses_no_block(tmp_path, monkeypatch):

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -140,6 +142,30 @@ def test_a_changed_sample_does_not_pass_for_what_was_recorded(finished, tmp_path
     assert "content hash" in problem
 
 
+def test_what_was_changed_afterwards_gives_no_arrays_and_no_hash(finished, tmp_path):
+    copy = Path(shutil.copy(finished[0].path, tmp_path))
+    assert np.array_equal(Recording.open(copy).force, finished[0].force)
+    with h5py.File(copy, "r+") as file:
+        file["codes"][0] = 2 * file["codes"][0]
+    for what in ("volts", "force", "saturated", "events", "content_hash", "duration"):
+        with pytest.raises(DataError, match=r"P01-push\.h5 .*its content does not match its hash: "):
+            getattr(Recording.open(copy), what)
+
+
+def test_a_changed_sensor_gives_no_force(finished, tmp_path):
+    copy = Path(shutil.copy(finished[0].path, tmp_path))
+    with h5py.File(copy, "r+") as file:
+        rig = json.loads(file["rig"].asstr()[()])
+        rig["sensors"]["acceleration"]["sensitivity"] *= 2
+        file["rig"][()] = json.dumps(rig)
+    with pytest.raises(DataError, match="does not match its hash"):
+        _ = Recording.open(copy).acceleration
+    with h5py.File(copy, "r+") as file:
+        file["rig"][()] = "{"
+    with pytest.raises(DataError, match="damaged"):
+        Recording.open(copy)
+
+
 def test_a_changed_scale_does_not_pass_either(finished, tmp_path):
     copy = Path(shutil.copy(finished[0].path, tmp_path))
     with h5py.File(copy, "r+") as file:
@@ -147,13 +173,24 @@ def test_a_changed_scale_does_not_pass_either(finished, tmp_path):
     assert verify(copy)
 
 
-@pytest.mark.parametrize("keep", [0, 100, 3000, 20_000])
-def test_a_file_that_was_cut_short_is_refused_in_one_sentence(finished, tmp_path, keep):
+@pytest.mark.parametrize(
+    ("keep", "told"),
+    [
+        (0, "is cut short: it is empty"),
+        (5, "is damaged, or not a recording"),
+        (50, "is cut short: 50 of {size} bytes"),
+        (20_000, "is cut short: 20000 of {size} bytes"),
+        (-1, "is cut short: {less} of {size} bytes"),
+    ],
+)
+def test_a_file_that_was_cut_short_is_refused_in_one_plain_sentence(finished, tmp_path, keep, told):
     broken = tmp_path / "P09-push.h5"
-    broken.write_bytes(finished[0].path.read_bytes()[:keep])
-    with pytest.raises(DataError, match=r"P09-push\.h5 is damaged") as caught:
+    raw = finished[0].path.read_bytes()
+    broken.write_bytes(raw[:keep])
+    with pytest.raises(DataError) as caught:
         _ = Recording.open(broken).volts
-    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"{broken} {told.format(size=len(raw), less=len(raw) - 1)}")
+    assert not re.search(r"eof|sblock|errno|\n", str(caught.value))
 
 
 def test_damage_inside_the_samples_is_found(finished, tmp_path):
