@@ -11,6 +11,7 @@ import dataclasses
 import hashlib
 import json
 import os
+import re
 import uuid
 from importlib import metadata
 from pathlib import Path
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from instruments import DataError
 
-__all__ = ["Flat", "digest", "flatten", "read", "restore", "write"]
+__all__ = ["Flat", "digest", "flatten", "read", "restore", "why", "write"]
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass as names with slashes and plain values."""
@@ -94,8 +95,8 @@ def write(path: str | Path, kind: str, flat: Flat) -> None:
         with part.open("rb+") as whole:
             os.fsync(whole.fileno())
         _publish(part, path)
-    except OSError as error:
-        raise DataError(f"{path} cannot be written: {error.strerror or error}.") from None
+    except (OSError, RuntimeError) as error:
+        raise DataError(f"{path} cannot be written: {why(error)}.") from None
     finally:
         part.unlink(missing_ok=True)
 
@@ -130,6 +131,17 @@ def read(path: str | Path, kind: str) -> Flat:
     if labels["content"] != digest(flat):
         raise DataError(f"{path} is damaged: its content does not match its hash.")
     return flat
+
+
+def why(error: OSError | RuntimeError) -> str:
+    """Why a file could not be written, in the operating system's words.
+
+    The HDF5 library's own text is full of addresses and offsets, and of its errors not all carry a
+    number: what it says when closing a file on a full disk names one in the text only.
+    """
+    said = re.search(r"errno = (\d+)", str(error))
+    number = getattr(error, "errno", None) or (int(said[1]) if said else None)
+    return os.strerror(number) if number else "the disk may be full"
 
 
 def _publish(part: Path, path: Path) -> None:

@@ -128,7 +128,11 @@ def record(
     from haploop.console import Steps  # noqa: PLC0415
 
     step = f"Record the {button} button, {participant}"
-    with _rig(session, rig, simulate) as opened, Steps() as steps:
+    with (
+        _alone(rig, simulate) as file,
+        _rig(session, file, simulate) as opened,
+        Steps() as steps,
+    ):
         out.mkdir(parents=True, exist_ok=True)
         session.recordings = out
         recording = haploop.record(
@@ -185,7 +189,11 @@ def calibrate(
 
     _new_file(out)
     step = f"Calibrate patch {patch} at the {point} point"
-    with _rig(session, rig, simulate) as opened, Steps() as steps:
+    with (
+        _alone(rig, simulate) as file,
+        _rig(session, file, simulate) as opened,
+        Steps() as steps,
+    ):
         _on_table(opened, point)
         calibration = haploop.calibrate(opened, patch, point, lambda done, of: steps(step, done, of))
     calibration.save(out)
@@ -223,7 +231,11 @@ def check(
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])
     if out is not None:
         display.claim(out, press.button)
-    with _rig(session, rig, simulate) as opened, Steps() as steps:
+    with (
+        _alone(rig, simulate) as file,
+        _rig(session, file, simulate) as opened,
+        Steps() as steps,
+    ):
         if table.response.simulated != opened.simulated:
             raise haploop.ConfigurationError(
                 f"{calibration} is of a {_kind(table.response.simulated)} table and the rig {opened.name!r} "
@@ -258,19 +270,19 @@ def doctor(session: Session, mass: float, rig: str, simulate: Mode | None, as_js
     """
     from haploop import doctor as diagnosis  # noqa: PLC0415
     from haploop.console import Steps  # noqa: PLC0415
-    from instruments import load_rig_file  # noqa: PLC0415
 
-    file = load_rig_file(rig)
-    missing, simulated = False, (simulate or file.simulate) is not None
-    try:
-        with _rig(session, file, simulate) as opened, Steps() as steps:
-            simulated = opened.simulated
-            findings = diagnosis.examine(opened, mass, steps)
-    except HaploopError as error:
-        # Once it is open, only a safe state that was not reached comes here: that is the message.
-        if session.rig_opened:
-            raise
-        findings, missing = diagnosis.find_each(file, simulate, error), True
+    missing = False
+    with _alone(rig, simulate) as file:
+        simulated = (simulate or file.simulate) is not None
+        try:
+            with _rig(session, file, simulate) as opened, Steps() as steps:
+                simulated = opened.simulated
+                findings = diagnosis.examine(opened, mass, steps)
+        except HaploopError as error:
+            # Once it is open, only a safe state that was not reached comes here: that is the message.
+            if session.rig_opened:
+                raise
+            findings, missing = diagnosis.find_each(file, simulate, error), True
     diagnosis.tell(findings, file.name, simulated, as_json)
     if missing:
         return 3
@@ -313,12 +325,26 @@ def _new_file(path: Path) -> None:
 
 
 @contextmanager
-def _rig(session: Session, rig: str | RigFile, simulate: Mode | None) -> Iterator[Rig]:
+def _alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
+    """The rig file, and its hardware for this program only: two would switch one relay."""
+    from haploop.lock import hold  # noqa: PLC0415
+    from instruments import load_rig_file  # noqa: PLC0415
+
+    file = load_rig_file(rig)
+    if simulate or file.simulate:
+        yield file
+        return
+    with hold(Path(rig), f"haploop {click.get_current_context().info_name}"):
+        yield file
+
+
+@contextmanager
+def _rig(session: Session, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
     """The rig, opened; says so when it is simulated."""
     from haploop.console import note  # noqa: PLC0415
     from instruments import open_rig  # noqa: PLC0415
 
-    with open_rig(rig, simulate=simulate) as opened:
+    with open_rig(file, simulate=simulate) as opened:
         session.rig_opened = True
         if opened.simulated:
             world = (

@@ -28,6 +28,7 @@ __all__ = [
     "density_axis",
     "legend_above",
     "letter",
+    "mark_simulated",
     "new_figure",
     "png",
     "spectrum",
@@ -112,6 +113,11 @@ def legend_above(axes: Axes, columns: int) -> None:
         handletextpad=0.4,
     )
     legend.set_in_layout(False)
+
+
+def mark_simulated(figure: Figure) -> None:
+    """Say in a corner of the figure that no real instrument measured it: a PNG travels alone."""
+    figure.text(0.997, 0.004, "simulated", ha="right", va="bottom", fontsize=7, color="#666666")
 
 
 def colour(index: int) -> str:

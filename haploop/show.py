@@ -17,12 +17,15 @@ from rich.text import Text
 from acquisition import ButtonPress, Recording, Representative, find_presses, high_pass
 from acquisition.store import check_target
 from calibration import Calibration, Check, Drive
+from calibration.files import why
 from haploop import figures
 from haploop.console import print_json, print_line, print_table
-from haploop.plotting import png
+from haploop.plotting import mark_simulated, png
 from instruments import ConfigurationError, DataError
 
-__all__ = ["check", "demo", "keep", "show"]
+__all__ = ["check", "claim", "demo", "keep", "show"]
+
+_SIMULATED = "Simulated: no real instrument measured this."
 
 
 def show(path: Path, as_json: bool, plot: Path | None = None) -> None:
@@ -35,14 +38,14 @@ def show(path: Path, as_json: bool, plot: Path | None = None) -> None:
         _new_picture(plot)
     values, table, draw = _contents(path)
     if plot is not None:
-        save(draw(), plot)
+        save(draw(), plot, values["simulated"])
         values["plot"] = str(plot)
     if as_json:
         print_json(values)
         return
     print_table(table)
     if values["simulated"]:
-        print_line("Simulated: no real instrument measured this.")
+        print_line(_SIMULATED)
     if plot is not None:
         print_line(f"Plot: {plot}")
 
@@ -53,14 +56,25 @@ def _new_picture(path: Path) -> None:
         raise ConfigurationError(f"{path} is no name for a picture: it must end with .png.")
     if path.exists():
         raise ConfigurationError(f"{path} exists, and nothing is overwritten: name another file.")
+    if not path.parent.is_dir():
+        raise ConfigurationError(f"There is no folder {path.parent} to write {path.name} to.")
+    check_target(path)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG. Raises ConfigurationError when that cannot be done."""
+def save(figure: Figure, path: Path, simulated: bool) -> None:
+    """Write a figure as a new PNG, which says so if it shows simulated data. Raises ConfigurationError."""
+    if simulated:
+        mark_simulated(figure)
+    content = png(figure)
     try:
-        path.write_bytes(png(figure))
+        with path.open("xb") as file:
+            file.write(content)
     except OSError as error:
-        raise ConfigurationError(f"{path} cannot be written: {error.strerror or error}.") from None
+        raise _unwritten(path, error) from None
+
+
+def _unwritten(path: Path, error: OSError | RuntimeError) -> ConfigurationError:
+    return ConfigurationError(f"{path} cannot be written: {why(error)}.")
 
 
 def check(press: Representative, result: Check, as_json: bool) -> None:
@@ -100,6 +114,8 @@ def check(press: Representative, result: Check, as_json: bool) -> None:
     table.add_row("Energy in the band", _percent(drive.in_band))
     table.add_row("Verdict", _verdict(result.passed))
     print_table(table)
+    if result.simulated:
+        print_line(_SIMULATED)
     for reason in result.reasons:
         print_line(reason)
 
@@ -111,11 +127,14 @@ def claim(out: Path, button: str) -> None:
 
 
 def keep(out: Path, press: Representative, result: Check) -> None:
-    """Write what a check used and found into a folder. Raises ConfigurationError."""
+    """Write what a check used and found into a folder. Raises ConfigurationError and DataError."""
     press_file, drive_file, picture = _kept(out, press.button)
-    press.save(press_file)
+    try:
+        press.save(press_file)
+    except (OSError, RuntimeError) as error:
+        raise _unwritten(press_file, error) from None
     result.drive.save(drive_file)
-    save(figures.comparison([(press, result)]), picture)
+    save(figures.comparison([(press, result)]), picture, result.simulated)
 
 
 def _kept(out: Path, button: str) -> tuple[Path, Path, Path]:
@@ -190,7 +209,7 @@ def _kind(path: Path) -> str:
         with h5py.File(path, "r") as file:
             # A recording says what it is in its format, everything else beside it.
             kind = str(file.attrs.get("kind", file.attrs.get("format", "")))
-    except OSError:
+    except (OSError, KeyError, RuntimeError, ValueError):
         raise DataError(f"{path} is damaged, or not a file that haploop wrote.") from None
     if not kind.startswith("haploop "):
         raise DataError(f"{path} is not a file that haploop wrote.")

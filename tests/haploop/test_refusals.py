@@ -1,0 +1,158 @@
+"""What cannot end well is refused before a rig is opened, or ends in one plain sentence."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import haploop.show
+from calibration.files import why, write
+from haploop.lock import hold
+from instruments import ConfigurationError, DataError
+from tests.haploop.conftest import Demo, Run
+
+SIMULATED = "Everything here is simulated"
+"""What a command says once its rig is open."""
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    path = tmp_path / "lab.toml"
+    path.write_text('base = "haptable"\nname = "lab"\n', encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "command", [["record", "latch", "-p", "P01"], ["calibrate"], ["doctor"]], ids=" ".join
+)
+def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, command: list[str]) -> None:
+    out = [] if command == ["doctor"] else ["--out", tmp_path / "out"]
+    with hold(lab, "somebody"):
+        result = run(*command, *out, "--rig", lab)
+    assert result.exit_code == 3
+    assert result.stdout == ""
+    assert f"lab.toml is in use by process {os.getpid()} (somebody): wait" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_command_says_who_it_is_to_the_next(
+    run: Run, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    second = []
+
+    def opened(*_args: object, **_named: object) -> None:
+        if not second:
+            second.append(None)
+            second[0] = run("calibrate", "--out", tmp_path / "c.h5", "--rig", lab)
+        raise ConfigurationError("no further.")
+
+    monkeypatch.setattr("instruments.open_rig", opened)
+    assert run("record", "latch", "-p", "P01", "--out", tmp_path, "--rig", lab).exit_code == 2
+    assert second[0].exit_code == 3
+    assert "(haploop record)" in second[0].stderr
+
+
+def test_a_simulation_needs_no_lock(run: Run, lab: Path, tmp_path: Path) -> None:
+    with hold(lab, "somebody"):
+        result = run(
+            "record", "latch", "-p", "P01", "-n", 1, "-o", tmp_path, "--rig", lab, "--simulate", "twin"
+        )
+    assert SIMULATED in result.stderr and "in use" not in result.stderr
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that not even root can write to")
+def test_a_calibration_that_could_not_be_kept_is_not_measured(run: Run) -> None:
+    result = run("calibrate", "--out", "/proc/calibration.h5")
+    assert result.exit_code == 2
+    assert "/proc cannot be written" in result.stderr
+    assert SIMULATED not in result.stderr
+
+
+@pytest.mark.parametrize("name", ["latch-press.h5", "latch-drive.h5", "latch-check.png"])
+def test_a_check_that_could_not_be_kept_is_not_played(
+    demo: Demo, run: Run, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("mine")
+    result = run(
+        "check", demo.folder / "recordings" / "P01-latch.h5",
+        "--calibration", demo.folder / "calibration.h5", "--out", tmp_path,
+    )  # fmt: skip
+    assert result.exit_code == 2
+    assert name in result.stderr and "participant" not in result.stderr
+    assert SIMULATED not in result.stderr
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(name, "mine")]
+
+
+def test_a_check_of_what_is_simulated_says_so(
+    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Figure] = []
+
+    def png(figure: Figure) -> bytes:
+        drawn.append(figure)
+        return b"PNG"
+
+    monkeypatch.setattr(haploop.show, "png", png)
+    recording = demo.folder / "recordings" / "P01-latch.h5"
+    result = run(
+        "check", recording, "--calibration", demo.folder / "calibration.h5", "--out", tmp_path / "new",
+    )  # fmt: skip
+    assert result.exit_code in (0, 1), result.output
+    assert "Simulated: no real instrument measured this." in result.stdout
+    assert run("show", recording, "--plot", tmp_path / "p.png").exit_code == 0
+    assert run("show", tmp_path / "new" / "latch-drive.h5", "--plot", tmp_path / "d.png").exit_code == 0
+    assert len(drawn) == 3
+    assert all([text.get_text() for text in figure.texts] == ["simulated"] for figure in drawn)
+
+
+def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
+    figure = Figure()
+    haploop.show.save(figure, tmp_path / "real.png", simulated=False)
+    assert not figure.texts
+    with pytest.raises(ConfigurationError, match="exists"):
+        haploop.show.save(figure, tmp_path / "real.png", simulated=False)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sets no limit to the size of a file")
+def test_a_full_disk_is_one_plain_sentence(tmp_path: Path) -> None:
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
+    try:
+        with pytest.raises(DataError, match=r"whole\.h5 cannot be written: File too large\.$"):
+            write(tmp_path / "whole.h5", "drive", {"volts": np.ones(100_000)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_reason_is_the_system_s_own() -> None:
+    text = (
+        "Can't write data (file write failed: errno = 28, error message = 'No space', buf = 0x7f, size = 8)"
+    )
+    assert why(OSError(28, text)) == why(RuntimeError(text)) == os.strerror(28)
+    assert "buf" not in why(OSError("buf = 0x7f"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
+def test_ctrl_c_while_loading_is_no_traceback() -> None:
+    program = (
+        "import runpy, signal, sys\n"
+        "class Impatient:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'click': signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Impatient())\n"
+        "runpy.run_module('haploop', run_name='__main__')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr.strip()) == (128 + signal.SIGINT, "Error: Stopped.")
