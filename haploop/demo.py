@@ -21,7 +21,7 @@ from haploop.report import Plate, render
 from instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from instruments.arrays import ComplexArray
 from instruments.clock import Clock, RealClock
-from instruments.rig import Mode
+from instruments.driver import Mode
 
 __all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo", "Progress", "claim_folder", "run_demo"]
 

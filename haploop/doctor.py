@@ -26,7 +26,7 @@ from instruments import (
     RigFile,
     open_rig,
 )
-from instruments.rig import Mode
+from instruments.driver import Mode
 from instruments.rig_file import ROLES
 
 __all__ = ["Finding", "examine", "find_each", "tell"]

@@ -6,10 +6,11 @@ from instruments.daq import Block, Capture, Daq, Stream
 from instruments.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
 from instruments.generator import Generator, Sweep
 from instruments.limits import Limits
+from instruments.opening import open_rig
 from instruments.operator import Aim, ConfirmSettings, Operator, Place, Press, Remove, Request, Rest
 from instruments.player import Player
 from instruments.relay import Relay
-from instruments.rig import Rig, open_rig
+from instruments.rig import Rig
 from instruments.rig_file import RigFile, load_rig_file
 from instruments.sensors import Accelerometer, Divider, ForceTorque, Sensor, Sensors, Switch
 from instruments.vibrometer import Vibrometer

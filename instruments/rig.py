@@ -2,37 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from importlib import metadata
-from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Protocol, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel
 
-import instruments
 from instruments.alignment import align, find
 from instruments.amplifier import Amplifier
 from instruments.arrays import FloatArray
-from instruments.clock import Clock, RealClock
+from instruments.clock import Clock
 from instruments.daq import Block, Capture, Daq
+from instruments.driver import Mode, Simulation
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.generator import Generator, Sweep
 from instruments.limits import Limits
 from instruments.operator import ConfirmSettings, Operator
 from instruments.player import Player
 from instruments.relay import Relay
-from instruments.rig_file import Device, RigFile, SimulationSettings, Table, load_rig_file, validate
+from instruments.rig_file import RigFile, Table
 from instruments.sensors import Divider, Sensors
 from instruments.signals import uninterrupted
 from instruments.vibrometer import Vibrometer
 
-__all__ = ["Driver", "Mode", "Rig", "Simulation", "open_rig"]
+__all__ = ["ROLES", "Rig"]
 
-Mode = Literal["twin", "wire"]
 Role = TypeVar("Role")
 _REST = 0.05
 """Seconds of zero drive before the relay switches: several time constants of the amplifier."""
@@ -42,28 +38,16 @@ _EXCESS = 1.1
 """Measured volts over the limit at which a play is stopped: more than the monitor's noise and gain."""
 
 
-class Driver(Protocol):
-    """What an entry point of the group `haploop.drivers` names: usually a role's subclass."""
-
-    Settings: type[BaseModel]
-    """Validates the instrument's table of the rig file."""
-
-    def open(self, settings: Any, clock: Clock) -> Any:
-        """Connect, change no output, and return an implementation of the role."""
-
-
-class Simulation(Protocol):
-    """What the entry point `haploop.simulation` makes: the plant that stands in for the world."""
-
-    clock: Clock
-    truth: Any
-    """What only a simulator can know. For tests and reports: no estimator may read it."""
-
-    def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:
-        """The role's twin, or in mode "wire" the real driver pointed at its wire."""
-
-    def close(self) -> None:
-        """Stop every wire."""
+ROLES: dict[str, type[Any]] = {
+    "daq": Daq,
+    "amplifier": Amplifier,
+    "relay": Relay,
+    "vibrometer": Vibrometer,
+    "generator": Generator,
+    "player": Player,
+    "operator": Operator,
+}
+"""The roles of a rig file's tables, in the order that they are opened in."""
 
 
 class Rig:
@@ -77,6 +61,18 @@ class Rig:
         self._roles: dict[str, Any] = {}
         self._confirmed: set[str] = set()
         self._stack = ExitStack()
+        if simulation:
+            self._stack.callback(simulation.close)
+
+    def adopt(self, role: str, instrument: Any) -> None:
+        """Take an open instrument, to be let go of when the rig is closed."""
+        self._roles[role] = instrument
+        if hasattr(instrument, "close"):
+            self._stack.callback(instrument.close)
+
+    def complete(self) -> None:
+        """Every instrument is here: from now on, closing reaches the safe state first."""
+        self._stack.callback(self.make_safe)
 
     @property
     def name(self) -> str:
@@ -388,74 +384,6 @@ class Rig:
             raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one.")
         return instrument
 
-    def _open(self) -> None:
-        drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
-        self._stack.callback(self.simulation.close if self.simulation else lambda: None)
-        devices = {role: getattr(self.file, role) for role in _ROLES}
-        for role, device in devices.items():
-            if device is None:
-                continue
-            if device.driver not in drivers:
-                raise ConfigurationError(
-                    f"The rig {self.name!r} asks for the {role} driver {device.driver!r}; "
-                    f"installed drivers are {', '.join(sorted(drivers))}."
-                )
-            driver: Driver = drivers[device.driver].load()
-            if self.simulation and self.mode:
-                instrument = self.simulation.instrument(role, device, driver, self.mode)
-            else:
-                settings = validate(driver.Settings, device.settings, f"[{role}] of {self.name}")
-                instrument = driver.open(settings, self.clock)
-            if not isinstance(instrument, _ROLES[role]):
-                raise ConfigurationError(f"The driver {device.driver!r} is not for the role {role!r}.")
-            self._roles[role] = instrument
-            if hasattr(instrument, "close"):
-                self._stack.callback(instrument.close)
-        self._stack.callback(self.make_safe)
-
-
-_ROLES: dict[str, type[Any]] = {
-    "daq": Daq,
-    "amplifier": Amplifier,
-    "relay": Relay,
-    "vibrometer": Vibrometer,
-    "generator": Generator,
-    "player": Player,
-    "operator": Operator,
-}
-
-
-def open_rig(
-    rig: str | Path | RigFile, simulate: Mode | None = None, simulation: Mapping[str, Any] | None = None
-) -> Rig:
-    """Open every instrument of a rig; use it as a context.
-
-    `rig` is a rig file's path, the bare name of a rig that haploop ships, or a loaded file.
-    `simulate` replaces every driver by its twin, or keeps the drivers and points them at their
-    wires; None takes what the file says, which for a lab's rig is the hardware. `simulation`
-    overrides keys of the file's `[simulation]` table. Connecting changes no output.
-
-    Raises ConfigurationError, and InstrumentError when an instrument is not there.
-    """
-    _check_import_name()
-    file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
-    mode = simulate or file.simulate
-    world: Simulation | None = None
-    if mode is not None:
-        plant = {**file.simulation.model_dump(), **(simulation or {})}
-        file = file.model_copy(
-            update={"simulation": validate(SimulationSettings, plant, f"[simulation] of {file.name}")}
-        )
-        (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
-        world = entry.load()(file)
-    opened = Rig(file, world.clock if world else RealClock(), world, mode)
-    try:
-        opened._open()
-    except BaseException:
-        opened.close()
-        raise
-    return opened
-
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:
     """The channels that were asked for, and no more than `samples`."""
@@ -472,12 +400,3 @@ def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:
 def _refuse_tail(tail: float) -> None:
     if not 0 <= tail < np.inf:
         raise ConfigurationError(f"Recording can go on for 0 s or more after a drive, not for {tail} s.")
-
-
-def _check_import_name() -> None:
-    """InstrumentKit uses the import name `instruments` too; found in our place, it breaks all."""
-    if not hasattr(instruments, "Daq"):
-        raise ConfigurationError(
-            f"Another project named 'instruments' is installed at {instruments.__file__} and hides "
-            "haploop's: uninstall it (InstrumentKit), or use a virtual environment of haploop's own."
-        )

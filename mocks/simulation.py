@@ -7,8 +7,8 @@ from importlib import metadata
 from typing import Any
 
 from instruments.clock import Clock
+from instruments.driver import Driver, Mode
 from instruments.errors import ConfigurationError
-from instruments.rig import Driver, Mode
 from instruments.rig_file import Device, RigFile, validate
 from mocks.clock import VirtualClock
 from mocks.faults import KINDS, Faults, Reply

@@ -1,0 +1,1 @@
+"""The commands of `haploop`, one file a family."""

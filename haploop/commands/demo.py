@@ -1,0 +1,67 @@
+"""`haploop demo`: the whole loop, simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE
+from haploop.exits import Session
+
+if TYPE_CHECKING:
+    from instruments.driver import Mode
+
+__all__ = ["demo"]
+
+
+@click.command()
+@click.option("--out", "-o", type=PATH, help="Folder for the results.  [default: a new haploop-demo]")
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="Which simulated world.  [default: the rig file's, 0]"
+)
+@click.option(
+    "--participants",
+    type=click.IntRange(1, 99),
+    default=1,
+    show_default=True,
+    help="How many press the buttons.",
+)
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def demo(
+    session: Session,
+    out: Path | None,
+    seed: int | None,
+    participants: int,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Run the whole loop on a simulated rig and write a report."""
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps, note, print_json  # noqa: PLC0415
+    from haploop.demo import claim_folder, run_demo  # noqa: PLC0415
+    from instruments import load_rig_file  # noqa: PLC0415
+
+    load_rig_file(rig)
+    folder = claim_folder(out)
+    session.recordings = folder / "recordings"
+    with Steps() as steps:
+
+        def progress(step: str, done: float, of: float) -> None:
+            session.rig_opened = True
+            steps(step, done, of)
+
+        summary = run_demo(
+            folder, rig, seed=seed, participants=participants, mode=simulate, progress=progress
+        )
+    if as_json:
+        print_json(summary)
+        note(f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).")
+    else:
+        display.demo(summary)
+    return 0 if summary["passed"] else 1

@@ -1,0 +1,105 @@
+"""`haploop calibrate`, `check`: the table measured, and a press played on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, new_file, on_table, opened_rig
+from haploop.exits import Session
+
+if TYPE_CHECKING:
+    from instruments.driver import Mode
+
+__all__ = ["calibrate", "check"]
+
+
+@click.command()
+@click.option("--patch", default="A", show_default=True, help="Patch to excite.")
+@click.option(
+    "--point",
+    default="button",
+    show_default=True,
+    help="Where the laser is aimed: button, or a grid point's number.",
+)
+@click.option("--out", "-o", type=PATH, default=Path("calibration.h5"), show_default=True, metavar="FILE.h5")
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def calibrate(
+    session: Session, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
+) -> int:
+    """Measure the table's response and fit its model."""
+    import haploop  # noqa: PLC0415
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps  # noqa: PLC0415
+
+    new_file(out)
+    step = f"Calibrate patch {patch} at the {point} point"
+    with (
+        alone(rig, simulate) as file,
+        opened_rig(session, file, simulate) as opened,
+        Steps() as steps,
+    ):
+        on_table(opened, point)
+        calibration = haploop.calibrate(opened, patch, point, lambda done, of: steps(step, done, of))
+    calibration.save(out)
+    display.show(out, as_json)
+    return 0
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--calibration", "-c", required=True, type=PATH, metavar="FILE", help="As `haploop calibrate` wrote it."
+)
+@click.option(
+    "--out", "-o", type=PATH, metavar="DIR", help="Keep the representative press, the drive and a plot here."
+)
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def check(
+    session: Session,
+    recordings: Sequence[Path],
+    calibration: Path,
+    out: Path | None,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Play what stands for RECORDINGS of one button on the table, measure it, and compare."""
+    import haploop  # noqa: PLC0415
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps  # noqa: PLC0415
+
+    table = haploop.Calibration.load(calibration)
+    press = haploop.representative([haploop.Recording.open(path) for path in recordings])
+    if out is not None:
+        display.claim(out, press.button)
+    with (
+        alone(rig, simulate) as file,
+        opened_rig(session, file, simulate) as opened,
+        Steps() as steps,
+    ):
+        if table.response.simulated != opened.simulated:
+            raise haploop.ConfigurationError(
+                f"{calibration} is of a {_kind(table.response.simulated)} table and the rig {opened.name!r} "
+                f"is {_kind(opened.simulated)}: calibrate that rig first."
+            )
+        drive = haploop.drive_for(press, table, opened.limits)
+        step = f"Play and measure the {press.button} button"
+        result = haploop.check(opened, drive, progress=lambda done, of: steps(step, done, of))
+    display.check(press, result, as_json)
+    if out is not None:
+        display.keep(out, press, result)
+    return 0 if result.passed else 1
+
+
+def _kind(simulated: bool) -> str:
+    return "simulated" if simulated else "real"
