@@ -23,7 +23,8 @@ from instruments.ofv5000_codec import (
     sensitivity_of,
     sensitivity_text,
 )
-from instruments.serial_line import Line, SerialLine
+from instruments.serial_line import SerialLine
+from instruments.text_line import Line
 from instruments.vibrometer import Vibrometer
 
 __all__ = ["Ofv5000"]

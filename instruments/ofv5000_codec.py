@@ -31,6 +31,10 @@ _NUMBER = r"(?P<number>\d+(?:\.\d*)?|\.\d+)"
 _VELOCITY = {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "m": 1.0}
 _TIME = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "": 1e-6}
 _FREQUENCY = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
+_SENSITIVITIES = (1e-6, 10.0)
+"""m/s per V; like the two below, wider than anything that is built: beyond it is a garbled line."""
+_DELAYS = (0.0, 0.1)
+_FREQUENCIES = (1.0, 1e9)
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def is_command(text: str) -> bool:
 
 def sensitivity_of(text: str) -> float:
     """A velocity decoder's range, `5mm/s/V`, as m/s per V. Raises ValueError."""
-    return _quantity(text, r"(?P<unit>[uµ]m|mm|m)/s/V", _VELOCITY)
+    return _quantity(text, r"(?P<unit>[uµ]m|mm|m)/s/V", _VELOCITY, _SENSITIVITIES)
 
 
 def sensitivity_text(sensitivity: float) -> str:
@@ -79,25 +83,29 @@ def duration_of(text: str) -> float:
 
     Public code only takes the number; that a bare number is in microseconds is an estimate.
     """
-    return _quantity(text, r"(?P<unit>[nuµm]?s)?", _TIME)
+    return _quantity(text, r"(?P<unit>[nuµm]?s)?", _TIME, _DELAYS)
 
 
 def frequency_of(text: str) -> float | None:
     """A highest frequency, `20 kHz`, in Hz; None for `Not Available`. Raises ValueError."""
     if text.strip().lower() == "not available":
         return None
-    return _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])", _FREQUENCY)
+    return _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])", _FREQUENCY, _FREQUENCIES)
 
 
 def level_of(text: str) -> float:
     """A signal level, 0 to 512, as a share of full light. Raises ValueError."""
-    if not re.fullmatch(r"\d{1,3}", text) or int(text) > LEVEL_FULL:
+    if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > LEVEL_FULL:
         raise ValueError(f"no level of 0 to {LEVEL_FULL}")
     return int(text) / LEVEL_FULL
 
 
-def _quantity(text: str, unit: str, scales: dict[str, float]) -> float:
-    found = re.fullmatch(rf"{_NUMBER}\s*{unit}", text.strip())
+def _quantity(text: str, unit: str, scales: dict[str, float], within: tuple[float, float]) -> float:
+    found = re.fullmatch(rf"{_NUMBER}\s*{unit}", text.strip(), re.ASCII)
     if found is None:
         raise ValueError("no number with a known unit")
-    return float(found["number"]) * scales[(found["unit"] or "").lower()]
+    value = float(found["number"]) * scales[(found["unit"] or "").lower()]
+    low, high = within
+    if not low <= value <= high:
+        raise ValueError(f"not between {low:g} and {high:g} in SI units")
+    return value

@@ -9,24 +9,24 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
-import pyvisa
 from pydantic import BaseModel, ConfigDict, Field
-from pyvisa.constants import StatusCode
 
-from instruments.clock import Clock, RealClock
+from instruments.clock import Clock
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.generator import Generator, Sweep
-from instruments.serial_line import Line
+from instruments.scpi_codec import error_of, number_of, switch_of, words_of
+from instruments.text_line import Line
+from instruments.visa_line import VisaLine
 
-__all__ = ["Dg1000z", "Keysight33500", "ScpiGenerator", "VisaLine"]
+__all__ = ["Dg1000z", "Keysight33500", "ScpiGenerator"]
 
+Value = TypeVar("Value")
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-_INFINITE = 9e37
-"""SCPI writes infinity as 9.9E+37."""
 _TOLERANCE = 1e-3
 """Relative: instruments round to four digits and more."""
 _QUEUE = 50
@@ -128,18 +128,18 @@ class ScpiGenerator(Generator):
         self._sweep: Sweep | None = None
         self._armed = False
         self.identity = f"The generator at {settings.resource}"
-        words = [word.strip() for word in self._ask("*IDN?").split(",")]
-        if len(words) != 4 or not re.fullmatch(self.dialect.models, words[1]):
+        maker, model, number, _ = self._value("*IDN?", words_of)
+        if not re.fullmatch(self.dialect.models, model):
             raise InstrumentError(
-                f"{self.identity} says that it is {','.join(words)[:80]!r}, which this driver is not for: "
+                f"{self.identity} says that it is a {maker[:40]} {model[:40]}, which this driver is not for: "
                 "correct 'driver' or 'resource' in [generator]."
             )
-        self.identity = f"{words[0]} {words[1]} {words[2]}"
+        self.identity = f"{maker} {model} {number}"
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Connect and ask who it is; nothing is changed. Raises InstrumentError."""
-        line = VisaLine(settings.resource, settings.visa, settings.timeout)
+        line = VisaLine("The generator", settings.resource, settings.visa, settings.timeout)
         try:
             return cls(settings, clock, line)
         except BaseException:
@@ -159,11 +159,7 @@ class ScpiGenerator(Generator):
     @property
     def is_on(self) -> bool:
         """See `Generator.is_on`."""
-        question = self._named("OUTP{n}?")
-        answer = self._ask(question).upper()
-        if answer not in ("0", "1", "ON", "OFF"):
-            raise self._wrong(question, answer)
-        return answer in ("1", "ON")
+        return self._value(self._named("OUTP{n}?"), switch_of)
 
     def configure(self, sweep: Sweep) -> None:
         """See `Generator.configure`."""
@@ -240,13 +236,10 @@ class ScpiGenerator(Generator):
         """See `Generator.errors`."""
         found: list[str] = []
         while len(found) < _QUEUE:
-            answer = self._ask("SYST:ERR?")
-            entry = re.fullmatch(r"([+-]?\d+)\s*,\s*\"?(.*?)\"?", answer)
-            if entry is None:
-                raise self._wrong("SYST:ERR?", answer)
-            if int(entry[1]) == 0:
+            number, text = self._value("SYST:ERR?", error_of)
+            if number == 0:
                 return tuple(found)
-            found.append(f"{int(entry[1])} {entry[2]}")
+            found.append(f"{number} {text}")
         raise InstrumentError(f"{self.identity} reports errors without end, the last {found[-1]!r}.")
 
     def close(self) -> None:
@@ -260,13 +253,14 @@ class ScpiGenerator(Generator):
             raise InstrumentError(f"{self.identity} {what}: {'; '.join(found)}.")
 
     def _number(self, name: str) -> float:
-        question = self._named(self.dialect.read[name])
+        return self._value(self._named(self.dialect.read[name]), number_of)
+
+    def _value(self, question: str, parse: Callable[[str], Value]) -> Value:
         answer = self._ask(question)
         try:
-            value = math.inf if answer.upper().startswith("INF") else float(answer)
+            return parse(answer)
         except ValueError:
             raise self._wrong(question, answer) from None
-        return math.inf if value > _INFINITE else value
 
     def _named(self, command: str, **values: object) -> str:
         return command.format(n=self._settings.channel, **values)
@@ -295,87 +289,3 @@ class Dg1000z(ScpiGenerator):
     """A DG1000Z of Rigol's. See `Generator`."""
 
     dialect = RIGOL
-
-
-class VisaLine:
-    """See `Line`. After a failure the session is closed, and the next line opens another: a late
-    reply is not taken for the answer to a later question, and an instrument that comes back is found.
-    """
-
-    def __init__(self, resource: str, library: str, timeout: float) -> None:
-        self._resource = resource
-        self._library = library
-        self._timeout = timeout
-        self._clock = RealClock()
-        self._session: Any = None
-
-    def send(self, text: str) -> None:
-        """See `Line.send`."""
-        session = self._opened()
-        try:
-            session.write(text)
-        except (pyvisa.Error, OSError) as error:
-            raise self._failed(f"cannot be sent {text!r} ({error}): check its cable and power") from None
-
-    def receive(self, asked: str) -> str:
-        """See `Line.receive`."""
-        session = self._opened()
-        reply = b""
-        try:
-            if session.resource_class == "SOCKET":
-                # Byte by byte, so that a wrong terminator shows what has come.
-                deadline = self._clock.now() + self._timeout
-                while not reply.endswith(b"\n"):
-                    session.timeout = max(1.0, 1e3 * (deadline - self._clock.now()))
-                    reply += session.read_bytes(1)
-                    if self._clock.now() > deadline:
-                        raise self._failed(self._late(asked, reply))
-            else:
-                reply = session.read_raw()
-        except pyvisa.VisaIOError as error:
-            if error.error_code != StatusCode.error_timeout:
-                raise self._failed(f"was lost after {asked!r} ({error}): check its cable") from None
-            raise self._failed(self._late(asked, reply)) from None
-        except (pyvisa.Error, OSError) as error:
-            raise self._failed(f"was lost after {asked!r} ({error}): check its cable and power") from None
-        try:
-            text = reply.decode("ascii").strip()
-        except UnicodeDecodeError:
-            text = ""
-        if not text.isprintable() or not text:
-            raise self._failed(f"answered {asked!r} with {reply[:60]!r}, which is no text: restart it")
-        return text
-
-    def close(self) -> None:
-        """See `Line.close`."""
-        session, self._session = self._session, None
-        if session is not None:
-            session.close()
-
-    def _opened(self) -> Any:
-        if self._session is None:
-            # The manager is shared by the whole process and stays: closing it would close every session.
-            try:
-                self._session = pyvisa.ResourceManager(self._library).open_resource(
-                    self._resource, open_timeout=round(1e3 * self._timeout)
-                )
-                self._session.timeout = 1e3 * self._timeout
-                self._session.read_termination = self._session.write_termination = "\n"
-            except Exception as error:  # pyvisa-py raises bare Exceptions too
-                self.close()
-                reason = " ".join(str(error).split())
-                raise InstrumentError(
-                    f"The generator at {self._resource} cannot be opened ({reason}): correct 'resource' in "
-                    "[generator], switch it on, or install a VISA library (pyvisa-py is one)."
-                ) from None
-        return self._session
-
-    def _failed(self, sentence: str) -> InstrumentError:
-        self.close()
-        return InstrumentError(f"The generator at {self._resource} {sentence}.")
-
-    def _late(self, asked: str, reply: bytes) -> str:
-        within = f"within {self._timeout:g} s"
-        if not reply:
-            return f"did not answer {asked!r} {within}: is it on, and does it know that command?"
-        return f"answered {asked!r} with {reply[-60:]!r} and no line feed {within}: check its terminator"

@@ -240,7 +240,8 @@ class _Hub:
                 f"The hub {self.url} did not answer within {self._timeout:g} s: is it running?"
             ) from None
         except (OSError, HTTPException, ValueError) as error:
-            reason = str(error) or type(error).__name__
+            # What the hub said may stand in it, whatever that is.
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise InstrumentError(
                 f"The hub {self.url} cannot be talked to ({reason}): "
                 "start VirtualHub, or correct 'hub' in [relay]."
@@ -249,9 +250,9 @@ class _Hub:
             raise InstrumentError(
                 f"The hub {self.url} asks for a password, which is not supported: switch it off."
             )
-        if status >= 400:
+        if status != 200:
             raise InstrumentError(
-                f"The hub {self.url} answered {path} with error {status}: is the module plugged in?"
+                f"The hub {self.url} answered {path} with status {status}: is the module plugged in?"
             )
         return body
 

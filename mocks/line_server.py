@@ -42,11 +42,11 @@ class DirectLine:
 class LineServer(Loopback):
     """Serves one instrument, a command at a time, to any number of clients."""
 
-    def __init__(self, answer: Answer, port: int = 0, host: str = "127.0.0.1") -> None:
+    def __init__(self, answer: Answer, port: int = 0) -> None:
         self.faults: list[ReplyFault] = []
         self._answer = answer
         self._turn = threading.Lock()
-        super().__init__(self._lines, port, host)
+        super().__init__(self._lines, port)
 
     def _lines(self, link: socket.socket) -> None:
         pending = bytearray()

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Literal, Self
 
-__all__ = ["Loopback", "ReplyFault"]
+__all__ = ["HOST", "Loopback", "ReplyFault"]
+
+HOST = "127.0.0.1"
+"""Where everything that is simulated listens, and the only place: see `Loopback`."""
 
 _LOOK = 0.02
 """Real seconds between two looks at whether to stop."""
@@ -90,17 +93,17 @@ class ReplyFault:
 class Loopback:
     """A TCP server: `serve(link)` has a thread for each connection, which is closed when it returns.
 
-    OSError in `serve` is the client's leaving, or this end's closing, and is no error.
+    OSError in `serve` is the client's leaving, or this end's closing, and is no error. It listens on
+    this computer only: the protocols served have no password that is worth the name. Who wants it
+    elsewhere forwards the port by ssh.
     """
 
-    def __init__(
-        self, serve: Callable[[socket.socket], None], port: int = 0, host: str = "127.0.0.1"
-    ) -> None:
+    def __init__(self, serve: Callable[[socket.socket], None], port: int = 0) -> None:
         self.closing = threading.Event()
         """Set when the server stops: whoever waits in `serve` waits on this."""
-        self._server = _Server((host, port), serve)
+        self._server = _Server((HOST, port), serve)
         self.port: int = self._server.server_address[1]
-        self.address = f"{host}:{self.port}"
+        self.address = f"{HOST}:{self.port}"
         self._thread = threading.Thread(target=self._server.serve_forever, args=(_LOOK,), daemon=True)
         self._thread.start()
 

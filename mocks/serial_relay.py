@@ -6,8 +6,6 @@ import math
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Self
 
 from instruments.relay_board import BoardRelay
 from instruments.serial_relay import DIGITS, PROMPT, SerialRelay
@@ -29,26 +27,14 @@ class SerialRelayTwin(BoardRelay):
         super().__init__(settings, plant.clock, board)
 
 
-class SerialRelayWire:
+class SerialRelayWire(Loopback):
     """A board that is reached as `socket://` on loopback while its context lasts."""
 
-    def __init__(self, box: RelayBox, port: int = 0, host: str = "127.0.0.1") -> None:
+    def __init__(self, box: RelayBox, port: int = 0) -> None:
         self.faults: list[ReplyFault] = []
         self._box = box
-        self._loopback = Loopback(self._serve, port, host)
-        self.url = f"socket://{self._loopback.address}"
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Stop, as a board that is unplugged does. May be called again."""
-        self._loopback.close()
+        super().__init__(self._serve, port)
+        self.url = f"socket://{self.address}"
 
     def _serve(self, link: socket.socket) -> None:
         pending = b""
@@ -70,7 +56,7 @@ class SerialRelayWire:
             return True
         if fault.kind == "terminator":
             reply = reply.replace(PROMPT, b"\n")
-        return fault.send(link, reply, self._loopback.closing)
+        return fault.send(link, reply, self.closing)
 
     def _do(self, command: str) -> str:
         """What the board answers; nothing to a command that it does not know."""

@@ -14,8 +14,7 @@ import math
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from instruments.yocto import Yocto
@@ -34,29 +33,15 @@ _POLL = 0.05
 """Real seconds between two looks at the box on behalf of a stream of notifications."""
 
 
-class YoctoHub:
+class YoctoHub(Loopback):
     """A hub with one module, serving on loopback while its context lasts."""
 
-    def __init__(
-        self, box: RelayBox, serial: str | None = None, port: int = 0, host: str = "127.0.0.1"
-    ) -> None:
+    def __init__(self, box: RelayBox, serial: str | None = None, port: int = 0) -> None:
         self.serial = serial or _SERIAL
         self.faults: list[ReplyFault] = []
         self._box = box
-        self._loopback = Loopback(self._serve, port, host)
-        self.url = f"http://{self._loopback.address}"
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Stop, as a hub that is killed does. May be called again."""
-        self._loopback.close()
+        super().__init__(self._serve, port)
+        self.url = f"http://{self.address}"
 
     def _serve(self, link: socket.socket) -> None:
         target = _target(link)
@@ -71,13 +56,13 @@ class YoctoHub:
             return
         special = {"not found": _NOT_FOUND, "password": _PASSWORD}
         reply = special.get(fault.kind) or self._answer(target)
-        fault.send(link, reply, self._loopback.closing, spare=reply.index(b"\r\n\r\n") + 4)
+        fault.send(link, reply, self.closing, spare=reply.index(b"\r\n\r\n") + 4)
 
     def _notify(self, link: socket.socket) -> None:
         """The endless stream: a position to start from, then each channel's changes."""
         link.sendall(b"HTTP/1.1 200 OK\r\n\r\n" + b"YN01@0\n")
         sent = self._values()
-        while not self._loopback.closing.wait(_POLL):
+        while not self.closing.wait(_POLL):
             values = self._values()
             changed = {c: v for c, v in values.items() if v != sent[c]}
             lines = "".join(f"y{chr(65 + _INDEX)}{chr(48 + c - 1)}{v}\n" for c, v in changed.items())
@@ -155,7 +140,7 @@ class YoctoHub:
             "productName": "VirtualHub",
             "firmwareRelease": _FIRMWARE,
             "protocol": "",
-            "port": [f"http:{self._loopback.port}"],
+            "port": [f"http:{self.port}"],
             "securityMode": 1,
         }
 

@@ -18,6 +18,7 @@ from google.protobuf import message_factory
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
 from instruments.clock import Clock, RealClock
+from mocks.loopback import HOST
 from mocks.ni import attributes
 from mocks.ni.calls import CALLS
 from mocks.ni.devices import Inventory, NiDevice
@@ -51,7 +52,6 @@ class NiServer:
         wiring: Mapping[str, str] | None = None,
         clock: Clock | None = None,
         port: int = 0,
-        host: str = "127.0.0.1",
         rtsi: bool = False,
         seed: int = 0,
     ) -> None:
@@ -68,8 +68,8 @@ class NiServer:
         self._server = grpc.server(
             self._pool, handlers=(_Service(self._system, self._events),), options=options
         )
-        self.port: int = self._server.add_insecure_port(f"{host}:{port}")
-        self.address = f"{host}:{self.port}"
+        self.port: int = self._server.add_insecure_port(f"{HOST}:{port}")
+        self.address = f"{HOST}:{self.port}"
         self._server.start()
 
     @property

@@ -166,7 +166,7 @@ def test_a_decoder_without_highest_frequency_needs_it_in_the_rig_file() -> None:
     [
         ("silence", r"did not answer 'Get,VeloDec,0,Range' within 0.2 s.*'port' and 'baud'"),
         ("terminator", r"'5mm/s/V\\r'.* ends in a carriage return.*set its terminator to LF"),
-        ("garbled", r"which is no text: check 'baud'"),
+        ("garbled", r"which is no text: check its 'port' and 'baud'"),
         ("drip", r"no line end within 0.2 s"),
         ("disconnect", r"was lost after 'Get,VeloDec,0,Range'.*cable"),
     ],

@@ -203,7 +203,7 @@ def test_close_changes_no_channel_and_may_be_called_again(setup: Setup) -> None:
         (ReplyFault("silence"), "did not answer within 0.2 s"),
         (ReplyFault("drip"), "did not answer within 0.2 s"),
         (ReplyFault("disconnect"), "cannot be talked to"),
-        (ReplyFault("not found"), "answered .* with error 404"),
+        (ReplyFault("not found"), "answered .* with status 404"),
         (ReplyFault("password"), "asks for a password"),
         (ReplyFault("garbled", asked="api.json"), "something else than whole JSON"),
         (ReplyFault("truncated", asked="api.json"), "something else than whole JSON"),
@@ -282,7 +282,7 @@ def test_finds_the_only_box_or_says_what_there_is(wired: Setup, monkeypatch: pyt
     assert hub is not None
     assert wired.relay.identity == f"Yocto-MaxiCoupler {hub.serial}"
     other = settings(hub=hub.url, serial="MXCOUPL1-FFFFF")
-    with pytest.raises(InstrumentError, match=r"MXCOUPL1-FFFFF.* with error 404"):
+    with pytest.raises(InstrumentError, match=r"MXCOUPL1-FFFFF.* with status 404"):
         Yocto.open(other, wired.bench.clock)
     listing = hub._listing()
     modules = listing["services"]["whitePages"]

@@ -1,0 +1,57 @@
+"""Replies of SCPI instruments: text in, values out, no I/O.
+
+Forms of response data: IEEE 488.2-1992, 8.7 (NR1, NR2, NR3); SCPI-99 volume 1, 7.2.1.3 and 7.2.1.4
+for infinity and not-a-number, and volume 2, 21.8 for the error queue.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+__all__ = ["error_of", "number_of", "switch_of", "words_of"]
+
+_NUMBER = re.compile(r"[+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?")
+_ERROR = re.compile(r'([+-]?\d{1,6})\s*,\s*(?:"([^"]*(?:""[^"]*)*)"|([^",]*))')
+_INFINITE = 9e37
+"""SCPI writes infinity as 9.9E+37."""
+_NOT_A_NUMBER = 9.91e37
+"""... and what is no number as this."""
+
+
+def number_of(text: str) -> float:
+    """A number; infinity as `INF...` or 9.9E+37. Raises ValueError for all else, not-a-number too."""
+    if re.fullmatch(r"INF(INITY|INITE)?", text.upper()):
+        return math.inf
+    if not _NUMBER.fullmatch(text):
+        raise ValueError("no number")
+    value = float(text)
+    if not abs(value) > _INFINITE:
+        return value
+    if math.isclose(value, _NOT_A_NUMBER, rel_tol=1e-4) or value < 0:
+        raise ValueError("what SCPI writes for not a number")
+    return math.inf
+
+
+def switch_of(text: str) -> bool:
+    """Whether a switch is on. Raises ValueError."""
+    states = {"0": False, "OFF": False, "1": True, "ON": True}
+    if text.upper() not in states:
+        raise ValueError("neither ON nor OFF")
+    return states[text.upper()]
+
+
+def error_of(text: str) -> tuple[int, str]:
+    """An entry of the error queue, whose number 0 says that it is empty. Raises ValueError."""
+    entry = _ERROR.fullmatch(text)
+    if entry is None:
+        raise ValueError("no entry of an error queue")
+    return int(entry[1]), (entry[2] or entry[3] or "").replace('""', '"')
+
+
+def words_of(text: str) -> tuple[str, str, str, str]:
+    """Maker, model, serial number and firmware, as `*IDN?` is answered. Raises ValueError."""
+    words = [word.strip() for word in text.split(",")]
+    if len(words) != 4 or not words[0] or not words[1]:
+        raise ValueError("not maker, model, serial number and firmware")
+    return words[0], words[1], words[2], words[3]
