@@ -5,16 +5,26 @@ The same detector runs while recording, block by block, and over a whole file af
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, signal
 
 from acquisition.recording import Recording
 from instruments.arrays import BoolArray, FloatArray
 
-__all__ = ["ButtonPress", "Detector", "Segmentation", "Span", "find_presses"]
+__all__ = [
+    "SEGMENTATIONS",
+    "ButtonPress",
+    "Detector",
+    "Segmentation",
+    "Span",
+    "find_presses",
+    "segmentation_for",
+]
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,37 @@ class Segmentation:
     """s on each side of the activation instant that its force is fitted over."""
     margin: float = 0.25
     """s that a press's window has before its onset and after its release, unless a neighbour is near."""
+    stage_lead: float = 0.15
+    """s: the farthest before the activation that a first click is looked for; a latch's comes 30 to
+    100 ms before (hardware.md, section 11)."""
+    stage_gap: float = 0.012
+    """s: what comes less than this before the activation belongs to the click that comes with it."""
+    stage_share: float = 0.15
+    """A first click is at least this part of the acceleration of that one; nothing else but noise
+    (`stage_noise`) shakes a cap before."""
+    stage_noise: float = 8.0
+    """Times the root mean square of the acceleration before the onset, that a first click exceeds."""
+    stage_force: float = 0.25
+    """Part of the force at activation that a first click needs: a finger that lands on the cap knocks
+    as well, but at hardly any force."""
+    stage_high_pass: float = 60.0
+    """Hz: what a hand does is slower, and a click faster (100 to 500 Hz)."""
+
+
+SEGMENTATIONS: Mapping[str, Segmentation] = MappingProxyType(
+    {
+        "latch": Segmentation(least_peak=1.0),
+        "toggle": Segmentation(least_peak=0.4),
+        "push": Segmentation(),
+    }
+)
+"""The parameters of the paper's buttons. A latch takes 5 to 10 N, a toggle 1 to 4 N and a push button 2 to
+5 N to switch (hardware.md, section 11): what stays below a quarter of that is a touch."""
+
+
+def segmentation_for(button: str) -> Segmentation:
+    """The parameters of a button; of one that is not in `SEGMENTATIONS`, those that suit any."""
+    return SEGMENTATIONS.get(button, Segmentation())
 
 
 class Span(NamedTuple):
@@ -141,13 +182,19 @@ class ButtonPress:
     """The contact changed back during the same press, as a momentary button's does."""
     force_at_activation: float | None
     """N above the rest just before this press."""
+    first_stage: float | None
+    """The instant (samples) of the click that comes before the one at the activation, as in a latch that
+    is activated in two stages; None where there is none."""
     saturated: bool
     """A sensor stood at the end of its range between onset and release."""
 
 
 def find_presses(recording: Recording, parameters: Segmentation | None = None) -> tuple[ButtonPress, ...]:
-    """Every press of a recording, in order. Raises DataError when the file is damaged."""
-    p = parameters or Segmentation()
+    """Every press of a recording, in order, with these parameters or else those of its button.
+
+    Raises DataError when the file is damaged.
+    """
+    p = parameters or segmentation_for(recording.button)
     rate_hz = recording.rate_hz
     force = recording.force
     detector = Detector(rate_hz, p)
@@ -157,6 +204,7 @@ def find_presses(recording: Recording, parameters: Segmentation | None = None) -
     smooth = np.asarray(ndimage.uniform_filter1d(force, width)) if len(force) else force
     margin = round(p.margin * rate_hz)
     spans = detector.spans
+    shaken = _shaken(recording, p) if spans else force
     presses = []
     for number, span in enumerate(spans):
         low = spans[number - 1].end if number else 0
@@ -166,6 +214,10 @@ def find_presses(recording: Recording, parameters: Segmentation | None = None) -
         start = max(onset - margin, (low + onset) // 2 if number else 0)
         stop = min(release + margin, (release + high) // 2 if number + 1 < len(spans) else len(force))
         activation, opened = _switching(recording, start, onset, stop, p)
+        at_activation = None
+        if activation is not None:
+            instant = activation - recording.delay("force") * rate_hz
+            at_activation = _value_at(force, instant, p.fit * rate_hz) - rest
         presses.append(
             ButtonPress(
                 start=start,
@@ -175,10 +227,12 @@ def find_presses(recording: Recording, parameters: Segmentation | None = None) -
                 stop=stop,
                 activation=activation,
                 opened=opened,
-                force_at_activation=None
-                if activation is None
-                else _value_at(force, activation - recording.delay("force") * rate_hz, p.fit * rate_hz)
-                - rest,
+                force_at_activation=at_activation,
+                first_stage=None
+                if activation is None or at_activation is None
+                else _first_stage(
+                    recording, shaken, smooth - rest, start, onset, activation, at_activation, p
+                ),
                 saturated=bool(np.any(recording.saturated[onset : release + 1])),
             )
         )
@@ -217,6 +271,50 @@ def _switching(
     # The contact changed between the sample before and this one: half a sample early, on average.
     shift = start - 0.5 + recording.delay("activation") * recording.rate_hz
     return first + shift, None if back is None else back + shift
+
+
+def _shaken(recording: Recording, p: Segmentation) -> FloatArray:
+    """(samples,): the vertical acceleration without the hand's, by a filter that only looks back, so that
+    no click shows before it comes.
+    """
+    vertical = recording.acceleration[2]
+    sections = signal.butter(2, p.stage_high_pass, "highpass", fs=recording.rate_hz, output="sos")
+    settled = signal.sosfilt_zi(sections) * vertical[:1]
+    return np.asarray(np.abs(signal.sosfilt(sections, vertical, zi=settled)[0]))
+
+
+def _first_stage(
+    recording: Recording,
+    shaken: FloatArray,
+    above: FloatArray,
+    start: int,
+    onset: int,
+    activation: float,
+    force: float,
+    p: Segmentation,
+) -> float | None:
+    """The instant of the first click, from the acceleration; the force (`above` its rest) says whether
+    the cap was pressed by then. None where there is none.
+    """
+    rate_hz = recording.rate_hz
+    late = recording.delay("acceleration") * rate_hz
+    with_it = round(activation - late - p.stage_gap * rate_hz)
+    pressed = np.flatnonzero(above[onset:with_it] > p.stage_force * force)
+    if not len(pressed):
+        return None
+    begin = max(onset + int(pressed[0]), with_it - round((p.stage_lead - p.stage_gap) * rate_hz))
+    before, main = shaken[begin:with_it], shaken[with_it : with_it + round(0.04 * rate_hz)]
+    if not len(before) or not len(main):
+        return None
+    quiet = shaken[start:onset]
+    noise = float(np.sqrt(np.mean(quiet**2))) if len(quiet) else 0.0
+    largest = int(np.argmax(before))
+    if before[largest] < max(p.stage_share * float(main.max()), p.stage_noise * noise):
+        return None
+    # It begins where the largest swing's neighbourhood first leaves the noise.
+    near = max(0, largest - round(0.008 * rate_hz))
+    level = max(0.15 * float(before[largest]), 3 * noise)
+    return begin + near + int(np.argmax(before[near : largest + 1] > level)) - 0.5 + late
 
 
 def _first_lasting(state: BoolArray, begin: int, window: int) -> int | None:

@@ -14,7 +14,7 @@ from typing import Self
 
 from instruments import Block, Clock, InstrumentError, Stream
 
-__all__ = ["GapError", "Reader"]
+__all__ = ["GapError", "OverrunError", "Reader"]
 
 _POLL = 0.1
 """Seconds of one wait for the other thread: on Windows a wait without an end does not see Ctrl-C."""
@@ -26,13 +26,17 @@ class GapError(InstrumentError):
     """Samples were lost between two blocks."""
 
 
+class OverrunError(InstrumentError):
+    """Blocks came faster than they were written, until no more could wait."""
+
+
 class Reader:
     """A context that reads a stream; iterate over it for the blocks, in order and without a gap.
 
     `depth` is how many blocks may wait for their consumer. Iteration raises InstrumentError when
     the stream does, when a block does not follow the one before (GapError), or when the queue was
-    full: in each case only after every block that came before it. After `stop`, `left` hands out
-    what has been read and may not have been consumed.
+    full (OverrunError): in each case only after every block that came before it. After `stop`, `left`
+    hands out what has been read and may not have been consumed.
     """
 
     def __init__(self, stream: Stream, clock: Clock, depth: int = 400) -> None:
@@ -74,6 +78,11 @@ class Reader:
             self._queue.popleft()
             self._handled.set()
 
+    @property
+    def waiting(self) -> int:
+        """How many blocks have been read and not yet consumed."""
+        return len(self._queue)
+
     def stop(self) -> None:
         """End the thread; the stream itself stays open. May be called again.
 
@@ -113,7 +122,7 @@ class Reader:
             for block in self._stream:
                 self._handled.clear()
                 if len(self._queue) >= self._depth:
-                    raise InstrumentError(
+                    raise OverrunError(
                         f"The recorder fell behind: {self._depth} blocks wait to be written, so reading "
                         f"stopped at sample {block.first}. Use a faster or less busy disk."
                     )

@@ -5,16 +5,32 @@ from __future__ import annotations
 import json
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from acquisition.layout import CODES, Event, Header, from_codes, read_header
-from acquisition.scan import Contents, opened, read_contents
+from acquisition import export
+from acquisition.layout import (
+    CODES,
+    Contents,
+    Event,
+    Header,
+    Judged,
+    events_in,
+    from_codes,
+    judged_in,
+    read_header,
+)
+from acquisition.rejections import without_rejected
+from acquisition.scan import opened, read_contents
 from instruments import DataError, Sensor, Sensors
 from instruments.arrays import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 __all__ = ["Recording"]
 
@@ -79,14 +95,32 @@ class Recording:
         return self._state == "finished"
 
     @property
+    def state(self) -> str:
+        """As its file says: "recording" (or killed), "finished", "interrupted" or "recovered"."""
+        return self._state
+
+    @property
     def duration(self) -> float:
         """Seconds."""
-        return int(self.volts.shape[1]) / self.rate_hz
+        return int(self._contents.codes.shape[1]) / self.rate_hz
 
     @property
     def events(self) -> list[Event]:
         """What happened meanwhile, each with its sample index, its kind and a sentence."""
-        return list(self._contents.events)
+        return list(events_in(self._contents.events))
+
+    @property
+    def judged(self) -> tuple[Judged, ...]:
+        """How each attempt at each press was judged in the end, in their order.
+
+        What was rejected afterwards (`rejections.jsonl` beside the file) is marked so.
+        """
+        return without_rejected(self.path, self.content_hash, judged_in(self._contents.presses))
+
+    @property
+    def accepted(self) -> tuple[Judged, ...]:
+        """The presses that were accepted."""
+        return tuple(press for press in self.judged if press.accepted)
 
     @property
     def blocks(self) -> NDArray[np.void]:
@@ -95,7 +129,7 @@ class Recording:
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of the samples and of what turns them into SI, computed from what is in the file."""
+        """SHA-256 of the samples, what turns them into SI and what was said of them, as it was found."""
         return self._checked[1]
 
     @cached_property
@@ -153,6 +187,14 @@ class Recording:
             return float(np.average(delays, weights=weights))
         return float(delays[-1])
 
+    def to_xarray(self) -> xr.Dataset:
+        """See `acquisition.export.to_xarray`."""
+        return export.to_xarray(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """See `acquisition.export.to_pandas`."""
+        return export.to_pandas(self)
+
     @property
     def _contents(self) -> Contents:
         return self._checked[0]
@@ -161,7 +203,7 @@ class Recording:
     def _checked(self) -> tuple[Contents, str]:
         """What the file holds, and its hash. What was changed afterwards is no measurement: DataError."""
         contents = read_contents(self.path)
-        found = self.header.content_hash(contents.codes)
+        found = contents.hash(self.header)
         if contents.stored_hash not in (None, found):
             raise DataError(
                 f"{self.path} was changed after it was finished, its content does not match its hash: "
@@ -196,4 +238,6 @@ class Recording:
         return [self.channels.index(name) for name in sensor.channels]
 
     def _rows(self, sensor: Sensor) -> FloatArray:
-        return self.volts[self._indices(sensor)]
+        """(channels of the sensor, samples) V."""
+        rows = self._indices(sensor)
+        return from_codes(self._contents.codes[rows], self.header.full_scale[rows])

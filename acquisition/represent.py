@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
 
 import h5py
 import numpy as np
-from scipy import signal
+from scipy import fft, signal
 from scipy.interpolate import CubicSpline
 
-from acquisition.averaging import WarpModel, register
-from acquisition.presses import ButtonPress, find_presses
+from acquisition.averaging import average
+from acquisition.judging import accepted_presses
+from acquisition.presses import ButtonPress, Segmentation, find_presses, segmentation_for
+from acquisition.protocol import Protocol
 from acquisition.recording import Recording
+from acquisition.registration import WarpModel
 from acquisition.scan import opened
 from acquisition.store import check_target, fresh_file
 from instruments import ConfigurationError, DataError
-from instruments.arrays import FloatArray
+from instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["Representative", "Window", "high_pass", "representative"]
 
 _FORMAT = "haploop representative"
-_METHOD = (
-    "presses aligned at activation, and where the contact opens again; dynamic time warping "
-    "barycentre refined by smooth-warp registration, per participant and then over participants"
-)
+_VERSION = 2
+_RIPPLE = 1e-4
+"""What is added to the power response that is divided by: nothing is raised more than fiftyfold, and what
+is raised tenfold comes out 1 % low."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,17 @@ class Representative:
     left_out: tuple[str, ...]
     """Presses that it does not stand for, and why."""
     method: str
+    """Which of the methods of `acquisition.averaging` made it."""
     simulated: bool
+    scores: Mapping[str, float] = field(default_factory=dict)
+    """What each method leaves of presses that it has not seen (`acquisition.averaging.average`), relative:
+    the less, the better."""
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """What it was derived with: window, warps, and the segmentation of each recording (by file name)."""
+    undone_hz: tuple[float, float] | None = None
+    """The band in which the accelerometer's low-pass was undone; None where it was left as it is."""
+    noise_gain: float = 1.0
+    """How many times as strong (rms) that made a noise that was white up to half the sample rate."""
 
     @property
     def duration(self) -> float:
@@ -81,21 +95,19 @@ class Representative:
         path = Path(path)
         check_target(path)
         with fresh_file(path) as temporary, h5py.File(temporary, "w") as file:
-            file.attrs.update({"format": _FORMAT, "format_version": 1})
-            for field in fields(self):
-                value: Any = getattr(self, field.name)
+            file.attrs.update({"format": _FORMAT, "format_version": _VERSION})
+            for each in fields(self):
+                value: Any = getattr(self, each.name)
                 if isinstance(value, np.ndarray):
-                    file[field.name] = value
-                elif isinstance(value, tuple):
-                    file.create_dataset(
-                        field.name,
-                        data=np.array(value, dtype=object).reshape(
-                            (-1, 2) if field.name == "sources" else -1
-                        ),
-                        dtype=h5py.string_dtype(),
-                    )
-                else:
-                    file.attrs[field.name] = value
+                    file[each.name] = value
+                elif each.name in ("sources", "left_out"):
+                    shape = (-1, 2) if each.name == "sources" else (-1,)
+                    texts = np.array(value, dtype=object).reshape(shape)
+                    file.create_dataset(each.name, data=texts, dtype=h5py.string_dtype())
+                elif isinstance(value, Mapping):
+                    file.create_dataset(each.name, data=json.dumps(value), dtype=h5py.string_dtype())
+                elif value is not None:
+                    file.attrs[each.name] = value
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -104,6 +116,11 @@ class Representative:
         with opened(path) as file:
             if file.attrs.get("format") != _FORMAT:
                 raise DataError(f"{path} is an HDF5 file, but not a representative press of haploop.")
+            if file.attrs["format_version"] != _VERSION:
+                raise DataError(
+                    f"{path} has the format {file.attrs['format_version']} of representative presses, and this "
+                    f"haploop reads {_VERSION}: make it again from its recordings."
+                )
             a = file.attrs
             return cls(
                 button=str(a["button"]),
@@ -119,6 +136,10 @@ class Representative:
                 left_out=tuple(str(text) for text in file["left_out"].asstr()[:]),
                 method=str(a["method"]),
                 simulated=bool(a["simulated"]),
+                scores=json.loads(file["scores"][()]),
+                parameters=json.loads(file["parameters"][()]),
+                undone_hz=(float(a["undone_hz"][0]), float(a["undone_hz"][1])) if "undone_hz" in a else None,
+                noise_gain=float(a["noise_gain"]),
             )
 
 
@@ -140,21 +161,38 @@ def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0)
 
 
 def representative(
-    recordings: Sequence[Recording], window: Window | None = None, model: WarpModel | None = None
+    recordings: Sequence[Recording],
+    window: Window | None = None,
+    model: WarpModel | None = None,
+    undo_low_pass: tuple[float, float] | None = None,
 ) -> Representative:
-    """The press that stands for all presses of one button: the barycentre per participant, then over
-    participants (the paper, figure 5), of the vertical acceleration; force and activation go along.
+    """The press that stands for all presses of one button: per participant, then over participants (the
+    paper, figure 5), by the vertical acceleration; force and activation go along.
 
-    A press with a saturated sensor, or without activation, is left out, and said so. Raises DataError
-    when no press is left, ConfigurationError for recordings that do not belong together.
+    Presses are aligned at the activation, and where the contact opens again. Two methods then bring them
+    to one time, the paper's dynamic time warping barycentre and a registration by smooth warps; the
+    result is that of the better one, by what each leaves of presses that it has not seen
+    (`acquisition.averaging.average`), and both scores stand in it.
+
+    `undo_low_pass` is a band in Hz in which the response that the rig file states of the accelerometer
+    is divided out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz.
+    Outside the band it is left as it is, a third of an octave away. Noise grows with it: `noise_gain`.
+
+    A press that was rejected, has a saturated sensor, is without activation, or is unlike its
+    participant's others, is left out, and said so. Raises DataError when no press is left,
+    ConfigurationError for recordings that do not belong together, or a band that is none.
     """
-    w = window or Window()
+    w, m = window or Window(), model or WarpModel()
     first = _check_together(recordings)
     rate_hz = first.rate_hz
+    if undo_low_pass is not None and not 0 < undo_low_pass[0] < undo_low_pass[1] < rate_hz / 2:
+        raise ConfigurationError(
+            f"The accelerometer's low-pass can be undone in a band between 0 and {rate_hz / 2:g} Hz, its "
+            f"lower edge first; {undo_low_pass[0]:g} to {undo_low_pass[1]:g} Hz was asked for."
+        )
     left_out: list[str] = []
-    usable: list[tuple[Recording, list[tuple[ButtonPress, float]]]] = []
-    for recording in recordings:
-        usable.append((recording, _usable(recording, left_out)))
+    segmentations = {recording.path.name: _segmentation(recording) for recording in recordings}
+    usable = [(r, _usable(r, segmentations[r.path.name], left_out)) for r in recordings]
     every = [press for _, presses in usable for press in presses]
     if not every:
         raise DataError(
@@ -165,40 +203,40 @@ def representative(
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     curves: dict[str, list[FloatArray]] = defaultdict(list)
+    names: dict[str, list[str]] = defaultdict(list)
     for recording, presses in usable:
-        curves[recording.participant] += _cut(recording, presses, before, after, opening, w.high_pass_hz)
+        if presses:
+            vertical = recording.acceleration[2]
+            if undo_low_pass is not None:
+                vertical = _undone(recording, vertical, undo_low_pass)
+            vertical = high_pass(vertical, rate_hz, w.high_pass_hz)
+            curves[recording.participant] += _cut(recording, vertical, presses, before, after, opening)
+            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
 
-    means, members = [], []
-    for participant in sorted(curves):
-        if not curves[participant]:
-            continue
-        own = register(np.array(curves[participant]), rate_hz, model)
-        means.append(own.template)
-        members.append(own.aligned[:, 0])
-    whole = register(np.array(means), rate_hz, model)
-    # Each press's own warp, and on top of it its participant's.
-    times = np.arange(before + after)
-    warped = np.concatenate(
-        [
-            CubicSpline(times, presses, axis=-1)(np.clip(times + shift, 0, times[-1]))
-            for presses, shift in zip(members, whole.shifts, strict=True)
-        ]
-    )
-    acceleration, force, activation = whole.template
+    found = average([np.array(curves[participant]) for participant in sorted(curves)], rate_hz, m)
+    for participant, kept in zip(sorted(curves), found.kept, strict=True):
+        odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
+        left_out += [f"{participant}, {name}: it is unlike the participant's others" for name in odd]
+    acceleration, force, activation = found.template
     return Representative(
         button=first.button,
         rate_hz=rate_hz,
-        acceleration=acceleration * _taper(len(times), round(w.taper * rate_hz)),
+        acceleration=acceleration * _taper(before + after, round(w.taper * rate_hz)),
         force=force,
         activation=np.clip(activation, 0.0, 1.0),
-        activation_index=before,
-        members=len(warped),
-        spread=np.asarray(np.std(warped, axis=0)),
+        activation_index=int(np.argmax(activation > 0.5)),
+        members=len(found.aligned),
+        spread=np.asarray(np.std(found.aligned, axis=0)),
         bandwidth_hz=_bandwidth(first),
         sources=tuple((r.path.name, r.content_hash) for r in recordings),
         left_out=tuple(left_out),
-        method=_METHOD,
+        method=found.method,
         simulated=any(r.simulated for r in recordings),
+        scores=found.scores,
+        parameters={"window": asdict(w), "warps": asdict(m)}
+        | {name: asdict(segmentation) for name, segmentation in segmentations.items()},
+        undone_hz=undo_low_pass,
+        noise_gain=1.0 if undo_low_pass is None else _noise_gain(first, undo_low_pass),
     )
 
 
@@ -224,10 +262,24 @@ def _check_together(recordings: Sequence[Recording]) -> Recording:
     return first
 
 
-def _usable(recording: Recording, left_out: list[str]) -> list[tuple[ButtonPress, float]]:
+def _segmentation(recording: Recording) -> Segmentation:
+    """The parameters that presses were found with while recording, or else the button's."""
+    protocol = Protocol.from_json(recording.header.protocol)
+    return protocol.segmentation if protocol else segmentation_for(recording.button)
+
+
+def _usable(
+    recording: Recording, segmentation: Segmentation, left_out: list[str]
+) -> list[tuple[ButtonPress, float]]:
     """Presses with their activation instants (samples); the others are added to `left_out`."""
     good = []
-    for number, press in enumerate(find_presses(recording), start=1):
+    accepted = accepted_presses(recording, find_presses(recording, segmentation))
+    left_out += [
+        f"{recording.participant}, press {bad.number}, attempt {bad.attempt}: {bad.reason}"
+        for bad in recording.judged
+        if not bad.accepted
+    ]
+    for number, press in enumerate(accepted, start=1):
         if press.saturated:
             left_out.append(f"{recording.participant}, press {number}: a sensor was saturated")
         elif press.activation is None:
@@ -237,13 +289,42 @@ def _usable(recording: Recording, left_out: list[str]) -> list[tuple[ButtonPress
     return good
 
 
+def _restoring(recording: Recording, band: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
+    """What the spectrum of an acceleration is multiplied by, to undo the sensor's low-pass in a band."""
+    sensor = recording.sensors.acceleration
+    assert sensor is not None
+    response = sensor.response(frequencies)
+    inverse = np.conj(response) / (np.abs(response) ** 2 + _RIPPLE)
+    octaves = np.log2(np.maximum(frequencies, 1e-9))
+    outside = np.maximum(np.log2(band[0]) - octaves, octaves - np.log2(band[1]))
+    share = np.cos(np.pi / 2 * np.clip(3 * outside, 0, 1)) ** 2
+    return np.asarray(1 + share * (inverse - 1))
+
+
+def _undone(recording: Recording, acceleration: FloatArray, band: tuple[float, float]) -> FloatArray:
+    """An acceleration (samples,) as it was before the sensor's low-pass, within a band."""
+    # A filter by Fourier transform is circular: a second of what it begins and ends as keeps that away.
+    pad = round(recording.rate_hz)
+    padded = np.pad(acceleration, pad, mode="edge")
+    length = fft.next_fast_len(len(padded), real=True)
+    frequencies = np.asarray(fft.rfftfreq(length, 1 / recording.rate_hz))
+    spectrum = fft.rfft(padded, length) * _restoring(recording, band, frequencies)
+    return np.asarray(fft.irfft(spectrum, length)[pad : pad + len(acceleration)])
+
+
+def _noise_gain(recording: Recording, band: tuple[float, float]) -> float:
+    """See `Representative.noise_gain`."""
+    frequencies = np.linspace(0, recording.rate_hz / 2, 5001)
+    return float(np.sqrt(np.mean(np.abs(_restoring(recording, band, frequencies)) ** 2)))
+
+
 def _cut(
     recording: Recording,
+    vertical: FloatArray,
     presses: list[tuple[ButtonPress, float]],
     before: int,
     after: int,
     opening: float,
-    high_pass_hz: float,
 ) -> list[FloatArray]:
     """(3, samples) of each press: acceleration, force, activation, on one clock about its activation.
 
@@ -251,7 +332,7 @@ def _cut(
     """
     rate_hz = recording.rate_hz
     rows = (
-        (high_pass(recording.acceleration[2], rate_hz, high_pass_hz), recording.delay("acceleration")),
+        (vertical, recording.delay("acceleration")),
         (recording.force, recording.delay("force")),
     )
     lags = np.arange(-before, after, dtype=np.float64)

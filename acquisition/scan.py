@@ -1,12 +1,10 @@
-"""From the blocks of an unfinished file to samples: finishing and recovering are this one scan."""
+"""From the blocks of an unfinished file to samples: reading, finishing and verifying are this one scan."""
 
 from __future__ import annotations
 
 import re
-import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +12,35 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.layout import CODES, EVENT, Codes, Event, Header, read_header, write_header
+from acquisition.layout import (
+    BLOCK,
+    CODES,
+    Codes,
+    Contents,
+    Header,
+    read_header,
+    whole,
+    write_header,
+)
 from acquisition.store import fresh_file
-from instruments import ConfigurationError, DataError, InstrumentError
+from instruments import DataError, InstrumentError
 
-__all__ = ["Contents", "finish", "opened", "read_contents", "recover", "verify"]
+__all__ = [
+    "CHUNK",
+    "cut_short",
+    "ending_at",
+    "finish",
+    "later_blocks",
+    "opened",
+    "read_blocks",
+    "read_contents",
+    "verify",
+    "write_finished",
+]
 
-BLOCK_INDEX = np.dtype([("first", "<i8"), ("count", "<u4"), ("overload", "<u4"), ("time", "<f8")])
-"""What a finished file keeps of each block: where it began, which channels stood at the end of
-their range, and when it arrived (s of the rig's clock)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Contents:
-    """All samples of a file, whichever state it is in.
-
-    `codes` is (channels, samples). `stored_hash` is None for a file that was never finished.
-    """
-
-    codes: Codes
-    blocks: NDArray[np.void]
-    events: tuple[Event, ...]
-    stored_hash: str | None
+CHUNK = 8192
+"""Samples of a chunk, which has all channels. Within it a channel's samples stand together: they resemble
+each other, and compress twice as well."""
 
 
 @contextmanager
@@ -56,15 +61,37 @@ def read_contents(path: Path) -> Contents:
     """Every valid sample of a recording, finished or not. Raises DataError."""
     with opened(path) as file:
         header, state = read_header(file, path)
-        events = tuple(
-            Event(int(e["sample"]), e["kind"].decode(), e["text"].decode(errors="replace"))
-            for e in file["events"][:]
-            if e["kind"]
-        )
-        if state != "recording":
-            codes = np.asarray(file["codes"][:], dtype=np.int16)
-            return Contents(codes, file["blocks"][:], events, str(file.attrs["content_hash"]))
-        return Contents(*_valid(file["blocks"], len(header.channels)), events, None)
+        if state == "recording":
+            return read_blocks(file, header)
+        codes = np.asarray(file["codes"][:], dtype=np.int16)
+        stored = str(file.attrs["content_hash"])
+        return Contents(codes, file["blocks"][:], file["events"][:], file["presses"][:], stored)
+
+
+def read_blocks(file: h5py.File, header: Header) -> Contents:
+    """Every valid row of a file in the state "recording"."""
+    codes, blocks = _valid(file["blocks"], len(header.channels))
+    contents = Contents(codes, blocks, _filled(file["events"]), _filled(file["presses"]))
+    return ending_at(contents, codes.shape[1])
+
+
+def ending_at(contents: Contents, samples: int) -> Contents:
+    """What belongs to the blocks that end at sample `samples` or before it."""
+    blocks = contents.blocks[contents.blocks["first"] + contents.blocks["count"] <= samples]
+    samples = int(blocks["count"].sum())
+    return Contents(
+        contents.codes[:, :samples],
+        blocks,
+        contents.events[contents.events["sample"] <= samples],
+        contents.presses[contents.presses["end"] <= samples],
+    )
+
+
+def cut_short(told: str, size: int) -> int:
+    """How many bytes a file should have, of which HDF5 `told` that it is cut short; 0 if it is not."""
+    # HDF5 finds in the file's beginning how long it should be, and says so among its own terms.
+    cut = re.search(r"truncated file: .*stored_eof = (\d+)", told)
+    return int(cut[1]) if cut and int(cut[1]) > size else 0
 
 
 def finish(path: Path, state: str = "finished") -> None:
@@ -77,49 +104,23 @@ def finish(path: Path, state: str = "finished") -> None:
     with opened(path) as file:
         header, _ = read_header(file, path)
     contents = read_contents(path)
-    _write_finished(path, header, contents, state, contents.events, replace=True)
-
-
-def recover(path: str | Path) -> Path:
-    """Make an interrupted recording whole, in a new file `<name>.recovered.h5`; `path` is not touched.
-
-    What was saved and what was not stands in its last event. Raises ConfigurationError when there
-    is nothing to recover or the new file exists, DataError when the file is damaged.
-    """
-    path = Path(path)
-    with opened(path) as file:
-        header, state = read_header(file, path)
-        later = _later_blocks(file["blocks"]) if state == "recording" else 0
-    if state != "recording":
-        raise ConfigurationError(f"{path} holds all that was recorded; there is nothing to recover.")
-    contents = read_contents(path)
-    samples = contents.codes.shape[1]
-    told = sum(event.kind == "pressed" for event in contents.events)
-    text = f"Recovered {samples / header.rate_hz:.2f} s with {told} of {header.presses} presses" + (
-        f"; {later} blocks behind a damaged one were left out." if later else "."
-    )
-    target = path.with_name(f"{path.stem}.recovered.h5")
-    if target.exists():
-        raise ConfigurationError(f"{target} exists and is never overwritten: move it away.")
-    events = (*contents.events, Event(samples, "recovered", text))
-    _write_finished(target, header, contents, "recovered", events, replace=False)
-    return target
+    write_finished(path, header, contents, state, in_place=True)
 
 
 def verify(path: str | Path) -> tuple[str, ...]:
-    """What is wrong with a recording, one sentence each; nothing when its samples are what was recorded.
+    """What is wrong with a recording, one sentence each; nothing when it holds what was recorded.
 
     Checks the schema, the continuity and the content hash. Raises DataError for what cannot be read.
     """
     path = Path(path)
     with opened(path) as file:
         header, state = read_header(file, path)
-        later = _later_blocks(file["blocks"]) if state == "recording" else 0
+        later = later_blocks(file["blocks"]) if state == "recording" else 0
     contents = read_contents(path)
     problems = []
     if state == "recording":
-        problems.append(f"{path} was interrupted; recover it.")
-    elif contents.stored_hash != header.content_hash(contents.codes):
+        problems.append(f"{path} was interrupted; haploop recover makes it whole.")
+    elif contents.stored_hash != contents.hash(header):
         problems.append(f"{path} was changed after it was recorded: its content hash does not match.")
     if later:
         problems.append(f"{path} has {later} blocks behind a damaged one.")
@@ -129,35 +130,39 @@ def verify(path: str | Path) -> tuple[str, ...]:
     starts = np.append(contents.blocks["first"], contents.codes.shape[1])
     if np.any(starts != np.insert(ends, 0, 0)):
         problems.append(f"{path} has a gap between two blocks.")
+    if np.any(contents.presses["end"] > contents.codes.shape[1]):
+        problems.append(f"{path} has a press that ends after its last sample.")
     return tuple(problems)
 
 
-def _write_finished(
-    path: Path, header: Header, contents: Contents, state: str, events: Sequence[Event], replace: bool
-) -> None:
-    content_hash = header.content_hash(contents.codes)
+def write_finished(path: Path, header: Header, contents: Contents, state: str, in_place: bool) -> None:
+    """A recording in its final form at `path`, read back before it has that name.
+
+    Raises InstrumentError when the disk refuses, DataError when it does not give back what it took,
+    ConfigurationError when `path` exists and not `in_place`.
+    """
+    content_hash = contents.hash(header)
     try:
-        with fresh_file(path, replace) as temporary:
+        with fresh_file(path, in_place) as temporary:
             with h5py.File(temporary, "w") as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
+                # The samples come last, and in order of time: a file that is cut short loses its end only.
+                file.create_dataset("blocks", data=contents.blocks)
+                file.create_dataset("events", data=contents.events)
+                file.create_dataset("presses", data=contents.presses)
+                channels, samples = contents.codes.shape
                 packed: dict[str, Any] = {
-                    # A channel's samples resemble each other: row by row compresses twice as well.
-                    "chunks": (1, min(contents.codes.shape[1], 1 << 16)),
+                    "chunks": (channels, min(samples, CHUNK)),
                     "compression": "gzip",
                     "compression_opts": 4,
                     "shuffle": True,
                     "fletcher32": True,
                 }
                 # HDF5 has no chunks of nothing: what ended before its first block is stored plainly.
-                codes = file.create_dataset(
-                    "codes", data=contents.codes, **(packed if contents.codes.size else {})
-                )
+                codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
                 codes.attrs["volts_per_code"] = header.full_scale / CODES
-                file.create_dataset("blocks", data=contents.blocks)
-                rows = [(e.sample, e.kind.encode()[:16], e.text.encode()[:232]) for e in events]
-                file.create_dataset("events", data=np.array(rows, dtype=EVENT))
-            if header.content_hash(read_contents(temporary).codes) != content_hash:
+            if read_contents(temporary).hash(header) != content_hash:
                 raise DataError(f"{path} did not read back as it was written: check the disk.")
     except OSError as error:
         raise InstrumentError(
@@ -174,20 +179,25 @@ def _valid(blocks: h5py.Dataset, channels: int) -> tuple[Codes, NDArray[np.void]
     rows: list[tuple[Any, ...]] = []
     samples = 0
     for record in _records(blocks):
-        if not _whole(record) or record["first"] != samples:
+        if not _written(record) or record["first"] != samples:
             break
         count = int(record["count"])
         parts.append(record["samples"][:, :count].copy())
-        rows.append(tuple(record[name] for name in BLOCK_INDEX.names or ()))
+        rows.append(tuple(record[name] for name in BLOCK.names or ()))
         samples += count
     codes = np.concatenate(parts, axis=1) if parts else np.zeros((channels, 0), dtype=np.int16)
-    return codes.astype(np.int16, copy=False), np.array(rows, dtype=BLOCK_INDEX)
+    return codes.astype(np.int16, copy=False), np.array(rows, dtype=BLOCK)
 
 
-def _later_blocks(blocks: h5py.Dataset) -> int:
+def _filled(rows: h5py.Dataset) -> NDArray[np.void]:
+    """The rows that were written, and whole."""
+    return np.array([row for row in rows[:] if whole(row)], dtype=rows.dtype)
+
+
+def later_blocks(blocks: h5py.Dataset) -> int:
     """How many whole records stand behind the first one that is not."""
-    whole = [_whole(record) for record in _records(blocks)]
-    return sum(whole) - next((i for i, ok in enumerate(whole) if not ok), len(whole))
+    found = [_written(record) for record in _records(blocks)]
+    return sum(found) - next((i for i, ok in enumerate(found) if not ok), len(found))
 
 
 def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
@@ -197,17 +207,19 @@ def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
         yield from blocks[start : start + step]
 
 
-def _whole(record: np.void) -> bool:
-    return int(record["count"]) > 0 and zlib.crc32(record.tobytes()[:-4]) == int(record["crc"])
+def _written(record: np.void) -> bool:
+    """Whether a block is there. An empty place is told by its count: there may be an hour of them."""
+    return int(record["count"]) > 0 and whole(record)
 
 
 def _damage(path: Path, told: str) -> str:
     """One sentence for what HDF5 said of a file that it could not read."""
     size = path.stat().st_size if path.is_file() else 0
-    # HDF5 finds in the file's beginning how long it should be, and says so among its own terms.
-    cut = re.search(r"truncated file: .*stored_eof = (\d+)", told)
-    if cut and int(cut[1]) > size:
-        return f"{path} is cut short: {size} of {cut[1]} bytes are there. Copy it again from where it came."
+    if length := cut_short(told, size):
+        return (
+            f"{path} is cut short: {size} of {length} bytes are there. Copy it again from where it came, "
+            "or save what is whole with haploop recover."
+        )
     if size == 0:
         return f"{path} is cut short: it is empty. Copy it again from where it came."
     return f"{path} is damaged, or not a recording. Copy it again from where it came."

@@ -14,7 +14,6 @@ import os
 import shutil
 import tempfile
 import threading
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -23,12 +22,24 @@ from typing import Self
 import h5py
 import numpy as np
 
-from acquisition.layout import EVENT, Event, Header, block_dtype, to_codes, write_header
-from instruments import Block, ConfigurationError, InstrumentError
+from acquisition.layout import (
+    EVENT,
+    JUDGED,
+    Event,
+    Header,
+    Judged,
+    block_dtype,
+    crc32,
+    event_row,
+    judged_row,
+    to_codes,
+    write_header,
+)
+from instruments import Block, ConfigurationError, DataError, InstrumentError
 
 __all__ = ["Writer", "check_target", "fresh_file"]
 
-_COMMIT_PERIOD = 0.075
+_COMMIT_PERIOD = 0.05
 """Seconds between two requests to the disk (measured: 50 to 100 ms costs nothing)."""
 _MARGIN = 1 << 20
 """Bytes left free beside the file itself and its finished copy."""
@@ -83,9 +94,11 @@ class Writer:
         self._header = header
         self._dtype = block_dtype(len(header.channels), block)
         self._record = np.zeros(1, dtype=self._dtype)
+        self._scratch = np.empty((len(header.channels), block), dtype=np.float32)
         self._capacity = capacity
-        # Three a press (told, seen, and one spare) and some for what goes wrong.
-        self._events_left = 3 * header.presses + 32
+        # A press may take several attempts, each with its events; what goes wrong has some too.
+        self._events_left = 16 * header.presses + 256
+        self._presses_left = 8 * header.presses + 64
         self._slot = 0
         self._written = 0
         self._committed = 0
@@ -120,30 +133,50 @@ class Writer:
             )
         if self._slot >= self._capacity:
             raise InstrumentError(f"{self.path} is full after {self._written} samples: record fewer presses.")
-        codes, beyond = to_codes(block.volts, self._header.full_scale)
         record = self._record[0]
+        samples = record["samples"]
+        _, beyond = to_codes(
+            block.volts, self._header.full_scale, samples[:, :count], self._scratch[:, :count]
+        )
+        if count < samples.shape[1]:
+            samples[:, count:] = 0
         record["first"] = block.first
         record["count"] = count
         record["time"] = time
         record["overload"] = _mask(block.overload | beyond)
-        record["samples"][:, :count] = codes
-        record["samples"][:, count:] = 0
         raw = self._record.view(np.uint8).data
-        record["crc"] = zlib.crc32(raw[:-4])
+        record["crc"] = crc32(raw[:-4])
         self._put(raw, self._blocks_at + self._slot * len(raw))
         self._slot += 1
         self._written = block.end
 
     def note(self, index: int, kind: str, text: str) -> Event:
         """Keep an event; when there is no room left for any, the last one says so."""
+        event = Event(index, kind, text)
         if self._events_left == 1:
-            kind, text = "events-full", "There was no room for further events."
+            event = Event(index, "events-full", "There was no room for further events.")
         if self._events_left:
-            record = np.array((index, kind.encode()[:16], text.encode()[:232]), dtype=EVENT)
-            self._put(record.tobytes(), self._events_at)
+            self._put(event_row(event), self._events_at)
             self._events_at += EVENT.itemsize
             self._events_left -= 1
-        return Event(index, kind, text)
+        return event
+
+    def judge(self, press: Judged) -> None:
+        """Keep how a press was judged; of one number and attempt, what was kept last counts.
+
+        Raises DataError for a flag that is none and for samples that are not written, InstrumentError
+        when there is no room or the disk refuses.
+        """
+        row = judged_row(press)
+        if press.end > self._written:
+            raise DataError(
+                f"Press {press.number} ends at sample {press.end}, and {self._written} samples are written."
+            )
+        if not self._presses_left:
+            raise InstrumentError(f"{self.path} has no room for further attempts: record fewer presses.")
+        self._put(row, self._presses_at)
+        self._presses_at += JUDGED.itemsize
+        self._presses_left -= 1
 
     def close(self) -> None:
         """Bring all to the disk and let go of the file, which stays a readable recording.
@@ -196,6 +229,7 @@ class Writer:
             places = []
             for name, dtype, length in (
                 ("events", EVENT, self._events_left),
+                ("presses", JUDGED, self._presses_left),
                 ("blocks", self._dtype, self._capacity),
             ):
                 plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
@@ -206,7 +240,7 @@ class Writer:
                 kind = h5py.h5t.py_create(dtype, logical=True)
                 dataset = h5py.h5d.create(file.id, name.encode(), kind, space, plan)
                 places.append((dataset.get_offset(), length * dtype.itemsize))
-        (self._events_at, _), (self._blocks_at, _) = places
+        (self._events_at, _), (self._presses_at, _), (self._blocks_at, _) = places
         with temporary.open("r+b") as raw:
             for place, length in places:
                 _allocate(raw.fileno(), place, length)

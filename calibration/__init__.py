@@ -1,24 +1,42 @@
 """From table to verified button: excitation, response, model, drive, check."""
 
+from calibration.button import DigitalButton, build_button, play_button
 from calibration.check import Check, check
 from calibration.drive import Drive, drive_for, modulate
-from calibration.excitation import linear_sweep
-from calibration.model import Model, Resonance, fit
+from calibration.excitation import LinearSweep, Multisine, linear_sweep, plan_excitation
+from calibration.learning import Iteration, Learning, learn
+from calibration.model import Model, Resonance, fit, fit_shared
+from calibration.paper_way import paper_drive
 from calibration.record import Calibration, calibrate
-from calibration.response import Response, measure_response
+from calibration.response import Response, measure_response, quick_response
+from calibration.uff import read_uff, write_uff
 
 __all__ = [
     "Calibration",
     "Check",
+    "DigitalButton",
     "Drive",
+    "Iteration",
+    "Learning",
+    "LinearSweep",
     "Model",
+    "Multisine",
     "Resonance",
     "Response",
+    "build_button",
     "calibrate",
     "check",
     "drive_for",
     "fit",
+    "fit_shared",
+    "learn",
     "linear_sweep",
     "measure_response",
     "modulate",
+    "paper_drive",
+    "plan_excitation",
+    "play_button",
+    "quick_response",
+    "read_uff",
+    "write_uff",
 ]

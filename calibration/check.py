@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import hilbert
 
+from calibration import files
 from calibration.drive import Drive
-from calibration.response import drive_monitor, overloaded, prepare
+from calibration.response import overloaded, prepare
 from calibration.spectra import band_window, fade, third_octaves
 from instruments import Capture, ConfigurationError, Rig
 from instruments.arrays import FloatArray
@@ -43,9 +45,10 @@ class Check:
 
     `measured` is (samples,) m/s^2, the mean of the plays, on the clock of `drive.target` and in its
     band. `nrmse` is the rms of the difference over the target's rms; `floor` is the standard error
-    of the mean of the plays, over the same. `third_octave` holds centres (Hz) and the target's and
-    measured levels (dB re 1 m/s^2); the error is the rms difference over the bands within 30 dB of
-    the strongest. `reasons` says why it did not pass, and is empty when it did.
+    of the mean of the plays, over the same. `octaves_hz` are the centres of third-octave bands,
+    `target_db` and `measured_db` the levels in them (dB re 1 m/s^2); the error is the rms difference
+    over the bands within 30 dB of the strongest. `reasons` says why it did not pass, and is empty
+    when it did.
     """
 
     drive: Drive
@@ -55,7 +58,9 @@ class Check:
     correlation: float
     envelope_correlation: float
     floor: float
-    third_octave: tuple[FloatArray, FloatArray, FloatArray]
+    octaves_hz: FloatArray
+    target_db: FloatArray
+    measured_db: FloatArray
     third_octave_error_db: float
     drive_measured_peak: float
     """Largest voltage that the monitor saw at the patch (V)."""
@@ -68,6 +73,20 @@ class Check:
     def passed(self) -> bool:
         """Whether nothing speaks against it."""
         return not self.reasons
+
+    @property
+    def beyond_noise(self) -> float:
+        """What of the error is not the plays' own noise: what model and limits leave, over the target."""
+        return float(np.sqrt(max(self.nrmse**2 - self.floor**2, 0.0)))
+
+    def save(self, path: str | Path) -> None:
+        """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
+        files.write(path, "check", files.flatten(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Check:
+        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        return files.restore(cls, files.read(path, "check"), path)
 
     def __str__(self) -> str:
         verdict = "pass" if self.passed else "fail. " + " ".join(self.reasons)
@@ -89,60 +108,103 @@ def check(
     `press`, if given, must be the one that the drive was computed for: ConfigurationError
     otherwise. `progress` is told the plays done and in all. A signal that leaves its range, a dead patch or a
     blocked laser is a check that fails, with its reason. Raises ConfigurationError for fewer than
-    two plays or a drive made for another sample rate, and what `Rig.excite` raises.
+    two plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
     """
     if plays < 2:
         raise ConfigurationError("A check needs at least 2 plays: their difference is its floor.")
-    if drive.rate_hz != rig.table.rate_hz:
-        raise ConfigurationError(
-            f"The drive has {drive.rate_hz:g} samples/s and the rig plays {rig.table.rate_hz:g}: "
-            "calibrate on this rig and compute it again."
-        )
+    refuse_foreign(rig, drive)
     if press is not None and (press.button, tuple(press.sources)) != (drive.button, drive.sources):
         raise ConfigurationError(
             f"The drive was computed for another press than this one of {press.button!r}: compute it again."
         )
     prepare(rig, drive.point)
-    channels = (drive_monitor(rig), rig.vibrometer.channel)
+    played = play(rig, drive, plays, progress=progress)
+    return compare(drive, played, rig)
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What was measured of some plays of one drive: `accelerations` is (plays, samples) m/s^2."""
+
+    accelerations: FloatArray
+    peak: float
+    """Largest voltage at the patch (V)."""
+    overload: str | None
+    """What left its range, as a sentence."""
+
+
+def play(
+    rig: Rig,
+    drive: Drive,
+    plays: int,
+    tail: float = 0.0,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Played:
+    """Play a drive and measure the surface on the drive's clock and in its band, for `tail` s longer."""
+    samples = len(drive.volts) + round(tail * drive.rate_hz)
+    channels = (rig.monitor(drive.patch), rig.vibrometer.channel)
     accelerations, peaks, problems = [], [], []
-    for play in range(plays):
-        capture = rig.excite(drive.volts, (drive.patch,), channels, _TAIL)
-        accelerations.append(_acceleration(rig, capture, drive))
+    for number in range(plays):
+        capture = rig.excite(drive.volts, (drive.patch,), channels, tail + _TAIL)
+        accelerations.append(_acceleration(rig, capture, drive)[:samples])
         peaks.append(_peak(rig, capture))
         problems.append(overloaded(rig, capture))
-        progress(play + 1, plays)
+        progress(number + 1, plays)
+    return Played(np.array(accelerations), max(peaks), next((p for p in problems if p), None))
 
-    measured = np.mean(accelerations, axis=0)
-    target = drive.target
+
+def errors(accelerations: FloatArray, target: FloatArray) -> tuple[float, float]:
+    """Rms of the plays' mean's error, and the mean's standard error, both over the target's rms."""
     size = _rms(target)
-    nrmse = _rms(measured - target) / size
-    floor = float(np.sqrt(np.mean(np.var(accelerations, axis=0, ddof=1)) / plays)) / size
+    spread = np.mean(np.var(accelerations, axis=0, ddof=1)) / len(accelerations)
+    return _rms(accelerations.mean(axis=0) - target) / size, float(np.sqrt(spread)) / size
+
+
+def refuse_foreign(rig: Rig, drive: Drive) -> None:
+    """Raises ConfigurationError for a drive that was not computed for this rig."""
+    if drive.rig != rig.name:
+        raise ConfigurationError(
+            f"The drive was computed from a calibration of the rig {drive.rig!r}, and this is {rig.name!r}: "
+            "calibrate this rig and compute it again."
+        )
+    if drive.rate_hz != rig.table.rate_hz:
+        raise ConfigurationError(
+            f"The drive has {drive.rate_hz:g} samples/s and the rig plays {rig.table.rate_hz:g}: "
+            "calibrate on this rig and compute it again."
+        )
+
+
+def compare(drive: Drive, played: Played, rig: Rig) -> Check:
+    """The verdict on what was played."""
+    target, measured = drive.target, played.accelerations.mean(axis=0)
+    nrmse, floor = errors(played.accelerations, target)
     centres, wanted_db = third_octaves(target, drive.rate_hz, *drive.band)
     _, measured_db = third_octaves(measured, drive.rate_hz, *drive.band)
     held = wanted_db > wanted_db.max(initial=-np.inf) - _HELD
     difference = (measured_db - wanted_db)[held]
     result = Check(
         drive=drive,
-        plays=plays,
+        plays=len(played.accelerations),
         measured=measured,
         nrmse=nrmse,
         correlation=_correlation(measured, target),
         envelope_correlation=_correlation(np.abs(hilbert(measured)), np.abs(hilbert(target))),
         floor=floor,
-        third_octave=(centres, wanted_db, measured_db),
+        octaves_hz=centres,
+        target_db=wanted_db,
+        measured_db=measured_db,
         third_octave_error_db=float(np.sqrt(np.mean(difference**2))) if len(difference) else 0.0,
-        drive_measured_peak=max(peaks),
-        overload=any(problems),
+        drive_measured_peak=played.peak,
+        overload=played.overload is not None,
         tolerance=max(TOLERANCE, FLOORS * floor),
         reasons=(),
         simulated=rig.simulated or drive.simulated,
     )
-    overload = next((p for p in problems if p), None)
-    return replace(result, reasons=_reasons(result, overload, rig.limits.peak))
+    return replace(result, reasons=_reasons(result, played.overload, rig.limits.peak))
 
 
 def _acceleration(rig: Rig, capture: Capture, drive: Drive) -> FloatArray:
-    """(samples,) m/s^2 of one play, on the drive's clock and in its band."""
+    """(samples,) m/s^2 of one capture, on the drive's clock and in its band."""
     laser = capture.channels.index(rig.vibrometer.channel)
     velocity = rig.vibrometer.to_velocity(capture.volts[laser])
     velocity = velocity - velocity[: max(1, round(0.05 * drive.rate_hz))].mean()
@@ -152,7 +214,7 @@ def _acceleration(rig: Rig, capture: Capture, drive: Drive) -> FloatArray:
     late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.vibrometer.response(f)
     window = band_window(f, *drive.band, outside=True)
     spectrum = rfft(velocity * fade(len(velocity), 0, edge), length)
-    return np.asarray(irfft(spectrum * window * 2j * np.pi * f / late, length)[: len(drive.target)])
+    return np.asarray(irfft(spectrum * window * 2j * np.pi * f / late, length)[: len(velocity)])
 
 
 def _peak(rig: Rig, capture: Capture) -> float:

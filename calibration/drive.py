@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
-from scipy.ndimage import uniform_filter1d
 
-from calibration import files
-from calibration.inversion import Plan, loudest
-from calibration.model import Model
+from calibration import actuation, files
+from calibration.inversion import Plan, loudest, quiet
 from calibration.record import Calibration
 from calibration.response import Response
-from calibration.spectra import band_window, fade, resample
+from calibration.spectra import band_window, fade, resample, third_octaves
 from instruments import DataError, Limits
-from instruments.arrays import ComplexArray, FloatArray
+from instruments.arrays import FloatArray
 
 if TYPE_CHECKING:
     from acquisition import Representative
 
-__all__ = ["BAND", "Drive", "drive_for", "modulate"]
+__all__ = ["BAND", "Drive", "Method", "drive_for", "modulate"]
+
+Method = Literal["modulated", "broadband"]
+"""What the surface shall do: the press modulated with the table's resonance, as in the paper, or the
+press itself."""
 
 BAND = (75.0, 600.0)
 """Hz: what a drive repeats of a press. Below its first mode a table hardly moves, and the paper's
@@ -31,19 +33,23 @@ small because little was asked for."""
 _BEFORE, _AFTER = 0.30, 0.20
 """Seconds that a drive may begin before the press and end after it. The inverse of a table whose
 patch and point differ is not causal: it must move the plate before, to be still where it must."""
-_FADE = 0.02
+FADE = 0.02
+"""Seconds in which a drive begins, and ends."""
 _LEAST_RATE = 5000.0
 """Samples/s at least that the drive is optimised at: four samples a period of the highest line."""
-_BUDGET = 0.06
-"""Expected error that is accepted for the sake of a louder drive. Under a third of what a check
-accepts: what cannot be expected needs room too."""
+_BUDGET = 0.005
+"""Error that is accepted for the sake of a louder drive. Little, because what cannot be expected (a
+patch's hysteresis is known to some percent) comes on top, and learning needs volts to correct that
+with; 3 % would make a drive a tenth louder."""
+_NOISE_SHARE = 0.5
+"""The same, over the noise that is expected of a check: where that is large, loudness is worth more."""
 _PLAYS = 8
 """Plays that a check averages, for the noise that is expected in it."""
-_SMOOTH = 21
-"""Lines (2.5 Hz)."""
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may ask for."""
+_ALL = 0.99
+"""Share that is said to be all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +57,9 @@ class Drive:
     """Volts for one patch, and what the surface should then do.
 
     `volts` is (samples,) V at the patch as commanded, `target` is (samples,) m/s^2, on the same
-    clock: the press's acceleration, modulated, cut to `band` (Hz) and multiplied by `scale`.
-    `in_band` is the share of the modulated press's energy that lies within the band.
-    `predicted_error` is what a check should find: rms of the error over rms of the target.
+    clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
+    multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
+    band. `predicted_error` is what a check should find: rms of the error over rms of the target.
     """
 
     button: str
@@ -63,10 +69,17 @@ class Drive:
     volts: FloatArray
     target: FloatArray
     scale: float
+    method: str
+    """How it was computed: "modulated", "broadband", or in words."""
     carrier_hz: float
+    """What the press was modulated with (Hz); 0 when it was not."""
     band: tuple[float, float]
     in_band: float
     predicted_error: float
+    unreached: str
+    """What could not be reached within the limits, as sentences; empty when everything was."""
+    rig: str
+    """Name of the rig that the calibration was measured on: the drive fits no other."""
     simulated: bool
     sources: tuple[tuple[str, str], ...]
     """Recordings that the press stands for: file name, content hash."""
@@ -94,74 +107,164 @@ def modulate(acceleration: FloatArray, rate_hz: float, carrier_hz: float) -> Flo
     return np.asarray(acceleration * np.sin(2 * np.pi * carrier_hz * t))
 
 
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """A press on the clock of its drive, at the press's own rate; arrays are (grid,).
+
+    The grid is periodic and holds room before the press, the press, room after it (together `record`
+    samples, of which each becomes `oversampling` of the drive's), and the ringing that must not wrap.
+    """
+
+    acceleration: FloatArray
+    window: FloatArray
+    """One within the record, with faded ends, and zero after it."""
+    record: int
+    start: int
+    """Sample at which the press begins."""
+    oversampling: int
+    rate_hz: float
+    carrier_hz: float
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Of its lines (Hz)."""
+        return np.asarray(rfftfreq(len(self.window), 1 / self.rate_hz))
+
+    def within(self, band: tuple[float, float]) -> tuple[FloatArray, float]:
+        """(grid,) m/s^2 cut to `band` (Hz), and the share of the energy that is left."""
+        spectrum = rfft(self.acceleration)
+        cut = spectrum * band_window(self.frequencies, *band)
+        share = float((np.abs(cut) ** 2).sum() / (np.abs(spectrum) ** 2).sum())
+        return np.asarray(irfft(cut, len(self.window))), share
+
+    def on_drive(self, signal: FloatArray) -> FloatArray:
+        """(grid,) at the press's rate to the record at the drive's."""
+        return resample(signal, len(signal) * self.oversampling)[: self.record * self.oversampling]
+
+    @property
+    def smooth(self) -> FloatArray:
+        """`window` on the drive's clock."""
+        edge = round(FADE * self.rate_hz) * self.oversampling
+        return fade(self.record * self.oversampling, edge, edge)
+
+
+def wanted_of(press: Representative, calibration: Calibration, method: Method) -> Wanted:
+    """What the surface shall do, before the band and the scale.
+
+    Raises DataError when the press will not do.
+    """
+    oversampling = _oversampling(press, calibration.rate_hz)
+    edge = max(1, round(FADE / 2 * press.rate_hz))
+    own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
+    carrier_hz = calibration.model.resonance_hz if method == "modulated" else 0.0
+    if method == "modulated":
+        own = modulate(own, press.rate_hz, carrier_hz)
+    before = round(_BEFORE * press.rate_hz)
+    record = before + len(own) + round(_AFTER * press.rate_hz)
+    grid = next_fast_len(record + round(actuation.ringing(calibration.model) * press.rate_hz), real=True)
+    acceleration, window = np.zeros(grid), np.zeros(grid)
+    acceleration[before : before + len(own)] = own
+    fading = round(FADE * press.rate_hz)
+    window[:record] = fade(record, fading, fading)
+    return Wanted(acceleration, window, record, before, oversampling, press.rate_hz, carrier_hz)
+
+
 def drive_for(
     press: Representative,
     calibration: Calibration | Response,
     limits: Limits,
+    *,
+    method: Method = "modulated",
     band: tuple[float, float] = BAND,
+    inversion: Literal["optimised", "regularised"] = "optimised",
 ) -> Drive:
-    """The drive that makes the calibrated point repeat a press, modulated with its resonance.
+    """The drive that makes the calibrated point repeat a press.
 
-    The press is modulated (equation 1 of the paper), cut to what of `band` (Hz) was measured well,
-    and inverted without asking for causality, with the patch's hysteresis undone; then as loud as
-    `limits` and the vibrometer's range allow, at an expected error of 6 %, or the least that can be
-    expected (see `inversion.loudest`). The drive has zero ends and zero mean. A response that comes
-    without a calibration is fitted first.
+    The press is modulated with the point's resonance (equation 1 of the paper), or taken as it is for
+    "broadband"; cut to what of `band` (Hz) was measured well, and inverted without asking for
+    causality, with the patch's hysteresis undone; then as loud as `limits` and the vibrometer's
+    range allow. For loudness 0.5 % of error is accepted, more where the vibrometer's noise is more, or
+    the least that can be had (see `inversion.loudest`; `inversion.quiet` for "regularised", which is
+    scaled to the limits instead of planned within them). The drive has zero ends and zero mean. A
+    response that comes without a calibration is fitted first.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no room.
     """
     if isinstance(calibration, Response):
         calibration = Calibration.of(calibration)
-    response, model, rate_hz = calibration.response, calibration.model, calibration.rate_hz
-    oversampling = _oversampling(press, rate_hz)
-    band = _measured_well(response, band)
-    carrier_hz = model.resonance_hz
+    response = calibration.response
+    wanted = wanted_of(press, calibration, method)
+    band = actuation.measured_well(response, band)
+    target, in_band = wanted.within(band)
 
-    # One periodic grid holds room before, press, room after, and the ringing that must not wrap.
-    edge = max(1, round(_FADE / 2 * press.rate_hz))
-    own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
-    before = round(_BEFORE * press.rate_hz)
-    record = before + len(own) + round(_AFTER * press.rate_hz)
-    grid = next_fast_len(record + round(_ringing(model) * press.rate_hz), real=True)
-    modulated = np.zeros(grid)
-    modulated[before : before + len(own)] = modulate(own, press.rate_hz, carrier_hz)
-    fading = round(_FADE * press.rate_hz)
-    window = np.zeros(grid)
-    window[:record] = fade(record, fading, fading)
+    limit = calibration.hysteresis.reach(limits.peak * min(1.0, actuation.path_gain(calibration)))
+    plan = plan_for(calibration, target, wanted.window, wanted.rate_hz, band, limits, limit)
+    silent = replace(plan, noise=0.0)
+    noise = plan.noise * float(np.abs(quiet(silent, _BUDGET)[0]).max())
+    invert = loudest if inversion == "optimised" else quiet
+    planned, _ = invert(silent, max(_BUDGET, _NOISE_SHARE * noise))
 
-    path_gain = float(np.median(np.abs(response.path)))
-    limit = calibration.hysteresis.reach(limits.peak * min(1.0, path_gain))
-    plan, in_band = _plan(calibration, modulated, press.rate_hz, window, limit, band)
-    planned, _ = loudest(plan, _BUDGET)
-
-    samples = record * oversampling
-    smooth = fade(samples, fading * oversampling, fading * oversampling)
-    strain = np.zeros(grid * oversampling)
-    strain[:samples] = resample(planned, len(strain))[:samples] * np.minimum(1.0, smooth / 0.05)
+    smooth = wanted.smooth
+    strain = wanted.on_drive(planned) * np.minimum(1.0, smooth / 0.05)
     # Back on the plan's grid, to expect what the very signal that will be played does.
-    played = resample(strain, grid)
-    f = rfftfreq(grid, 1 / press.rate_hz)
+    grid = len(wanted.window)
+    played = resample(np.pad(strain, (0, grid * wanted.oversampling - len(strain))), grid)
+    f = wanted.frequencies
     velocity = irfft(rfft(played) * plan.gain / (2j * np.pi * np.maximum(f, f[1])), grid)
     loudest_seen = _RANGE_USED * response.velocity_range / float(np.abs(velocity).max())
     scale = min(limit / float(np.abs(strain).max()), loudest_seen)
-    volts, scale = _within(limits, calibration, strain[:samples], smooth, scale, path_gain)
+    volts, scale = _within(limits, calibration, strain, smooth, scale)
     expected = replace(plan, noise=plan.noise * limit / (scale * float(np.abs(played).max())))
+    error = expected.error(played)
+    if scale < loudest_seen:
+        by = actuation.binding(calibration, volts, limits)
+    else:
+        by = f"{_RANGE_USED:.0%} of the vibrometer's {response.velocity_range * 1e3:g} mm/s"
     return Drive(
         button=press.button,
         patch=response.patch,
         point=response.point,
-        rate_hz=rate_hz,
+        rate_hz=calibration.rate_hz,
         volts=volts,
-        target=scale * resample(irfft(plan.wanted, grid), len(strain))[:samples],
+        target=scale * wanted.on_drive(target),
         scale=scale,
-        carrier_hz=carrier_hz,
+        method=method,
+        carrier_hz=wanted.carrier_hz,
         band=band,
         in_band=in_band,
-        predicted_error=expected.error(played),
+        predicted_error=error,
+        unreached=_unreached(expected, played, wanted.rate_hz, band, scale, in_band, by),
+        rig=response.rig,
         simulated=bool(press.simulated or response.simulated),
         sources=tuple((str(name), str(content)) for name, content in press.sources),
         calibration=calibration.digest,
+    )
+
+
+def plan_for(
+    calibration: Calibration,
+    target: FloatArray,
+    window: FloatArray,
+    rate_hz: float,
+    band: tuple[float, float],
+    limits: Limits,
+    limit: float,
+) -> Plan:
+    """The plan, in volts of strain of which `limit` are allowed, for a target ((grid,) m/s^2)."""
+    f = rfftfreq(len(target), 1 / rate_hz)
+    weight = band_window(f, *band, outside=True) ** 2
+    rms = np.sqrt(2 * np.sum(target**2) / len(target))
+    noise = np.sqrt(np.sum(weight * actuation.density(calibration, f) ** 2) * (f[1] - f[0]) / _PLAYS)
+    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
+    return Plan(
+        wanted=rfft(target),
+        gain=actuation.gain(calibration, f),
+        weight=weight,
+        doubt=actuation.doubt(calibration, f),
+        window=window,
+        noise=float(noise / rms / limit),
+        steepest=slew / rate_hz / limits.peak,
     )
 
 
@@ -185,7 +288,6 @@ def _within(
     strain: FloatArray,
     smooth: FloatArray,
     scale: float,
-    path_gain: float,
 ) -> tuple[FloatArray, float]:
     """Volts to command for `strain` times the largest factor up to `scale` that the limits allow.
 
@@ -193,14 +295,8 @@ def _within(
     the factor. Raises LimitError when no factor is found.
     """
     for _ in range(_TRIES):
-        volts = calibration.hysteresis.volts(scale * strain) / path_gain
-        # A strain of zero may be left with volts that hysteresis holds; they fade out at the end.
-        half = len(volts) // 2
-        volts[half:] -= volts[-1] * (1 - smooth[half:])
-        volts -= smooth * (volts.sum() / smooth.sum())
-        room = min(
-            _room(volts, calibration.rate_hz, limits), _room(volts * path_gain, calibration.rate_hz, limits)
-        )
+        volts = actuation.commanded(calibration, scale * strain, smooth)
+        room = actuation.room(calibration, volts, limits)
         if room >= 1:
             break
         # Hysteresis bends what a factor does to the volts, so that it is approached.
@@ -209,87 +305,31 @@ def _within(
     return volts, scale
 
 
-def _plan(
-    calibration: Calibration,
-    modulated: FloatArray,
+def _unreached(
+    plan: Plan,
+    played: FloatArray,
     rate_hz: float,
-    window: FloatArray,
-    limit: float,
     band: tuple[float, float],
-) -> tuple[Plan, float]:
-    """What is wanted of the table within the band, and the share of the press's energy in it."""
-    f = rfftfreq(len(modulated), 1 / rate_hz)
-    spectrum = rfft(modulated)
-    wanted = spectrum * band_window(f, *band)
-    energy = float((np.abs(spectrum) ** 2).sum())
-    share = float((np.abs(wanted) ** 2).sum()) / energy
-    weight = band_window(f, *band, outside=True) ** 2
-    rms = np.sqrt(2 * share * energy) / len(modulated)
-    left = np.sqrt(np.sum(weight * _density(calibration, f) ** 2) * (f[1] - f[0]) / _PLAYS)
-    noise = float(left / rms / limit)
-    return Plan(wanted, _gain(calibration, f), weight, _doubt(calibration, f), window, noise), share
-
-
-def _ringing(model: Model) -> float:
-    """Seconds after which the slowest mode has fallen to a hundredth."""
-    slowest = min(2 * np.pi * r.frequency_hz * r.damping for r in model.resonances)
-    return float(np.clip(np.log(100) / slowest, 0.3, 2.0))
-
-
-def _measured_well(response: Response, band: tuple[float, float]) -> tuple[float, float]:
-    """What of `band` lies between the first and the last frequency with a coherence of 0.8 or more."""
-    good = response.frequencies[response.coherence >= 0.8]
-    low, high = (max(band[0], good[0]), min(band[1], good[-1])) if len(good) else (1.0, 0.0)
-    if low >= high:
-        raise DataError(
-            f"The response of patch {response.patch} at the {response.point} point is too noisy for a "
-            f"drive between {band[0]:g} and {band[1]:g} Hz: its coherence is "
-            f"{float(response.coherence.max()):.2f} at best, and 0.8 is needed."
+    scale: float,
+    in_band: float,
+    by: str,
+) -> str:
+    sentences = []
+    if scale < _ALL:
+        sentences.append(
+            f"The surface repeats the shape at {scale:.1%} of the recorded acceleration: more than that "
+            f"would need more than {by}."
         )
-    return float(low), float(high)
-
-
-def _gain(calibration: Calibration, f: FloatArray) -> ComplexArray:
-    """m/s^2 per V of strain commanded, at `f` (Hz).
-
-    The model averages the sweeps' noise, and holds the lag that hysteresis has at the sweeps'
-    level: it is taken out. The path's gain is left out as well, because it acts before the
-    hysteresis; its delay may stay, because hysteresis does not depend on time.
-    """
-    response = calibration.response
-    path = np.interp(f, response.frequencies, response.path.real) + 1j * np.interp(
-        f, response.frequencies, response.path.imag
-    )
-    path /= np.median(np.abs(response.path)) * calibration.hysteresis.gain(response.level)
-    return np.asarray(calibration.model.velocity(f) * 2j * np.pi * f * path)
-
-
-def _doubt(calibration: Calibration, f: FloatArray) -> FloatArray:
-    """Standard deviation of `_gain`: what the model leaves of the measured response.
-
-    It is averaged over a few lines first, as the model averages over all of them: what changes from
-    line to line is the sweeps' noise and the harmonics of the patch, and no fault of the model.
-    """
-    response = calibration.response
-    left = response.velocity - calibration.model.velocity(response.frequencies)
-    smooth = uniform_filter1d(left.real, _SMOOTH) + 1j * uniform_filter1d(left.imag, _SMOOTH)
-    return np.asarray(np.sqrt(np.mean(np.abs(smooth) ** 2)) * 2 * np.pi * f)
-
-
-def _density(calibration: Calibration, f: FloatArray) -> FloatArray:
-    """Acceleration noise of one play (m/s^2 per sqrt(Hz), one-sided) at `f` (Hz)."""
-    response = calibration.response
-    return np.asarray(np.interp(f, response.frequencies, response.noise) * 2 * np.pi * f)
-
-
-def _room(volts: FloatArray, rate_hz: float, limits: Limits) -> float:
-    """The largest factor that keeps `volts` within every limit."""
-    steps = np.abs(np.diff(volts, prepend=0.0, append=0.0)) * rate_hz
-    current = limits.capacitance * steps
-    shares = (
-        (float(np.abs(volts).max()), limits.peak),
-        (float(steps.max()), limits.slew),
-        (float(current.max()), limits.current_peak),
-        (float(current.mean()) / 2, limits.current_average),
-    )
-    return min(limit / value for value, limit in shares if value > 0)
+    if in_band < _ALL:
+        sentences.append(
+            f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
+        )
+    missed = irfft((plan.wanted - plan.gain * rfft(played)) * np.sqrt(plan.weight), len(played))
+    error = float(np.linalg.norm(missed) / np.linalg.norm(irfft(plan.wanted, len(played))))
+    if error > _BUDGET:
+        centres, levels = third_octaves(missed, rate_hz, *band)
+        sentences.append(
+            f"Within it {error:.1%} of the target is missed on purpose, most around "
+            f"{centres[int(np.argmax(levels))]:.0f} Hz, to be louder or because it was not measured well."
+        )
+    return " ".join(sentences)

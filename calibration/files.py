@@ -1,8 +1,9 @@
 """Values on disk: HDF5, written whole or not at all, never over another file.
 
 A dataclass becomes a group: arrays are datasets, everything else is an attribute (tuples as JSON),
-and a dataclass within it is a group of its own. The root's attributes say what the file is, which
-version of haploop wrote it, and the content's hash, so that a damaged file is told from a whole one.
+and a dataclass within it is a group of its own, or one for each in a tuple of them. The root's
+attributes say what the file is, which version of haploop wrote it, and the content's hash, so that a
+damaged file is told from a whole one.
 """
 
 from __future__ import annotations
@@ -13,9 +14,12 @@ import json
 import os
 import re
 import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from types import UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import h5py
 import numpy as np
@@ -23,7 +27,7 @@ from numpy.typing import NDArray
 
 from instruments import DataError
 
-__all__ = ["Flat", "digest", "flatten", "read", "restore", "why", "write"]
+__all__ = ["Flat", "digest", "flatten", "new_file", "read", "restore", "why", "write"]
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass as names with slashes and plain values."""
@@ -39,8 +43,14 @@ def flatten(value: Any, prefix: str = "") -> Flat:
         item, name = getattr(value, field.name), prefix + field.name
         if dataclasses.is_dataclass(item):
             flat |= flatten(item, name + "/")
+        elif isinstance(item, tuple) and item and dataclasses.is_dataclass(item[0]):
+            for number, member in enumerate(item):
+                flat |= flatten(member, f"{name}/{number:04d}/")
+            flat[name + "/count"] = len(item)
         else:
-            flat[name] = json.dumps(item) if isinstance(item, tuple) else _plain(item)
+            # What HDF5 has no attribute for is JSON.
+            written = item is None or isinstance(item, tuple | dict)
+            flat[name] = json.dumps(item) if written else _plain(item)
     return flat
 
 
@@ -63,35 +73,31 @@ def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -
         key = prefix + name
         if dataclasses.is_dataclass(hint):
             values[name] = restore(hint, flat, path, key + "/")  # type: ignore[arg-type]
+        elif f"{key}/count" in flat:
+            member = get_args(hint)[0]
+            numbers = range(int(flat[f"{key}/count"]))
+            values[name] = tuple(restore(member, flat, path, f"{key}/{n:04d}/") for n in numbers)
         elif key not in flat:
             raise DataError(f"{path} holds no {key!r}: it was not written by this version of haploop.")
-        elif getattr(hint, "__origin__", None) is tuple:
+        elif get_origin(hint) in (tuple, Mapping, UnionType):
             values[name] = _tuples(json.loads(str(flat[key])))
         else:
             values[name] = flat[key]
     return kind(**values)
 
 
-def write(path: str | Path, kind: str, flat: Flat) -> None:
-    """Write a new file of a kind. Raises DataError when `path` exists or cannot be written."""
+@contextmanager
+def new_file(path: str | Path) -> Iterator[Path]:
+    """A name to write to beside `path`; on leaving, what was written there becomes `path`, whole.
+
+    Left by an exception, nothing remains. Raises DataError when `path` exists or cannot be written.
+    """
     path = Path(path)
     if path.exists():
         raise DataError(f"{path} exists, and what was measured is never overwritten: choose another name.")
     part = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
     try:
-        with h5py.File(part, "x") as file:
-            file.attrs.update(
-                kind=f"haploop {kind}",
-                format=FORMAT,
-                software=f"haploop {metadata.version('haploop')}",
-                content=digest(flat),
-            )
-            for name, value in flat.items():
-                if isinstance(value, np.ndarray):
-                    file.create_dataset(name, data=value)
-                else:
-                    group, _, own = name.rpartition("/")
-                    file.require_group(group or "/").attrs[own] = value
+        yield part
         with part.open("rb+") as whole:
             os.fsync(whole.fileno())
         _publish(part, path)
@@ -99,6 +105,23 @@ def write(path: str | Path, kind: str, flat: Flat) -> None:
         raise DataError(f"{path} cannot be written: {why(error)}.") from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def write(path: str | Path, kind: str, flat: Flat) -> None:
+    """Write a new file of a kind. Raises DataError when `path` exists or cannot be written."""
+    with new_file(path) as part, h5py.File(part, "x") as file:
+        file.attrs.update(
+            kind=f"haploop {kind}",
+            format=FORMAT,
+            software=f"haploop {metadata.version('haploop')}",
+            content=digest(flat),
+        )
+        for name, value in flat.items():
+            if isinstance(value, np.ndarray):
+                file.create_dataset(name, data=value)
+            else:
+                group, _, own = name.rpartition("/")
+                file.require_group(group or "/").attrs[own] = value
 
 
 def read(path: str | Path, kind: str) -> Flat:

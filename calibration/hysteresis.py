@@ -19,7 +19,7 @@ from instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["Hysteresis", "fit_hysteresis"]
 
-_SHARES = np.array([0.0, 0.03, 0.07, 0.13, 0.2, 0.3, 0.45, 0.65])
+_SHARES = np.array([0.0, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14, 0.2, 0.28, 0.39, 0.54, 0.75])
 """Radii that are fitted, over the largest level; 0 is the part without hysteresis."""
 _TRUST = 1e-3
 _RIDGE = 1e-4

@@ -9,12 +9,14 @@ from scipy.fft import irfft, rfft
 
 from instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Plan", "loudest", "quiet"]
+__all__ = ["Plan", "loudest", "quiet", "within"]
 
-_ITERATIONS = 80
-_SPLITTING = 0.05
-"""Weight of the splitting over the median power of the gain: found to converge fastest."""
-_STEPS = 9
+_ITERATIONS = 120
+_SPLITTING, _RELAXATION = 1e-3, 1.7
+"""Weight of the splitting over the median power of the gain, and how far each step goes beyond its
+target: found to converge within 2 % of the optimum's error in 100 steps, where a weight of 0.05
+without relaxation needs more than 600."""
+_STEPS = 6
 """Bisections of the voltage allowed per unit of target; each begins where the last one ended."""
 _REGULARISATIONS = 10.0 ** np.arange(-4.0, 0.5, 0.5)
 """Over the median power of the gain."""
@@ -28,7 +30,9 @@ class Plan:
     (lines,) what each line's error counts, `doubt` (lines,) the standard deviation of `gain`,
     `window` (samples,) the share of the limit that the drive may use over time: zero where it must
     be silent. `noise` is the error that measuring adds, for each volt of the drive's peak: the
-    more volts per unit of target, the smaller the target that the limit allows.
+    more volts per unit of target, the smaller the target that the limit allows. `steepest` is the
+    largest step from one sample to the next, over the limit. `doubt` counts for what differs from
+    `around` (lines,), the spectrum of a drive whose outcome is known: nothing, before any was played.
     """
 
     wanted: ComplexArray
@@ -37,13 +41,18 @@ class Plan:
     doubt: FloatArray
     window: FloatArray
     noise: float
+    steepest: float = np.inf
+    around: ComplexArray | float = 0.0
+    ridge: float = 5e-6
+    """What a difference from `around` costs on every line, over the median power of the gain: what lies
+    outside the band helps nobody."""
 
     def error(self, drive: FloatArray) -> float:
         """Expected rms error of `drive` over the target's rms, noise and doubt included."""
         V = rfft(drive)
-        squared = self.weight * (np.abs(self.wanted - self.gain * V) ** 2 + (self.doubt * np.abs(V)) ** 2)
-        missed = squared.sum() / (np.abs(self.wanted) ** 2).sum()
-        return float(np.sqrt(missed + (self.noise * np.abs(drive).max()) ** 2))
+        missed = np.abs(self.wanted - self.gain * V) ** 2 + (self.doubt * np.abs(V - self.around)) ** 2
+        share = (self.weight * missed).sum() / (np.abs(self.wanted) ** 2).sum()
+        return float(np.sqrt(share + (self.noise * np.abs(drive).max()) ** 2))
 
     @property
     def typical(self) -> float:
@@ -81,12 +90,12 @@ def loudest(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     Returns (samples,) V, and the expected error.
     """
     best, least = quiet(plan, budget)
-    high = float(np.abs(best).max())
-    low = high / 8
-    state = np.zeros(len(best)), np.zeros(len(best))
+    high = max(float(np.abs(best).max()), _steepest(best) / plan.steepest)
+    low = high / 4
+    state: State | None = None
     for _ in range(_STEPS):
         limit = float(np.sqrt(high * low))
-        drive, state = _within(plan, limit, state)
+        drive, state = within(plan, limit, state)
         error = plan.error(drive)
         if error <= max(budget, least):
             best, least, high = drive, min(error, least), limit
@@ -96,20 +105,40 @@ def loudest(plan: Plan, budget: float) -> tuple[FloatArray, float]:
 
 
 State = tuple[FloatArray, FloatArray]
+"""Of the splitting: the parts that keep the limits, and what they still differ from the drive by."""
 
 
-def _within(plan: Plan, limit: float, state: State) -> tuple[FloatArray, State]:
-    """The drive of least expected error with |drive| <= limit x window; `state` warms the start."""
+def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatArray, State]:
+    """The drive of least expected error with |drive| <= limit x window, and no step above its share.
+
+    Returns (samples,) V and the state that warms the start of the next, similar plan. The level is
+    kept exactly at the samples; between them, and by the steps, as well as the splitting converged.
+    """
     n = len(plan.window)
+    omega = 2j * np.pi * np.arange(n // 2 + 1) / n
+    # Half way between samples as well: what is clipped at samples only swings a tenth beyond.
+    between = np.minimum(plan.window, np.roll(plan.window, -1))
+    rows, bounds = [np.ones_like(omega), np.exp(omega / 2)], [plan.window * limit, between * limit]
+    # A step is never larger than twice the limit: a wider bound is none.
+    if plan.steepest < 2:
+        rows.append((1 - np.exp(-omega)) / plan.steepest)
+        bounds.append(np.full(n, limit))
+    ways, bound = np.array(rows), np.array(bounds)
     power = plan.weight * (np.abs(plan.gain) ** 2 + plan.doubt**2)
-    towards = plan.weight * np.conj(plan.gain) * plan.wanted
-    bound = plan.window * limit
+    ridge = plan.ridge * plan.typical
+    known = (plan.weight * plan.doubt**2 + ridge) * plan.around
+    towards = plan.weight * np.conj(plan.gain) * plan.wanted + known
     rho = _SPLITTING * plan.typical
-    # What lies outside the band helps nobody, and costs as much as the weakest line within it.
-    inverse = 1 / (power + rho * (1 + 1e-3))
-    z, u = state
+    inverse = 1 / (power + rho * (np.abs(ways) ** 2).sum(axis=0) + ridge)
+    begin = np.clip(irfft(ways * plan.around, n), -bound, bound)
+    z, u = state or (begin, np.zeros(bound.shape))
     for _ in range(_ITERATIONS):
-        v = irfft((towards + rho * rfft(z - u)) * inverse, n)
+        V = (towards + rho * (np.conj(ways) * rfft(z - u)).sum(axis=0)) * inverse
+        v = _RELAXATION * irfft(ways * V, n) + (1 - _RELAXATION) * z
         z = np.clip(v + u, -bound, bound)
         u = u + v - z
-    return z, (z, u)
+    return z[0], (z, u)
+
+
+def _steepest(drive: FloatArray) -> float:
+    return float(np.abs(np.diff(drive, prepend=drive[-1])).max())

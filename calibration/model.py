@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import warnings
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.signal import find_peaks
-from skrf import Frequency, Network
-from skrf.vectorFitting import VectorFitting
-from threadpoolctl import threadpool_limits
+from scipy.io import savemat
+from scipy.linalg import block_diag, eigvals
+from scipy.signal import zpk2sos
 
+from calibration import files
+from calibration.rational import Lines, complex_residues, fit_poles, residues
 from calibration.response import Response
-from instruments import DataError
+from instruments import ConfigurationError, DataError
 from instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Model", "Resonance", "fit"]
+__all__ = ["Model", "Resonance", "fit", "fit_shared"]
 
-_MOST_PAIRS = 40
-_STEP = 2
-"""Orders that are tried: from as many pole pairs as there are peaks, in steps of two."""
-_ITERATIONS = 12
-"""Of vector fitting, which the refinement takes over from."""
-_WORTH = 0.5
-"""Share of the residual's power above the noise that a larger order must leave at most."""
-_NOISE = 0.03
-"""Power above the noise, over the noise, that is taken for nothing: twice what chance makes it."""
-_PATIENCE = 2
-"""Orders without improvement after which larger ones are not tried: two close modes need both."""
+_FAST = 1000.0
+"""The slope's corner in state space, over the band's upper end: s alone has no states."""
+_UNKNOWN = 1e-3
+"""Relative noise that a response is taken to have which does not say how much it has."""
+_GRID = 2000
+"""Lines on which the discrete sections are made equal to the model."""
 
 
 @dataclass(frozen=True)
@@ -87,146 +83,186 @@ class Model:
                 H = H + np.conj(r) / (s - np.conj(p))
         return np.asarray(H)
 
+    def state_space(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A, B, C, D of x' = A x + B u, y = C x + D u: u in V at the patch, y in m/s, one input, one output.
+
+        Real modal blocks. The slope, which no finite state space has, rolls off with a pole at a
+        thousand times the band's upper end: within the band that changes its share by 0.1 % at most.
+        """
+        fast = 2 * np.pi * _FAST * self.band[1]
+        blocks, inputs, outputs = [], [], []
+        for p, r in zip(self.poles, self.residues, strict=True):
+            if p.imag > 0:
+                blocks.append(np.array([[p.real, p.imag], [-p.imag, p.real]]))
+                inputs += [2.0, 0.0]
+                outputs += [r.real, r.imag]
+            else:
+                blocks.append(np.array([[p.real]]))
+                inputs.append(1.0)
+                outputs.append(r.real)
+        blocks.append(np.array([[-fast]]))
+        A = np.asarray(block_diag(*blocks), dtype=np.float64)
+        # The slope's two halves cancel nearly: scaled by its corner, neither is large in the state.
+        B = np.array([*inputs, fast])[:, None]
+        C = np.array([*outputs, -self.slope * fast])[None, :]
+        return A, B, C, np.array([[self.constant + self.slope * fast]])
+
+    def sos(self, rate_hz: float) -> FloatArray:
+        """(sections, 6) second-order sections at a sample rate, as scipy.signal.sosfilt takes them.
+
+        V at the patch in, m/s out. The poles are the model's own, sampled; the numerator is made
+        equal to the model over its band, to 0.1 % at rates of eight times the band and more. Zeros
+        may lie outside the unit circle: the filter is stable, its inverse is not.
+        Raises ConfigurationError for a rate below four times the band's upper end.
+        """
+        if not rate_hz >= 4 * self.band[1]:
+            raise ConfigurationError(
+                f"A model up to {self.band[1]:g} Hz cannot be sampled at {rate_hz:g} samples/s: "
+                "four times its band is the least."
+            )
+        f = np.linspace(*self.band, _GRID)
+        back = np.exp(-2j * np.pi * f / rate_hz)
+        both = np.concatenate([self.poles, np.conj(self.poles[self.poles.imag > 0])])
+        z = np.exp(both / rate_hz)
+        first = len(self.poles)
+        paired = self.poles.imag > 0
+        sections = 1 / (1 - z * back[:, None])
+        near, mirror = sections[:, :first], np.zeros((len(f), first), dtype=np.complex128)
+        mirror[:, paired] = sections[:, first:]
+        basis = np.concatenate(
+            [near + mirror, (1j * (near - mirror))[:, paired], np.ones((len(f), 1)), back[:, None]], axis=1
+        )
+        norms = np.linalg.norm(basis, axis=0)
+        stacked = np.concatenate([basis.real, basis.imag]) / norms
+        H = self.velocity(f)
+        solution = np.linalg.lstsq(stacked, np.concatenate([H.real, H.imag]), rcond=None)[0] / norms
+        r = complex_residues(self.poles, solution)
+        return _cascade(self.poles, z, r, solution[-2:])
+
+    def save_mat(self, path: str | Path, rate_hz: float | None = None) -> None:
+        """Write a new MATLAB file (level 5), whole or not at all. Raises DataError if it exists.
+
+        Holds A, B, C, D of the state space (s), poles (rad/s) and residues (one of each pair),
+        constant, slope, band_hz and error; and with `rate_hz` sos and its rate. In MATLAB:
+        `load model.mat; sys = ss(A, B, C, D)`.
+        """
+        A, B, C, D = self.state_space()
+        values = {
+            "A": A,
+            "B": B,
+            "C": C,
+            "D": D,
+            "poles": self.poles,
+            "residues": self.residues,
+            "constant": self.constant,
+            "slope": self.slope,
+            "band_hz": np.array(self.band),
+            "error": self.error,
+            "input": "V at the patch",
+            "output": "m/s",
+        }
+        if rate_hz is not None:
+            values |= {"sos": self.sos(rate_hz), "rate_hz": rate_hz}
+        with files.new_file(path) as part:
+            savemat(str(part), values, appendmat=False)
+
 
 def fit(response: Response) -> Model:
-    """Vector fitting (scikit-rf) of the velocity, refined to least squares; the order by the data.
+    """The model of one response: see `fit_shared`."""
+    return fit_shared((response,))[0]
 
-    The sweep's noise is nearly the same on every line of the velocity, so that all lines weigh
-    alike. Orders grow until the residual is the noise that the repeats show, or until further poles
-    no longer halve what is above it: they would describe noise, or what is no table. Raises
-    DataError when no resonance is found.
+
+def fit_shared(responses: Sequence[Response]) -> tuple[Model, ...]:
+    """One model for each response, all with the same poles; the order by the data.
+
+    Patches and points of one table share its modes. Responses may have frequencies of their own:
+    what interleaved multisines leave out of one, the others show. Every response weighs by its
+    deviation, and all of its lines alike: noise is nearly the same on all. Vector fitting
+    (scikit-rf) begins, least squares end; poles are always stable. Raises DataError when no
+    resonance is found.
     """
-    f, H = response.frequencies, response.velocity
-    scale = float(np.abs(H).max())
-    noise = float(np.mean(response.deviation**2)) / scale**2
-    best: tuple[float, ComplexArray] | None = None
-    failures = 0
-    with threadpool_limits(1):
-        for pairs in range(_peaks(response), _MOST_PAIRS, _STEP):
-            poles = _refine(_vector_fit(f, H / scale, pairs), f, H / scale)
-            excess = float(np.mean(np.abs(_residues(poles, f, H / scale)[1]) ** 2)) - noise
-            if best is None or excess < _WORTH * best[0]:
-                best, failures = (excess, poles), 0
-            else:
-                failures += 1
-            if failures == _PATIENCE or excess < _NOISE * noise:
-                break
-        assert best is not None
-        poles = best[1]
-        solution, rest = _residues(poles, f, H / scale)
-    model = _model(poles, solution * scale, response, float(np.linalg.norm(rest) * scale / np.linalg.norm(H)))
-    if not model.stable or not model.resonances:
+    if not responses:
+        raise DataError("There is no response to fit a model to.")
+    groups: dict[bytes, list[int]] = {}
+    for index, response in enumerate(responses):
+        groups.setdefault(response.frequencies.tobytes(), []).append(index)
+    noises = [_noise(response) for response in responses]
+    lines = [
+        Lines(
+            responses[members[0]].frequencies,
+            np.stack([responses[i].velocity / noises[i] for i in members], axis=1),
+        )
+        for members in groups.values()
+    ]
+    poles = fit_poles(lines)
+    models: dict[int, Model] = {}
+    for members, group in zip(groups.values(), lines, strict=True):
+        solution, _ = residues(poles, group)
+        for column, index in enumerate(members):
+            own = solution[:, column] * noises[index]
+            model = Model(
+                poles=poles,
+                residues=complex_residues(poles, own),
+                constant=float(own[-2]),
+                slope=float(own[-1]),
+                band=(float(group.f[0]), float(group.f[-1])),
+                error=0.0,
+            )
+            H = responses[index].velocity
+            error = float(np.linalg.norm(model.velocity(group.f) - H) / np.linalg.norm(H))
+            models[index] = replace(model, error=error)
+    first = responses[0]
+    if not models[0].stable or not models[0].resonances:
         raise DataError(
-            f"No resonance of patch {response.patch} at the {response.point} point could be fitted: "
+            f"No resonance of patch {first.patch} at the {first.point} point could be fitted: "
             "look at the measured response."
         )
-    return model
+    return tuple(models[index] for index in range(len(responses)))
 
 
-def _peaks(response: Response) -> int:
-    """Peaks that stand 3 dB above what is beside them and well above the noise; 2 to 16."""
-    level = 20 * np.log10(np.maximum(np.abs(response.velocity), 10 * response.deviation))
-    return int(np.clip(len(find_peaks(level, prominence=3.0)[0]), 2, 16))
-
-
-def _vector_fit(f: FloatArray, H: ComplexArray, pairs: int) -> ComplexArray:
-    """Poles (rad/s), one of each conjugate pair, of scikit-rf's vector fit begun with `pairs` pairs."""
-    fitting = VectorFitting(Network(frequency=Frequency.from_f(f, unit="hz"), s=H[:, None, None]))
-    fitting.max_iterations = _ITERATIONS
-    with warnings.catch_warnings():
-        # It warns when it has not converged; the residual says so better, and is looked at.
-        warnings.simplefilter("ignore")
-        fitting.vector_fit(
-            n_poles_real=0,
-            n_poles_cmplx=pairs,
-            init_pole_spacing="lin",
-            fit_constant=True,
-            fit_proportional=True,
-            enforce_dc=False,
+def _noise(response: Response) -> float:
+    """Root mean square of the standard deviation of a response's lines (m/s per V)."""
+    size = float(np.sqrt(np.mean(np.abs(response.velocity) ** 2)))
+    if not np.isfinite(size) or size == 0:
+        raise DataError(
+            f"The response of patch {response.patch} at the {response.point} point is zero or no number: "
+            "no model fits it."
         )
-    poles = np.asarray(fitting.poles, dtype=np.complex128)
-    # A mirrored pole has the same magnitude: stability costs phase only, and the refinement sees it.
-    return np.asarray(-np.abs(poles.real) + 1j * poles.imag)
+    known = float(np.sqrt(np.mean(response.deviation**2))) if len(response.deviation) else 0.0
+    return known if known > 0 else _UNKNOWN * size
 
 
-def _columns(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """Basis (lines, unknowns) of real unknowns, and each column's norm for conditioning."""
-    s = 2j * np.pi * f[:, None]
-    paired = poles.imag > 0
-    near, mirror = 1 / (s - poles), 1 / (s - np.conj(poles))
-    basis = np.concatenate(
-        [
-            near + np.where(paired, mirror, 0),
-            (1j * (near - mirror))[:, paired],
-            np.ones_like(s),
-            s,
-        ],
-        axis=1,
-    )
-    return basis, np.linalg.norm(basis, axis=0)
+def _cascade(
+    poles: ComplexArray,
+    z: ComplexArray,
+    r: ComplexArray,
+    direct: FloatArray,
+) -> FloatArray:
+    """Second-order sections of a sum r / (1 - z back) + conj + direct[0] + direct[1] back.
 
-
-def _stack(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])
-
-
-def _residues(poles: ComplexArray, f: FloatArray, H: ComplexArray) -> tuple[FloatArray, ComplexArray]:
-    """The real unknowns of `_columns` in the least-squares sense, and what they leave of H."""
-    basis, norms = _columns(poles, f)
-    solution = np.linalg.lstsq(_stack(basis / norms), _stack(H), rcond=None)[0] / norms
-    return np.asarray(solution), np.asarray(H - basis @ solution)
-
-
-def _complex_residues(poles: ComplexArray, solution: FloatArray) -> ComplexArray:
-    residues = solution[: len(poles)].astype(np.complex128)
-    paired = poles.imag > 0
-    residues[paired] += 1j * solution[len(poles) : len(poles) + int(paired.sum())]
-    return residues
-
-
-def _refine(poles: ComplexArray, f: FloatArray, H: ComplexArray) -> ComplexArray:
-    """Poles that minimise the squared residual, the residues being solved for at each step.
-
-    Vector fitting minimises a weighted stand-in for the residual, and noise biases it. This is
-    variable projection with Kaufman's Jacobian (Golub and Pereyra, Inverse Problems 19, 2003).
-    Logarithms of decay and frequency, within a factor e, keep every pole stable.
+    Polynomials of this order lose all digits near z = 1; zeros are eigenvalues instead, of the state
+    space with its output held at zero.
     """
-    paired = poles.imag > 0
-
-    def at(x: FloatArray) -> ComplexArray:
-        p = -np.exp(x[: len(poles)]).astype(np.complex128)
-        p[paired] += 1j * np.exp(x[len(poles) :])
-        return p
-
-    def rest(x: FloatArray) -> FloatArray:
-        return _stack(_residues(at(x), f, H)[1])
-
-    def slope(x: FloatArray) -> FloatArray:
-        p = at(x)
-        solution, _ = _residues(p, f, H)
-        r = _complex_residues(p, solution)
-        s = 2j * np.pi * f[:, None]
-        near, mirror = r / (s - p) ** 2, np.where(paired, np.conj(r) / (s - np.conj(p)) ** 2, 0)
-        change = _stack(
-            -np.concatenate([(near + mirror) * p.real, (1j * (near - mirror) * p.imag)[:, paired]], axis=1)
-        )
-        basis, norms = _columns(p, f)
-        q, _ = np.linalg.qr(_stack(basis / norms))
-        return np.asarray(change - q @ (q.T @ change))
-
-    start = np.concatenate([np.log(-poles.real), np.log(poles.imag[paired])])
-    found = least_squares(
-        rest, start, slope, (start - 1, start + 1), method="trf", max_nfev=12, xtol=1e-9, ftol=1e-7
-    )
-    return at(found.x)
-
-
-def _model(poles: ComplexArray, solution: FloatArray, response: Response, error: float) -> Model:
-    return Model(
-        poles=poles,
-        residues=_complex_residues(poles, solution),
-        constant=float(solution[-2]),
-        slope=float(solution[-1]),
-        band=(float(response.frequencies[0]), float(response.frequencies[-1])),
-        error=error,
-    )
+    blocks, inputs, outputs = [], [], []
+    constant = float(direct[0])
+    for p, zp, rp in zip(poles, z[: len(poles)], r, strict=True):
+        # r / (1 - z back) = r + r z back / (1 - z back): the second part has one state and a delay.
+        if p.imag > 0:
+            blocks.append(np.array([[zp.real, zp.imag], [-zp.imag, zp.real]]))
+            inputs += [2.0, 0.0]
+            outputs += [(rp * zp).real, (rp * zp).imag]
+            constant += 2 * rp.real
+        else:
+            blocks.append(np.array([[zp.real]]))
+            inputs.append(1.0)
+            outputs.append((rp * zp).real)
+            constant += rp.real
+    blocks.append(np.zeros((1, 1)))
+    A, B = block_diag(*blocks), np.array([*inputs, 1.0])[:, None]
+    C, D = np.array([*outputs, direct[1]])[None, :], np.array([[constant]])
+    scale = np.linalg.norm(C)
+    pencil = np.block([[A, B], [C / scale, D / scale]])
+    zeros = eigvals(pencil, np.diag([1.0] * len(A) + [0.0]))
+    zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e6)]
+    sections: FloatArray = zpk2sos(zeros, np.append(z, 0.0), constant)  # type: ignore[arg-type]
+    return sections

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibration import files
+from calibration.excitation import Excitation
 from calibration.hysteresis import Hysteresis, fit_hysteresis
 from calibration.model import Model, fit
-from calibration.response import Response, measure_response
-from instruments import Rig, RigFile
+from calibration.response import SWEEP, Response, measure_response
+from instruments import ConfigurationError, Rig, RigFile
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -29,7 +30,15 @@ class Calibration:
 
     @classmethod
     def of(cls, response: Response) -> Calibration:
-        """Model and hysteresis fitted to a response. Raises what `fit` raises."""
+        """Model and hysteresis fitted to a response. Raises what `fit` raises.
+
+        ConfigurationError for a response that was imported for no rig: a drive is played at a rig's rate.
+        """
+        if not response.rig_file:
+            raise ConfigurationError(
+                f"The response of patch {response.patch} at the {response.point} point was {response.source} "
+                "without a rig: say which rig it is for when reading it."
+            )
         table = RigFile.model_validate_json(response.rig_file).table
         assert table is not None  # the response was measured on it
         return cls(response, fit(response), fit_hysteresis(response), table.rate_hz)
@@ -54,10 +63,14 @@ def calibrate(
     patch: str = "A",
     point: str = "button",
     progress: Callable[[float, float], None] = lambda _done, _total: None,
+    *,
+    excitation: Excitation = SWEEP,
 ) -> Calibration:
     """Measure the response of a patch at a point and fit a model to it.
+
+    Sweeps, the default, show the patch's hysteresis as well; after a multisine there is none known.
 
     `progress` is told the seconds measured so far and the seconds that the whole will take.
     Raises what `measure_response` and `fit` raise.
     """
-    return Calibration.of(measure_response(rig, patch, point, progress))
+    return Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))

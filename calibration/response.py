@@ -5,32 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.fft import fft, ifft, next_fast_len, rfft
-from scipy.ndimage import uniform_filter1d
 
-from calibration.excitation import linear_sweep
-from calibration.spectra import fade
+from calibration.channels import Channels
+from calibration.excitation import Excitation, LinearSweep, Multisine
+from calibration.periodic import from_multisine
+from calibration.swept import from_sweeps
 from instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Response", "measure_response"]
+if TYPE_CHECKING:
+    from calibration.estimate import Estimate
+    from calibration.hysteresis import Hysteresis
+
+__all__ = ["MEASURED", "Response", "measure_response", "quick_response", "response_from"]
 
 Progress = Callable[[float, float], None]
 """Told the seconds measured so far and the seconds that the whole will take."""
 
-SWEEP_STOP_HZ = 625.0
-"""Paper, "Vibration map": a linear sine sweep from 0 to 625 Hz."""
-SWEEP_BAND = (20.0, 620.0)
-"""Hz: the lines that the sweep excites fully, between its slow start and its fade."""
-_WIDE = (12.0, 623.0)
-"""Hz: a little more, for what needs neighbours."""
-_PART = 75.0
-"""Hz, of the overlapping parts in which harmonics are told from the response."""
-_POOL = 41
-"""Neighbouring lines whose noise is averaged: noise is smooth over frequency (5 Hz of it), so that
-a few repeats tell its level within 10 %."""
+MEASURED = "measured"
+"""Source of a response that a rig measured; others say what they were imported from."""
+_CREST = 1.66
+"""Of the multisines here."""
+SWEEP = LinearSweep()
+QUICK = Multisine()
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +41,11 @@ class Response:
     the vibrometer's delay and bandwidth and the card's channel skew are taken out. `deviation` is
     its standard deviation. `path` is measured volts at the patch per volt commanded (amplifier,
     converter and relay). `noise` is the density of everything in the measured velocity that did
-    not repeat (m/s per sqrt(Hz), one-sided). `coherence` is that of one sweep: the share of the
-    measured velocity's power that follows the drive, from the pooled noise and free of the bias
-    that few repeats give the classical estimate.
+    not repeat (m/s per sqrt(Hz), one-sided). `coherence` is that of one sweep or period: the share
+    of the measured velocity's power that follows the drive, from the pooled noise and free of the
+    bias that few repeats give the classical estimate. `distortion` is (2, lines) m/s per V: even and
+    odd distortion, noise included, from lines that were not excited; (1, lines), odd only, where all
+    even lines were. Lines need not be evenly spaced. What was not measured is empty.
     """
 
     patch: str
@@ -54,9 +56,10 @@ class Response:
     coherence: FloatArray
     path: ComplexArray
     noise: FloatArray
+    distortion: FloatArray
     repeats: int
     level: float
-    """Amplitude of the sweep (V, measured at the patch)."""
+    """Amplitude of the sweep, or peak of the multisine (V, measured at the patch)."""
     levels: FloatArray
     """(levels,) V: amplitudes of further, smaller sweeps."""
     level_gain: ComplexArray
@@ -64,6 +67,10 @@ class Response:
     patch's hysteresis, which makes it differ from one."""
     velocity_range: float
     """The vibrometer's full scale (m/s): a drive must stay within it to be checked."""
+    excitation: str
+    """What was played, in a sentence, and for how long."""
+    source: str
+    """"measured", or the file that it was imported from, with its hash."""
     rig: str
     rig_file: str
     """The rig as it was: its file as JSON."""
@@ -81,8 +88,26 @@ class Response:
         """M per V at the patch: what the paper's vibration maps show."""
         return np.asarray(self.velocity / (2j * np.pi * self.frequencies))
 
+    def confidence(self, level: float = 0.95) -> FloatArray:
+        """(lines,) radius round `velocity` (m/s per V) that holds the table's own with this probability.
+
+        The noise of a line is circular and Gaussian (central limit theorem), so that the squared
+        distance is exponentially distributed; multiply as `acceleration` and `displacement` do.
+        """
+        return np.asarray(np.sqrt(-np.log1p(-level)) * self.deviation)
+
+    def snr_db(self, peak: float) -> float:
+        """Velocity over noise (dB) within the band, when a multisine of `peak` V plays: for a plan."""
+        if not len(self.noise):
+            raise DataError(f"{self.source} says nothing about noise, so nothing can be planned with it.")
+        band = float(self.frequencies[-1] - self.frequencies[0])
+        signal = peak / _CREST * np.sqrt(np.mean(np.abs(self.velocity) ** 2))
+        return float(20 * np.log10(signal / np.sqrt(np.mean(self.noise**2) * band)))
+
     def coherence_min(self, low: float, high: float) -> float:
         """Lowest coherence between two frequencies (Hz). Raises DataError if none was measured."""
+        if len(self.coherence) != len(self.frequencies):
+            raise DataError(f"The response of patch {self.patch} at the {self.point} point has no coherence.")
         inside = (self.frequencies >= low) & (self.frequencies <= high)
         if not inside.any():
             raise DataError(f"The response has no line between {low:g} and {high:g} Hz.")
@@ -95,99 +120,86 @@ def measure_response(
     point: str = "button",
     progress: Progress = lambda _done, _total: None,
     *,
-    repeats: int = 3,
-    shares: tuple[float, ...] = (0.5, 0.25, 0.1),
-    duration: float = 7.0,
-    tail: float = 1.2,
+    excitation: Excitation = SWEEP,
     level: float | None = None,
+    hysteresis: Hysteresis | None = None,
 ) -> Response:
-    """Sweep a patch from 0 to 625 Hz, as the paper does, several times, and divide the spectra.
+    """Play an excitation into a patch, measure drive and velocity, and divide the spectra.
 
-    The whole record, sweep and ringing, goes into one transform, so that there is no leakage
-    (0.8 % error where Welch's method has 5 %). `level` is the peak in volts at the patch; None
-    takes what the rig's limits allow. One more sweep at each of `shares` of that level shows how the
-    response depends on it.
+    The default is the paper's sweep, at several levels, which also shows the patch's hysteresis. `level` is
+    the peak in volts at the patch; None takes what the rig's limits allow. A multisine takes 2.05 s or a few
+    periods more; with the `hysteresis` of an earlier calibration the strain that this makes of the
+    measured drive is what the response is from, so that distortion and level no longer matter: the result
+    is what sweeps at `hysteresis.level` would have shown.
 
     Raises InstrumentError when the operator does not confirm, a signal leaves its range or the
     drive does not reach the patch; DataError when the point does not follow the patch;
-    ConfigurationError for a rig that lacks an instrument or fewer than two repeats.
+    ConfigurationError for a rig that lacks an instrument.
     """
-    if repeats < 2:
-        raise ConfigurationError("A response needs at least 2 repeats: their difference is its noise.")
-    monitor = drive_monitor(rig)
-    rate_hz = rig.table.rate_hz
+    monitor = rig.monitor(patch)
     peak = rig.limits.peak if level is None else level
-    sweep = linear_sweep(rate_hz, duration, SWEEP_STOP_HZ, peak)
     prepare(rig, point)
-
-    factors = (*(1.0,) * repeats, *shares)
-    total = len(factors) * (duration + tail)
-    done = 0.0
-
-    def tell(seconds: float) -> None:
-        nonlocal done
-        done += seconds
-        progress(done, total)
-
-    channels = (monitor, rig.vibrometer.channel)
-    drives, velocities = [], []
-    for factor in factors:
-        capture = rig.excite(factor * sweep, (patch,), channels, tail, tell)
-        refuse_overload(rig, capture)
-        length = next_fast_len(capture.volts.shape[1], real=True)
-        frequencies, drive, velocity = _spectra(rig, capture, length)
-        drives.append(drive)
-        velocities.append(velocity)
-    X, Y = np.array(drives[:repeats]), np.array(velocities[:repeats])
-    samples = capture.volts.shape[1]
-    speed = SWEEP_STOP_HZ / duration
-
-    commanded = rfft(sweep, length)[_lines(rate_hz, length)]
-    power = (np.abs(X) ** 2).sum(axis=0)
-    path = X.mean(axis=0) / commanded
-    gain = float(np.median(np.abs(path)))
-    _refuse_silent_drive(gain, patch)
-    H = (np.conj(X) * Y).sum(axis=0) / power
-    # The drive is strong where the velocity is weak, so that what does not repeat is the velocity's.
-    residual = (np.abs(Y - H * X) ** 2).sum(axis=0) / (repeats - 1)
-    residual = uniform_filter1d(residual, _POOL, mode="nearest")
-    H = _without_harmonics(H, frequencies, speed)
-    signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
-    smaller = [
-        _without_harmonics(y / x, frequencies, speed)
-        for x, y in zip(drives[repeats:], velocities[repeats:], strict=True)
-    ]
-    kept = (frequencies >= SWEEP_BAND[0]) & (frequencies <= SWEEP_BAND[1])
-    response = Response(
-        patch=patch,
-        point=point,
-        frequencies=frequencies[kept],
-        velocity=H[kept],
-        deviation=np.sqrt(residual / power)[kept],
-        coherence=(signal / (signal + residual))[kept],
-        path=path[kept],
-        noise=np.sqrt(2 * residual / (samples * rate_hz))[kept],
-        repeats=repeats,
-        level=gain * peak,
-        levels=gain * peak * np.array(shares),
-        level_gain=np.array([np.vdot(H[kept], h[kept]) for h in smaller]) / np.linalg.norm(H[kept]) ** 2,
-        velocity_range=rig.vibrometer.range,
-        rig=rig.name,
-        rig_file=rig.file.model_dump_json(),
-        simulated=rig.simulated,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-    )
-    _refuse_incoherent(response)
-    return response
-
-
-def drive_monitor(rig: Rig) -> str:
-    """The channel that measures the volts at the patch. Raises ConfigurationError without one."""
-    if rig.sensors.drive is None:
-        raise ConfigurationError(
-            f"The rig {rig.name!r} has no [sensors.drive]; a drive is always measured, never assumed."
+    if isinstance(excitation, Multisine):
+        drive = excitation.volts(rig.table.rate_hz, peak)
+        tell = _Total(progress, excitation.duration)
+        capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
+        return response_from(
+            rig, capture, excitation, drive, patch=patch, point=point, monitor=monitor, hysteresis=hysteresis
         )
-    return rig.sensors.drive.channels[0]
+    if hysteresis is not None:
+        raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
+    return _swept(rig, patch, point, monitor, excitation, peak, _Total(progress, excitation.duration))
+
+
+def quick_response(
+    rig: Rig,
+    patch: str = "A",
+    point: str = "button",
+    progress: Progress = lambda _done, _total: None,
+    *,
+    level: float | None = None,
+    hysteresis: Hysteresis | None = None,
+) -> Response:
+    """A response from one period of a multisine from rest: 2.05 s. As `measure_response` otherwise."""
+    return measure_response(rig, patch, point, progress, excitation=QUICK, level=level, hysteresis=hysteresis)
+
+
+def response_from(
+    rig: Rig,
+    capture: Capture,
+    multisine: Multisine,
+    commanded: FloatArray,
+    *,
+    patch: str,
+    point: str,
+    monitor: str,
+    hysteresis: Hysteresis | None = None,
+) -> Response:
+    """The response of one patch from a capture that begins with a multisine, `commanded` ((samples,) V).
+
+    `monitor` is the channel that measured this patch's volts. Patches that were driven at once, each
+    on lines of its own, take one call each. Raises as `measure_response`.
+    """
+    refuse_overload(rig, capture)
+    volts, velocity, channels = _signals(rig, capture, monitor)
+    strained = hysteresis.strain(volts) if hysteresis is not None else None
+    found = from_multisine(multisine, commanded, volts, velocity, channels, strained)
+    peak, said = float(np.abs(commanded).max()), str(multisine)
+    lag = 1.0 + 0.0j
+    if hysteresis is not None:
+        lag, said = hysteresis.gain(hysteresis.level), f"{said}; the patch's hysteresis taken out"
+    return _response(
+        rig,
+        found,
+        patch,
+        point,
+        excitation=said,
+        repeats=multisine.periods,
+        peak=peak,
+        shares=(),
+        level=None if hysteresis is None else hysteresis.level,
+        lag=lag,
+    )
 
 
 def prepare(rig: Rig, point: str) -> None:
@@ -225,50 +237,91 @@ def refuse_overload(rig: Rig, capture: Capture) -> None:
         raise InstrumentError(problem)
 
 
-def _lines(rate_hz: float, length: int) -> slice:
-    first, last = (edge * length / rate_hz for edge in _WIDE)
-    return slice(int(np.ceil(first)), int(np.floor(last)) + 1)
+def _swept(
+    rig: Rig,
+    patch: str,
+    point: str,
+    monitor: str,
+    sweep: LinearSweep,
+    peak: float,
+    tell: Callable[[float], None],
+) -> Response:
+    once = sweep.volts(rig.table.rate_hz, peak)
+    drives, velocities = [], []
+    for factor in (*(1.0,) * sweep.repeats, *sweep.shares):
+        capture = rig.excite(factor * once, (patch,), (monitor, rig.vibrometer.channel), sweep.tail, tell)
+        refuse_overload(rig, capture)
+        volts, velocity, channels = _signals(rig, capture, monitor)
+        drives.append(volts)
+        velocities.append(velocity)
+    found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
+    return _response(
+        rig, found, patch, point, excitation=str(sweep), repeats=sweep.repeats, peak=peak, shares=sweep.shares
+    )
 
 
-def _spectra(rig: Rig, capture: Capture, length: int) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """Frequencies (Hz), and per line the volts at the patch and the surface's velocity, in time."""
-    lines = _lines(capture.rate_hz, length)
-    f = np.arange(lines.start, lines.stop) * capture.rate_hz / length
-    drive, laser = capture.channels.index(drive_monitor(rig)), capture.channels.index(rig.vibrometer.channel)
+def _response(
+    rig: Rig,
+    found: Estimate,
+    patch: str,
+    point: str,
+    *,
+    excitation: str,
+    repeats: int,
+    peak: float,
+    shares: tuple[float, ...],
+    level: float | None = None,
+    lag: complex = 1.0,
+) -> Response:
+    gain = float(np.median(np.abs(found.path)))
+    _refuse_silent_drive(gain, patch)
+    response = Response(
+        patch=patch,
+        point=point,
+        frequencies=found.frequencies,
+        velocity=found.velocity * lag,
+        deviation=found.deviation,
+        coherence=found.coherence,
+        path=found.path,
+        noise=found.noise,
+        distortion=found.distortion,
+        repeats=repeats,
+        level=gain * peak if level is None else level,
+        levels=gain * peak * np.array(shares),
+        level_gain=found.level_gain,
+        velocity_range=rig.vibrometer.range,
+        excitation=excitation,
+        source=MEASURED,
+        rig=rig.name,
+        rig_file=rig.file.model_dump_json(),
+        simulated=rig.simulated,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    _refuse_incoherent(response)
+    return response
+
+
+def _signals(rig: Rig, capture: Capture, monitor: str) -> tuple[FloatArray, FloatArray, Channels]:
+    """(samples,) V of the monitor, (samples,) m/s of the laser's output, and how they were sampled."""
+    drive, laser = capture.channels.index(monitor), capture.channels.index(rig.vibrometer.channel)
     divider = rig.sensors.drive
     assert divider is not None
+    channels = Channels(
+        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), rig.vibrometer.response
+    )
     volts = divider.to_si(capture.volts[[drive]])[0]
-    velocity = rig.vibrometer.to_velocity(capture.volts[laser])
-    skew = np.exp(-2j * np.pi * f * capture.delays[[drive, laser], None])
-    # Means are taken off before the padding makes steps of them.
-    X = rfft(volts - volts.mean(), length)[lines] * skew[0]
-    Y = rfft(velocity - velocity.mean(), length)[lines] * skew[1] / rig.vibrometer.response(f)
-    return f, np.asarray(X), np.asarray(Y)
+    return volts, rig.vibrometer.to_velocity(capture.volts[laser]), channels
 
 
-def _without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) -> ComplexArray:
-    """A sweep's response without the harmonics that the patch's hysteresis adds to it.
+class _Total:
+    """Adds up the seconds of blocks, and tells them with the seconds of the whole."""
 
-    The sweep passes frequency f at the time f / speed (Hz, Hz/s). What the n-th harmonic brings at f
-    came n times earlier, so that in the impulse response it stands before time zero, at (1/n - 1)
-    f / speed, where no causal system answers (Farina, AES 108th Convention, 2000, for a logarithmic
-    sweep; with a linear one the place depends on f). The answer is gated in overlapping parts of
-    the band, each with its own gate from half way to the second harmonic to where the last wraps.
-    """
-    # Beyond the ends it is continued point-symmetrically and faded, because an edge would ring.
-    step = float(frequencies[1] - frequencies[0])
-    more = round(_PART / 2 / step)
-    f = frequencies[0] + step * np.arange(-more, len(H) + more)
-    longer = np.pad(H, more, mode="reflect", reflect_type="odd") * fade(len(f), more, more)
-    time = np.arange(len(f)) / (len(f) * step)
-    gated = np.zeros(len(f), dtype=np.complex128)
-    for centre in np.arange(f[0], f[-1] + _PART, _PART):
-        weight = np.clip(1 - np.abs(f - centre) / _PART, 0, 1)
-        begin = 1 / step - max((centre - _PART) / speed / 4, 0.1)
-        end = 1 / step - (centre + _PART) / speed
-        gate = np.interp(time, [end - 0.1, end, begin, begin + 0.05], [1, 0, 0, 1])
-        gated += fft(gate * ifft(longer * weight))
-    return gated[more : more + len(H)]
+    def __init__(self, progress: Progress, total: float) -> None:
+        self._progress, self._total, self._done = progress, total, 0.0
+
+    def __call__(self, seconds: float) -> None:
+        self._done += seconds
+        self._progress(min(self._done, self._total), self._total)
 
 
 def _refuse_silent_drive(gain: float, patch: str) -> None:

@@ -10,10 +10,16 @@ import sys
 
 import click
 
-from haploop.commands.care import doctor, schema
+from haploop.commands.button import button
+from haploop.commands.calibrations import calibrations
+from haploop.commands.care import doctor, log, reset, schema
 from haploop.commands.demo import demo
-from haploop.commands.files import recover, show
+from haploop.commands.export import export
+from haploop.commands.files import recover, show, verify
+from haploop.commands.map import map_command
+from haploop.commands.recalibrate import recalibrate
 from haploop.commands.record import record
+from haploop.commands.study import study
 from haploop.commands.table import calibrate, check
 from haploop.exits import Commands
 from haploop.serve import twin
@@ -30,7 +36,26 @@ def cli() -> None:
     """
 
 
-for command in (demo, record, recover, show, calibrate, check, doctor, schema, twin):
+for command in (
+    demo,
+    record,
+    study,
+    recover,
+    verify,
+    show,
+    calibrate,
+    check,
+    map_command,
+    button,
+    recalibrate,
+    calibrations,
+    export,
+    doctor,
+    log,
+    reset,
+    schema,
+    twin,
+):
     cli.add_command(command)
 
 

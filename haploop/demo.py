@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import ButtonPress, Recording, Representative, find_presses, record, representative
+from acquisition import ButtonPress, Recording, Representative, accepted_presses, record, representative
 from calibration import Calibration, Check, calibrate, check, drive_for
 from haploop import figures
 from haploop.report import Plate, render
@@ -195,10 +195,14 @@ def _loop(
             ButtonResult(
                 button,
                 tuple(recordings[button]),
-                tuple(find_presses(recording) for recording in recordings[button]),
+                tuple(accepted_presses(recording) for recording in recordings[button]),
                 presses[button],
                 checks[button],
-                tuple(p.activation_force for p in truth.presses if p.button == button),
+                tuple(
+                    p.activation_force
+                    for p in truth.presses
+                    if p.button == button and not p.flaw and p.activation_force is not None
+                ),
             )
             for button in BUTTONS
         ),

@@ -156,14 +156,31 @@ def _settings(rig: Rig) -> Iterator[Finding]:
     if rig.file.vibrometer is not None:
         yield _vibrometer_settings(rig)
     if _has_table(rig):
-        limits = rig.limits
-        yield Finding(
-            "Limits",
-            "amplifier",
-            "green",
-            f"A drive may swing {limits.peak:g} V about zero: the strictest of amplifier, relay, patch and "
-            "rig.",
+        yield _limits(rig)
+    if rig.file.relay is not None and math.isfinite(rig.relay.dead_man):
+        sentence = (
+            f"Without this program, killed or without power, the box opens by itself after "
+            f"{rig.relay.dead_man:g} s."
         )
+        yield Finding("Dead-man time", "relay", "green", sentence)
+    latch = rig.latch
+    if latch is not None:
+        yield Finding("Latch", "rig", "red", latch.sentence)
+    elif _has_table(rig):
+        yield Finding("Latch", "rig", "green", f"It is not latched; its audit log is in {rig.audit.folder}.")
+
+
+def _limits(rig: Rig) -> Finding:
+    limits, abort = rig.limits, rig.file.abort
+    sentence = (
+        f"A drive may swing {limits.peak:g} V about zero, slew {limits.slew:g} V/s, draw "
+        f"{limits.current_peak:g} A and last {limits.burst:g} s, {limits.duty:.0%} of a minute: the "
+        "strictest of amplifier, relay, patch and rig."
+    )
+    watched = [f"{1.1 * limits.peak if abort.drive is None else abort.drive:.3g} V at the patch"]
+    watched += [f"{abort.velocity:g} m/s of the surface"] if abort.velocity is not None else []
+    watched += [f"{abort.force:g} N on the force sensor"] if abort.force is not None else []
+    return Finding("Limits", "amplifier", "green", f"{sentence} A play is stopped at {', '.join(watched)}.")
 
 
 def _vibrometer_settings(rig: Rig) -> Finding:

@@ -109,12 +109,14 @@ class Rigs:
             pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
 
     def _hold(self) -> None:
-        from haploop.lock import hold  # noqa: PLC0415
         from instruments import InstrumentError  # noqa: PLC0415
+        from instruments.lock import reserve  # noqa: PLC0415
+        from instruments.opening import hardware  # noqa: PLC0415
 
         if not self._held:
+            file = self._asked_for()
             try:
-                self._stack.enter_context(hold(self._path, f"pytest in {self._project}"))
+                self._stack.enter_context(reserve(hardware(file, None), f"The rig {file.name!r}"))
             except InstrumentError as error:
                 pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
             self._held = True

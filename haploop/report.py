@@ -26,15 +26,13 @@ class Plate:
     caption: str
 
 
-def render(summary: Mapping[str, Any], plates: Sequence[Plate]) -> str:
-    """The report of a demo's summary (see `haploop.demo`) as HTML, with the plates as PNG inside."""
+def render(summary: Mapping[str, Any], plates: Sequence[Plate], template: str = "report.html") -> str:
+    """A summary as HTML by a template of this package, with the plates as PNG inside."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(percent=_percent, fixed=_fixed, minute=_minute, rest=_rest)
-    template = environment.from_string(
-        (resources.files("haploop") / "report.html").read_text(encoding="utf-8")
-    )
+    page = environment.from_string((resources.files("haploop") / template).read_text(encoding="utf-8"))
     images = [
         {
             "title": plate.title,
@@ -43,7 +41,7 @@ def render(summary: Mapping[str, Any], plates: Sequence[Plate]) -> str:
         }
         for plate in plates
     ]
-    return template.render(s=summary, plates=images)
+    return page.render(s=summary, plates=images)
 
 
 def _percent(value: float | None, digits: int = 1) -> str:

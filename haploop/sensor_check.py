@@ -16,8 +16,6 @@ __all__ = ["cards", "judge_clock", "judge_force", "judge_gravity", "judge_noise"
 
 _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
-_TILT = 0.35 * _GRAVITY
-"""The zero-g tolerance of an ADXL335 is 0.3 g (estimate; hardware.md, section 7)."""
 _CONVERTER_NOISE = 28e-6
 """V rms per V of range: that of a 16-bit card (found for +-10 V; hardware.md, section 13)."""
 _NOISY = 5e-3
@@ -137,15 +135,8 @@ def judge_gravity(rig: Rig) -> Iterator[Finding]:
     volts = _captured(rig, sensor.channels, 1.0).volts
     x, y, z = sensor.to_si(volts).mean(axis=1)
     measured = f"It rests at {x:.1f}, {y:.1f}, {z:.1f} m/s² along x, y, z"
-    if abs(z + _GRAVITY) < _TILT:
-        what = "it is mounted upside down, z must point up: turn it over."
-    elif abs(z - _GRAVITY) > _TILT:
-        what = (
-            "z must show 9.8: check how it is mounted, its supply, and sensitivity and zero in the rig file."
-        )
-    elif max(abs(x), abs(y)) > _TILT:
-        what = "x and y must show nothing: mount it level, or check its wires."
-    else:
+    what = sensor.fault_at_rest(volts)
+    if what is None:
         yield Finding("Gravity", "acceleration", "green", f"{measured}: upright, with 9.8 expected on z.")
         return
     yield Finding("Gravity", "acceleration", "red", f"{measured}: {what}")

@@ -7,7 +7,18 @@ from instruments.errors import ConfigurationError, DataError, HaploopError, Inst
 from instruments.generator import Generator, Sweep
 from instruments.limits import Limits
 from instruments.opening import open_rig
-from instruments.operator import Aim, ConfirmSettings, Operator, Place, Press, Remove, Request, Rest
+from instruments.operator import (
+    Aim,
+    ConfirmSettings,
+    Consent,
+    Operator,
+    Place,
+    Press,
+    Ready,
+    Remove,
+    Request,
+    Rest,
+)
 from instruments.player import Player
 from instruments.relay import Relay
 from instruments.rig import Rig
@@ -24,6 +35,7 @@ __all__ = [
     "Clock",
     "ConfigurationError",
     "ConfirmSettings",
+    "Consent",
     "Daq",
     "DataError",
     "Divider",
@@ -37,6 +49,7 @@ __all__ = [
     "Place",
     "Player",
     "Press",
+    "Ready",
     "RealClock",
     "Relay",
     "Remove",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
 
 from instruments.arrays import FloatArray
 from instruments.limits import Limits
@@ -11,11 +13,16 @@ __all__ = ["Amplifier"]
 
 
 class Amplifier(ABC):
-    """A voltage amplifier between a DAQ output and the relay. Safe state: zero volts at its input."""
+    """A voltage amplifier between a DAQ output and the relay. Safe state: zero volts at its input.
+
+    It has one channel for all patches, or one for each: then several drives can play at once.
+    """
 
     identity: str
     input: str
-    """Name of the output that feeds it: the DAQ's, a player's or a generator's."""
+    """Name of the output that feeds it: the DAQ's, a player's or a generator's. Empty with `inputs`."""
+    inputs: Mapping[str, str] = MappingProxyType({})
+    """By patch, names of the DAQ's outputs that feed it, when it has a channel for each patch."""
 
     @abstractmethod
     def limits(self, patches: int) -> Limits:

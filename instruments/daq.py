@@ -6,11 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Self, final
 
 import numpy as np
 
 from instruments.arrays import BoolArray, FloatArray
+from instruments.gate import Gated
 
 __all__ = ["Block", "Capture", "Daq", "Stream"]
 
@@ -103,10 +104,11 @@ class Stream(ABC):
         self.close()
 
 
-class Daq(ABC):
+class Daq(Gated, ABC):
     """One or several cards that share a sample clock.
 
-    Safe state: nothing plays, every output holds zero volts. Opening a Daq changes no output.
+    Safe state: nothing plays, every output holds zero volts. Opening a Daq changes no output. A
+    driver writes `_stream`; it is reached through `stream` alone, by what the rig's limits admit.
     """
 
     identity: str
@@ -114,7 +116,7 @@ class Daq(ABC):
     simulated = False
     """Whether a card says of itself that it is a simulated one."""
 
-    @abstractmethod
+    @final
     def stream(
         self,
         channels: Sequence[str],
@@ -131,9 +133,23 @@ class Daq(ABC):
         output holds that sample's value until the stream is closed.
 
         Raises ConfigurationError for an unknown channel or output, or a rate that the card cannot
-        run; LimitError for a waveform that is not finite or outside the output's range;
-        InstrumentError when the card refuses.
+        run; LimitError for a waveform that is not finite, outside the output's range, or none that
+        the rig's limits have admitted (see `Rig.excite`); InstrumentError when the card refuses.
         """
+        for output, volts in (play or {}).items():
+            self._gate.admit(output, volts, rate_hz)
+        return self._stream(channels, rate_hz, block, samples, play)
+
+    @abstractmethod
+    def _stream(
+        self,
+        channels: Sequence[str],
+        rate_hz: float,
+        block: int,
+        samples: int | None,
+        play: Mapping[str, FloatArray] | None,
+    ) -> Stream:
+        """See `stream`: what the driver does for it."""
 
     @abstractmethod
     def zero(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Collection
 from typing import Any, Literal, Protocol
 
 from pydantic import BaseModel
@@ -9,7 +11,7 @@ from pydantic import BaseModel
 from instruments.clock import Clock
 from instruments.rig_file import Device
 
-__all__ = ["Driver", "Mode", "Simulation"]
+__all__ = ["Driver", "Mode", "Simulation", "hardware_of", "one_name"]
 
 Mode = Literal["twin", "wire"]
 
@@ -22,6 +24,24 @@ class Driver(Protocol):
 
     def open(self, settings: Any, clock: Clock) -> Any:
         """Connect, change no output, and return an implementation of the role."""
+
+    # May be there as well:
+    # def hardware(self, settings: Any) -> Collection[str]
+    #     Names of what no second program may use meanwhile: a card, a port. Without it, two rigs
+    #     with this driver exclude each other.
+
+
+def one_name(address: str) -> str:
+    """A port, host or resource by one name, in whichever of its ways it was written."""
+    if address.startswith("/"):
+        return os.path.realpath(address)
+    return address.lower().replace("localhost", "127.0.0.1")
+
+
+def hardware_of(name: str, driver: Driver, settings: Any) -> frozenset[str]:
+    """Names of the pieces of hardware that a driver would use with these settings."""
+    named: Collection[str] = getattr(driver, "hardware", lambda _settings: (name,))(settings)
+    return frozenset(named)
 
 
 class Simulation(Protocol):

@@ -28,8 +28,8 @@ class E413(Amplifier):
 
         model_config = ConfigDict(frozen=True, extra="forbid")
 
-        input: str
-        """Name of the DAQ output that feeds it."""
+        input: str | dict[str, str]
+        """Name of the output that feeds it; of one amplifier for each patch, a name for each patch."""
         gain: Positive = 50.0
         low: Annotated[float, Field(lt=0, allow_inf_nan=False)] = -100.0
         high: Positive = 400.0
@@ -38,8 +38,14 @@ class E413(Amplifier):
 
     def __init__(self, settings: Settings) -> None:
         self.identity = "E-413.D2"
-        self.input = settings.input
+        self.input = settings.input if isinstance(settings.input, str) else ""
+        self.inputs = settings.input if isinstance(settings.input, dict) else {}
         self._settings = settings
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: it is driven through the DAQ."""
+        return ()
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
@@ -47,7 +53,7 @@ class E413(Amplifier):
         return cls(settings)
 
     def limits(self, patches: int) -> Limits:
-        """See `Amplifier.limits`; its current does not depend on how many patches share it."""
+        """See `Amplifier.limits`; a channel's current does not depend on how many patches share it."""
         s = self._settings
         return Limits(low=s.low, high=s.high, current_peak=s.current_peak, current_average=s.current_average)
 

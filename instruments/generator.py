@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import final
 
 from instruments.errors import ConfigurationError
+from instruments.gate import Gated
 
 __all__ = ["Generator", "Sweep"]
 
@@ -32,17 +34,19 @@ class Sweep:
             )
 
 
-class Generator(ABC):
+class Generator(Gated, ABC):
     """A function generator. Safe state: output off. Opening the driver changes nothing.
 
     A sweep is configured with the output off, armed, triggered, and after its duration switched
     off: until then the output goes on at the start frequency. What really reaches the patches is
-    measured by the DAQ; no generator shares its clock.
+    measured by the DAQ; no generator shares its clock. A driver writes `_configure` and `_trigger`;
+    they are reached through `configure` and `trigger` alone, by what the rig's limits admit.
     """
 
     identity: str
     output: str
     """Name of the amplifier input that its output is wired to."""
+    _configured: Sweep | None = None
 
     @property
     @abstractmethod
@@ -62,13 +66,21 @@ class Generator(ABC):
     def is_on(self) -> bool:
         """Whether the output is on, read back."""
 
-    @abstractmethod
+    @final
     def configure(self, sweep: Sweep) -> None:
         """Switch the output off, set the sweep and the load, and read each back.
 
-        Raises LimitError for more volts than the rig file allows, InstrumentError with the
-        instrument's own words for what it refuses, or when it reads back something else.
+        Raises LimitError for more volts than the rig file allows, or a sweep that the rig's limits
+        have not admitted (see `Rig.sweep`), InstrumentError with the instrument's own words for
+        what it refuses, or when it reads back something else.
         """
+        self._gate.admit_sweep(self.output, sweep, starts=False)
+        self._configured = sweep
+        self._configure(sweep)
+
+    @abstractmethod
+    def _configure(self, sweep: Sweep) -> None:
+        """See `configure`: what the driver does for it."""
 
     @abstractmethod
     def arm(self) -> None:
@@ -77,12 +89,20 @@ class Generator(ABC):
         Raises ConfigurationError when none is configured, InstrumentError.
         """
 
-    @abstractmethod
+    @final
     def trigger(self) -> None:
         """Switch the output on and start the armed sweep, and return at once.
 
-        Raises ConfigurationError when none is armed, InstrumentError (with the output off).
+        Raises ConfigurationError when none is armed, LimitError when it is no longer admitted,
+        InstrumentError (with the output off).
         """
+        if self._configured is not None:
+            self._gate.admit_sweep(self.output, self._configured, starts=True)
+        self._trigger()
+
+    @abstractmethod
+    def _trigger(self) -> None:
+        """See `trigger`: what the driver does for it."""
 
     @abstractmethod
     def off(self) -> None:

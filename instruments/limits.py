@@ -10,7 +10,13 @@ import numpy as np
 from instruments.arrays import FloatArray
 from instruments.errors import LimitError
 
-__all__ = ["Limits"]
+__all__ = ["Limits", "sounding"]
+
+_SUSTAINED = 1.0
+"""Seconds over which an average current is taken, at the worst place of a drive: silence elsewhere
+in it must not make a burst look harmless."""
+_ROUNDING = 1e-9
+"""Relative: rounding is not a drive that breaks a limit."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +34,13 @@ class Limits:
     current_peak: float = np.inf
     """Largest C dv/dt (A)."""
     current_average: float = np.inf
-    """Largest mean of C |dv/dt| / 2 (A): charge per second that the amplifier delivers."""
+    """Largest mean of C |dv/dt| / 2 (A) over any second: charge that the amplifier delivers."""
     capacitance: float = 0.0
     """Of the connected patches together (F)."""
     burst: float = np.inf
-    """Longest drive (s)."""
+    """Longest drive (s), from its first sample that is not zero to its last."""
+    duty: float = 1.0
+    """Largest share of any minute in which something is played; a limiter remembers."""
     mean: float = np.inf
     """Largest mean voltage (V)."""
     end: float = np.inf
@@ -72,9 +80,10 @@ class Limits:
                 f"{self.high:g} V and {self.swing:g} V from peak to peak."
             )
 
-    def check(self, drive: FloatArray, rate_hz: float) -> None:
+    def check(self, drive: FloatArray, rate_hz: float, whose: str = "the rig") -> None:
         """Refuse a drive ((samples,) V at the patch) that breaks any limit.
 
+        Silence before and after it is not a part of the drive. `whose` limits these are is said.
         Raises LimitError, which says the limit, by how much, and at which sample.
         """
         if not isinstance(drive, np.ndarray) or drive.dtype.kind != "f":
@@ -86,26 +95,42 @@ class Limits:
             raise LimitError(
                 f"The drive is {drive[bad[0]]} at sample {bad[0]}: every sample must be a number."
             )
-        steps = np.diff(drive, prepend=0.0, append=0.0) * rate_hz
-        current = self.capacitance * np.abs(steps)
         ends = np.abs(drive[[0, -1]])
+        first, stop = sounding(drive)
+        drive = drive[first:stop]
+        steps = np.abs(np.diff(drive, prepend=0.0, append=0.0)) * rate_hz
+        current = self.capacitance * steps
+        average = _averages(current, round(_SUSTAINED * rate_hz)) / 2
         # What is compared, the limit, its unit, and the sample where it is worst.
         rows = (
             ("falls to", drive.min(), self.low, "V", int(drive.argmin()), -1),
             ("rises to", drive.max(), self.high, "V", int(drive.argmax()), 1),
-            ("swings over", float(np.ptp(drive)), self.swing, "V", int(drive.argmax()), 1),
-            ("slews at", float(np.abs(steps).max()), self.slew, "V/s", int(np.abs(steps).argmax()), 1),
-            ("draws a peak of", float(current.max()), self.current_peak, "A", int(current.argmax()), 1),
-            ("draws on average", float(current.mean()) / 2, self.current_average, "A", 0, 1),
+            ("swings over", np.ptp(drive), self.swing, "V", int(drive.argmax()), 1),
+            ("slews at", steps.max(), self.slew, "V/s", int(steps.argmax()), 1),
+            ("draws a peak of", current.max(), self.current_peak, "A", int(current.argmax()), 1),
+            ("draws on average", average.max(), self.current_average, "A", int(average.argmax()), 1),
             ("lasts", len(drive) / rate_hz, self.burst, "s", len(drive) - 1, 1),
-            ("has a mean of", abs(float(drive.mean())), self.mean, "V", 0, 1),
-            ("starts or ends at", float(ends.max()), self.end, "V", int(ends.argmax()) * (len(drive) - 1), 1),
+            ("has a mean of", abs(drive.mean()), self.mean, "V", 0, 1),
+            ("starts or ends at", ends.max(), self.end, "V", int(ends.argmax()) * (len(drive) - 1), 1),
         )
         for what, value, limit, unit, sample, sign in rows:
-            # One part in 10^9 is rounding, not a drive that breaks a limit. A limit that is no number
-            # is broken by every drive.
-            if not sign * (value - limit) <= 1e-9 * max(1.0, abs(limit)):
+            beyond = sign * (float(value) - limit)
+            # A limit that is no number is broken by every drive.
+            if not beyond <= _ROUNDING * max(1.0, abs(limit)):
                 raise LimitError(
-                    f"The drive {what} {value:.4g} {unit} at sample {sample}, "
-                    f"and the rig's limit is {limit:.4g} {unit}."
+                    f"The drive {what} {float(value):.4g} {unit} at sample {first + sample}, {beyond:.3g} "
+                    f"{unit} beyond the {limit:.4g} {unit} of {whose}."
                 )
+
+
+def sounding(drive: FloatArray) -> tuple[int, int]:
+    """First sample of a drive that is not zero, and the sample after the last one; all of one that is."""
+    found = np.flatnonzero(drive)
+    return (int(found[0]), int(found[-1]) + 1) if len(found) else (0, len(drive))
+
+
+def _averages(current: FloatArray, samples: int) -> FloatArray:
+    """Mean of every run of `samples` values, by its first sample; of all of them when they are fewer."""
+    samples = min(max(samples, 1), len(current))
+    total = np.concatenate([[0.0], np.cumsum(current)])
+    return np.asarray((total[samples:] - total[:-samples]) / samples)

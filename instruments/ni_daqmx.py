@@ -27,6 +27,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from instruments.arrays import FloatArray
 from instruments.clock import Clock
 from instruments.daq import Block, Daq, Stream
+from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.ni_errors import translated
 
@@ -117,6 +118,13 @@ class NiDaq(Daq):
             f"{card.product} ({card.name}, serial {card.serial:X})" for card in self._cards.values()
         )
 
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: each card."""
+        return tuple(
+            f"{one_name(settings.server or 'this computer')} {name.lower()}" for name in _devices(settings)
+        )
+
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Find the cards. Changes no output. `clock` is not needed: the cards have their own.
@@ -144,15 +152,14 @@ class NiDaq(Daq):
             channel.close()
             raise
 
-    def stream(
+    def _stream(
         self,
         channels: Sequence[str],
         rate_hz: float,
         block: int,
-        samples: int | None = None,
-        play: Mapping[str, FloatArray] | None = None,
+        samples: int | None,
+        play: Mapping[str, FloatArray] | None,
     ) -> Stream:
-        """See `Daq.stream`."""
         play = play or {}
         self._refuse(channels, block, samples, play)
         plan = self._plan(channels, play)
@@ -214,11 +221,8 @@ class NiDaq(Daq):
     # Checks
 
     def _find_cards(self) -> dict[str, _Card]:
-        used = [c.terminal for c in self._settings.channels.values()]
-        used += [o.terminal for o in self._settings.outputs.values()]
-        names = list(dict.fromkeys([*(_device(t) for t in used), *self._settings.devices]))
         cards = {}
-        for name in names:
+        for name in _devices(self._settings):
             with self.talking_to(name):
                 system = System.remote(**self._session) if self._session else System.local()
                 present = system.devices.device_names
@@ -457,6 +461,13 @@ class _NiStream(Stream):
 
 def _device(terminal: str) -> str:
     return terminal.partition("/")[0]
+
+
+def _devices(settings: NiDaq.Settings) -> tuple[str, ...]:
+    """Every card that a rig file names, once."""
+    used = [channel.terminal for channel in settings.channels.values()]
+    used += [output.terminal for output in settings.outputs.values()]
+    return tuple(dict.fromkeys([*(_device(terminal) for terminal in used), *settings.devices]))
 
 
 def _card(device: Any, name: str) -> _Card:

@@ -13,6 +13,7 @@ from typing import Annotated, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from instruments.clock import Clock
+from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError
 from instruments.ofv5000_codec import (
     Command,
@@ -86,6 +87,11 @@ class Ofv5000(Vibrometer):
         except BaseException:
             line.close()
             raise
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the port."""
+        return (one_name(settings.port),)
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:

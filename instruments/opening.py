@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import closing
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import instruments
 from instruments.clock import RealClock
-from instruments.driver import Driver, Mode, Simulation
+from instruments.driver import Driver, Mode, Simulation, hardware_of
 from instruments.errors import ConfigurationError
-from instruments.rig import ROLES, Rig
-from instruments.rig_file import RigFile, SimulationSettings, load_rig_file, validate
+from instruments.lock import hold
+from instruments.rig import Rig
+from instruments.rig_file import Device, RigFile, SimulationSettings, load_rig_file, validate
+from instruments.roles import ROLES
 
-__all__ = ["open_rig"]
+__all__ = ["hardware", "open_rig", "simulated_file"]
 
 
 def open_rig(
@@ -25,23 +28,23 @@ def open_rig(
     `rig` is a rig file's path, the bare name of a rig that haploop ships, or a loaded file.
     `simulate` replaces every driver by its twin, or keeps the drivers and points them at their
     wires; None takes what the file says, which for a lab's rig is the hardware. `simulation`
-    overrides keys of the file's `[simulation]` table. Connecting changes no output.
+    overrides keys of the file's `[simulation]` table. Connecting changes no output. Hardware is
+    locked while it is open: no other program, and no other rig of this one, can open it.
 
-    Raises ConfigurationError, and InstrumentError when an instrument is not there.
+    Raises ConfigurationError, and InstrumentError when an instrument is not there or in use.
     """
     _check_import_name()
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
     mode = simulate or file.simulate
     world: Simulation | None = None
     if mode is not None:
-        plant = {**file.simulation.model_dump(), **(simulation or {})}
-        file = file.model_copy(
-            update={"simulation": validate(SimulationSettings, plant, f"[simulation] of {file.name}")}
-        )
+        file = simulated_file(file, simulation or {})
         (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
         world = entry.load()(file)
-    opened = Rig(file, world.clock if world else RealClock(), world, mode)
+    pieces = hardware(file, mode)
+    opened = Rig(file, world.clock if world else RealClock(), world, mode, pieces)
     try:
+        opened.holding(closing(world) if world else hold(pieces, f"The rig {file.name!r}"))
         _connect(opened)
     except BaseException:
         opened.close()
@@ -49,19 +52,30 @@ def open_rig(
     return opened
 
 
+def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
+    """Names of what a rig consists of: what a lock and a latch are for. A simulated world is one piece."""
+    if mode is not None:
+        return frozenset({f"the simulated rig {file.name}, {file.digest}"})
+    return frozenset().union(
+        *(
+            hardware_of(
+                device.driver, driver, validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
+            )
+            for role, device, driver in _drivers(file)
+        )
+    )
+
+
+def simulated_file(file: RigFile, changes: Mapping[str, Any]) -> RigFile:
+    """A rig file with keys of its `[simulation]` table changed."""
+    plant = {**file.simulation.model_dump(), **changes}
+    settings = validate(SimulationSettings, plant, f"[simulation] of {file.name}")
+    return file.model_copy(update={"simulation": settings})
+
+
 def _connect(rig: Rig) -> None:
     """Open each instrument that the rig file names."""
-    drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
-    devices = {role: getattr(rig.file, role) for role in ROLES}
-    for role, device in devices.items():
-        if device is None:
-            continue
-        if device.driver not in drivers:
-            raise ConfigurationError(
-                f"The rig {rig.name!r} asks for the {role} driver {device.driver!r}; "
-                f"installed drivers are {', '.join(sorted(drivers))}."
-            )
-        driver: Driver = drivers[device.driver].load()
+    for role, device, driver in _drivers(rig.file):
         if rig.simulation and rig.mode:
             instrument = rig.simulation.instrument(role, device, driver, rig.mode)
         else:
@@ -71,6 +85,21 @@ def _connect(rig: Rig) -> None:
             raise ConfigurationError(f"The driver {device.driver!r} is not for the role {role!r}.")
         rig.adopt(role, instrument)
     rig.complete()
+
+
+def _drivers(file: RigFile) -> Iterator[tuple[str, Device, Driver]]:
+    """Each role that a rig file has, its table, and the driver that the table names."""
+    drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
+    for role in ROLES:
+        device: Device | None = getattr(file, role)
+        if device is None:
+            continue
+        if device.driver not in drivers:
+            raise ConfigurationError(
+                f"The rig {file.name!r} asks for the {role} driver {device.driver!r}; "
+                f"installed drivers are {', '.join(sorted(drivers))}."
+            )
+        yield role, device, drivers[device.driver].load()
 
 
 def _check_import_name() -> None:

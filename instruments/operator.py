@@ -5,20 +5,38 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-__all__ = ["Aim", "ConfirmSettings", "Operator", "Place", "Press", "Remove", "Request", "Rest"]
+__all__ = [
+    "Aim",
+    "ConfirmSettings",
+    "Consent",
+    "Operator",
+    "Place",
+    "Press",
+    "Ready",
+    "Remove",
+    "Request",
+    "Rest",
+]
 
 
 @dataclass(frozen=True)
 class Press:
-    """Press a button once: press `number` of `of`."""
+    """Press a button once: press `number` of `of`, for the `attempt`-th time."""
 
     button: str
     participant: str
     number: int
     of: int
+    attempt: int = 1
+    because: str = ""
+    """Why it is asked for again."""
+    words: str = ""
+    """What to say instead of this class's own words."""
 
     def __str__(self) -> str:
-        return f"Press the {self.button} button ({self.number} of {self.of})."
+        again = " again" if self.attempt > 1 else ""
+        words = self.words or f"Press the {self.button} button{again} ({self.number} of {self.of})."
+        return f"{self.because} {words}" if self.because else words
 
 
 @dataclass(frozen=True)
@@ -29,6 +47,34 @@ class Rest:
 
     def __str__(self) -> str:
         return f"Hands off for {self.duration:g} s: the sensors' rest is being measured."
+
+
+@dataclass(frozen=True)
+class Consent:
+    """Whether a participant has consented to being recorded."""
+
+    participant: str
+    words: str = ""
+    """As in `Press`."""
+
+    def __str__(self) -> str:
+        return self.words or f"Has {self.participant} read and signed the consent form?"
+
+
+@dataclass(frozen=True)
+class Ready:
+    """Whether a participant sits at a button and can begin."""
+
+    participant: str
+    button: str
+    presses: int
+    words: str = ""
+    """As in `Press`."""
+
+    def __str__(self) -> str:
+        return self.words or (
+            f"{self.participant} at the {self.button} button, presses to come: {self.presses}. Ready?"
+        )
 
 
 @dataclass(frozen=True)
@@ -70,7 +116,7 @@ class Remove:
         return "Take the mass off the force sensor."
 
 
-Request = Press | Rest | Aim | ConfirmSettings | Place | Remove
+Request = Press | Rest | Consent | Ready | Aim | ConfirmSettings | Place | Remove
 
 
 class Operator(ABC):
@@ -83,3 +129,7 @@ class Operator(ABC):
     @abstractmethod
     def confirm(self, request: Request) -> bool:
         """Ask, and wait for the answer: True when it is done or so."""
+
+    def rejects(self) -> bool:
+        """Whether the operator has, since this was last asked, rejected the press before. Never waits."""
+        return False

@@ -56,6 +56,11 @@ class Pdv100(Vibrometer):
             f"{settings.low_pass_hz / 1e3:g} kHz and the high-pass filter off?"
         )
 
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: it is measured through the DAQ."""
+        return ()
+
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """There is nothing to connect to."""

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
+from typing import final
 
 from instruments.arrays import ComplexArray, FloatArray
+from instruments.gate import Gated
 
 __all__ = ["Player"]
 
 
-class Player(ABC):
+class Player(Gated, ABC):
     """Plays waveforms into the amplifier, begun when it likes and on its own clock.
 
     Safe state: nothing plays, and its output rests at zero volts. Opening it changes no output.
     Neither its volts nor its time are to be believed: what reaches the patches is measured by the
-    DAQ, and `Rig.excite` finds there when a waveform began and how fast its clock runs.
+    DAQ, and `Rig.excite` finds there when a waveform began and how fast its clock runs. A driver
+    writes `_play`; it is reached through `play` alone, by what the rig's limits admit.
     """
 
     identity: str
@@ -26,7 +29,7 @@ class Player(ABC):
     room: float
     """Seconds at most from the call of `play` to the waveform's first sample."""
 
-    @abstractmethod
+    @final
     def play(self, volts: FloatArray, rate_hz: float) -> AbstractContextManager[None]:
         """Start to play `volts` ((samples,) at the output, at `rate_hz`) once, and let it run.
 
@@ -35,7 +38,21 @@ class Player(ABC):
         a gap. When the body raises, it stops at once, and the body's error is the one that counts.
 
         Raises LimitError for a waveform that cannot be played as it is (too large, not a number, a
-        mean that an AC-coupled output loses): it is never clipped. Raises InstrumentError.
+        mean that an AC-coupled output loses), or none that the rig's limits have admitted: it is
+        never clipped. Raises InstrumentError.
+        """
+        self._gate.admit(self.output, volts, rate_hz)
+        return self._play(volts, rate_hz)
+
+    @abstractmethod
+    def _play(self, volts: FloatArray, rate_hz: float) -> AbstractContextManager[None]:
+        """See `play`: what the driver does for it."""
+
+    @abstractmethod
+    def rendered(self, volts: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
+        """What it will put out for a waveform: (samples,) V, and the rate at which it steps through them.
+
+        Resampling overshoots, and the limits hold for what comes out. Raises LimitError, as `play`.
         """
 
     @abstractmethod

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection
+from typing import final
+
+from instruments.gate import Gated
 
 __all__ = ["Relay"]
 
 
-class Relay(ABC):
+class Relay(Gated, ABC):
     """A relay box between the amplifier and the patches.
 
     Safe state: every channel open. Opening the driver changes no channel. Switch only while the
-    drive is at zero: a charged patch that is switched clicks.
+    drive is at zero: a charged patch that is switched clicks. A driver writes `_connect`; it is
+    reached through `connect` alone, and while a drive is played it only opens.
     """
 
     identity: str
@@ -23,13 +27,20 @@ class Relay(ABC):
     dead_man: float
     """Seconds after which the box opens by itself unless `connect` or `renew` is called."""
 
-    @abstractmethod
+    @final
     def connect(self, patches: Collection[str]) -> None:
         """Connect exactly these patches, all others open, and read that back.
 
         Returns when the contacts have settled. Raises ConfigurationError for an unknown patch,
-        InstrumentError when the box does not answer or reads back anything else.
+        LimitError while the rig plays a drive that is not for these patches, InstrumentError when
+        the box does not answer or reads back anything else.
         """
+        self._gate.admit_patches(frozenset(patches))
+        self._connect(patches)
+
+    @abstractmethod
+    def _connect(self, patches: Collection[str]) -> None:
+        """See `connect`: what the driver does for it."""
 
     @abstractmethod
     def connected(self) -> frozenset[str]:

@@ -98,8 +98,7 @@ class BoardRelay(Relay):
         self._held: frozenset[str] = frozenset()
         self._released = False
 
-    def connect(self, patches: Collection[str]) -> None:
-        """See `Relay.connect`."""
+    def _connect(self, patches: Collection[str]) -> None:
         wanted = frozenset(patches)
         unknown = sorted(wanted - set(self.patches))
         if unknown:

@@ -2,134 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+import atexit
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from types import TracebackType
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 
 from instruments.alignment import align, find
-from instruments.amplifier import Amplifier
 from instruments.arrays import FloatArray
+from instruments.audit import Audit, state_folder
 from instruments.clock import Clock
-from instruments.daq import Block, Capture, Daq
+from instruments.daq import Block, Capture, Stream
 from instruments.driver import Mode, Simulation
-from instruments.errors import ConfigurationError, InstrumentError, LimitError
-from instruments.generator import Generator, Sweep
+from instruments.errors import ConfigurationError, InstrumentError
+from instruments.gate import Gated
+from instruments.generator import Sweep
+from instruments.latch import Latch, latch_of
+from instruments.leaving import left_in_time
+from instruments.limiter import Limiter
 from instruments.limits import Limits
-from instruments.operator import ConfirmSettings, Operator
-from instruments.player import Player
-from instruments.relay import Relay
-from instruments.rig_file import RigFile, Table
-from instruments.sensors import Divider, Sensors
-from instruments.signals import uninterrupted
-from instruments.vibrometer import Vibrometer
+from instruments.operator import ConfirmSettings
+from instruments.rig_file import RigFile
+from instruments.roles import Instruments
+from instruments.safe_state import SafeState
+from instruments.signals import at_console_close, ending_in_order, uninterrupted
+from instruments.watch import Watch, trip
 
-__all__ = ["ROLES", "Rig"]
+__all__ = ["Rig"]
 
-Role = TypeVar("Role")
-_REST = 0.05
-"""Seconds of zero drive before the relay switches: several time constants of the amplifier."""
 _SLACK = 0.5
 """Seconds within which a generator has answered its trigger, and a block has come."""
-_EXCESS = 1.1
-"""Measured volts over the limit at which a play is stopped: more than the monitor's noise and gain."""
 
 
-ROLES: dict[str, type[Any]] = {
-    "daq": Daq,
-    "amplifier": Amplifier,
-    "relay": Relay,
-    "vibrometer": Vibrometer,
-    "generator": Generator,
-    "player": Player,
-    "operator": Operator,
-}
-"""The roles of a rig file's tables, in the order that they are opened in."""
-
-
-class Rig:
+class Rig(Instruments):
     """Open instruments. Made by `open_rig`; a context whose exit reaches the safe state."""
 
-    def __init__(self, file: RigFile, clock: Clock, simulation: Simulation | None, mode: Mode | None) -> None:
-        self.file = file
+    def __init__(
+        self,
+        file: RigFile,
+        clock: Clock,
+        simulation: Simulation | None,
+        mode: Mode | None,
+        hardware: Collection[str],
+    ) -> None:
+        super().__init__(file)
         self.clock = clock
         self.simulation = simulation
         self.mode = mode
-        self._roles: dict[str, Any] = {}
+        self.hardware = frozenset(hardware)
+        """What no second rig may use at once, and what a latch hangs on."""
+        self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
+        self._limiter = Limiter(clock, self.audit, self._ratings, lambda: self.latch)
+        self._latched: Latch | None = None
         self._confirmed: set[str] = set()
+        self._safe = SafeState(self._roles, clock, self.audit)
         self._stack = ExitStack()
-        if simulation:
-            self._stack.callback(simulation.close)
+        self._signals = ExitStack()
+
+    def holding(self, context: AbstractContextManager[object]) -> None:
+        """Enter what must outlast the instruments: a lock on them, or the world that they are in."""
+        self._stack.enter_context(context)
 
     def adopt(self, role: str, instrument: Any) -> None:
-        """Take an open instrument, to be let go of when the rig is closed."""
+        """Take an open instrument, to be let go of when the rig is closed; its gate is the rig's limiter."""
+        if isinstance(instrument, Gated):
+            instrument._gate = self._limiter
         self._roles[role] = instrument
         if hasattr(instrument, "close"):
-            self._stack.callback(instrument.close)
+            self._stack.callback(self._safe.let_go, role)
 
     def complete(self) -> None:
-        """Every instrument is here: from now on, closing reaches the safe state first."""
+        """Every instrument is here: from now on, whatever ends the program reaches the safe state first."""
+        self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
+        self._stack.callback(self.audit.note_at_last, "closed")
         self._stack.callback(self.make_safe)
-
-    @property
-    def name(self) -> str:
-        """The rig's name, from its file."""
-        return self.file.name
+        self._signals.enter_context(ending_in_order())
+        self._signals.enter_context(at_console_close(self.make_safe))
+        atexit.register(self.close)
 
     @property
     def simulated(self) -> bool:
         """Whether anything that this rig measures is simulated, as far as its cards tell."""
         return self.simulation is not None or self.daq.simulated
-
-    @property
-    def sensors(self) -> Sensors:
-        """The rig's sensors."""
-        return self.file.sensors
-
-    @property
-    def table(self) -> Table:
-        """The touch table. Raises ConfigurationError for a rig that has none."""
-        if self.file.table is None:
-            raise ConfigurationError(f"The rig {self.name!r} has no [table]; this step needs one.")
-        return self.file.table
-
-    @property
-    def daq(self) -> Daq:
-        """The DAQ."""
-        return self._role(Daq)
-
-    @property
-    def amplifier(self) -> Amplifier:
-        """The amplifier. Raises ConfigurationError for a rig that has none."""
-        return self._role(Amplifier)
-
-    @property
-    def relay(self) -> Relay:
-        """The relay. Raises ConfigurationError for a rig that has none."""
-        return self._role(Relay)
-
-    @property
-    def vibrometer(self) -> Vibrometer:
-        """The vibrometer. Raises ConfigurationError for a rig that has none."""
-        return self._role(Vibrometer)
-
-    @property
-    def generator(self) -> Generator:
-        """The generator. Raises ConfigurationError for a rig that has none."""
-        return self._role(Generator)
-
-    @property
-    def player(self) -> Player:
-        """The player. Raises ConfigurationError for a rig that has none."""
-        return self._role(Player)
-
-    @property
-    def operator(self) -> Operator:
-        """The person at the rig, or their twin."""
-        return self._role(Operator)
 
     @property
     def limits(self) -> Limits:
@@ -138,13 +95,12 @@ class Rig:
 
     def limits_for(self, patches: int) -> Limits:
         """As `limits`, with `patches` patches in parallel."""
-        table = self.table
-        patch = Limits(
-            low=table.patch_low, high=table.patch_high, capacitance=patches * table.patch_capacitance
-        )
-        relay = Limits(low=-self.relay.rating, high=self.relay.rating)
-        own = self.file.limits.limits()
-        return own.within(patch).within(relay).within(self.amplifier.limits(patches))
+        return self._limiter.limits(patches)
+
+    @property
+    def latch(self) -> Latch | None:
+        """Why nothing is played until `haploop reset`; None when drives are played."""
+        return self._latched or latch_of(self.audit.folder, self.hardware)
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
@@ -183,19 +139,43 @@ class Rig:
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
+        if self.amplifier.inputs:
+            return self.excite_each(dict.fromkeys(patches, drive), channels, tail, progress)
         rate_hz = self.table.rate_hz
-        self.limits_for(len(patches)).check(drive, rate_hz)
         _refuse_tail(tail)
-        count = len(drive) + max(1, round(tail * rate_hz))
-        volts = self.amplifier.to_input(np.pad(drive, (0, count - len(drive))))
-        if self._wired("player"):
-            return self._excite_by_player(drive, patches, channels, count, progress)
-        recorded, each = self._watched(patches, channels, progress)
-        with (
-            self._connected(patches),
-            self.daq.stream(recorded, rate_hz, self._block, count, {self.amplifier.input: volts}) as stream,
-        ):
-            return _only(channels, stream.capture(each), count)
+        if not self._wired("player"):
+            return self._played({self.amplifier.input: drive}, patches, channels, tail, progress)
+        output, rendered = self.player.output, self.player.rendered
+        with self._limiter.permit(
+            {output: drive}, rate_hz, frozenset(patches), self.amplifier, rendered
+        ) as volts:
+            count = len(drive) + max(1, round(tail * rate_hz))
+            return self._excite_by_player(drive, volts[output], patches, channels, count, progress)
+
+    def excite_each(
+        self,
+        drives: Mapping[str, FloatArray],
+        channels: Sequence[str],
+        tail: float = 0.0,
+        progress: Callable[[float], None] = lambda _seconds: None,
+    ) -> Capture:
+        """Play a drive of its own into each of several patches at once; otherwise as `excite`.
+
+        `drives` are (samples,) V at each patch, all of one length. Each is checked as the drive of
+        one patch. Raises ConfigurationError for an amplifier without a channel for each patch, and
+        as `excite` does.
+        """
+        inputs = self.amplifier.inputs
+        missing = [patch for patch in drives if patch not in inputs]
+        if missing or not drives:
+            raise ConfigurationError(
+                f"The amplifier of the rig {self.name!r} has no channel of its own for patch "
+                f"{', '.join(missing) or '(none was named)'}: play one patch at a time, or give 'input' in "
+                "[amplifier] a name for each patch."
+            )
+        _refuse_tail(tail)
+        own = {inputs[patch]: drive for patch, drive in drives.items()}
+        return self._played(own, tuple(drives), channels, tail, progress)
 
     def sweep(
         self,
@@ -210,11 +190,11 @@ class Rig:
         `sweep.amplitude` is V peak at the patch here; the generator gets what that is at the
         amplifier's input. Recording begins before the sweep and goes on for `tail` seconds after
         it, in which the output is off. No clock is shared and nothing is aligned: the capture has
-        the sweep somewhere in it, and the drive monitor shows where.
+        the sweep somewhere in it, and the drive monitor shows where. No generator fades its sweep out:
+        of the limits, the mean, the ends and the step with which it is switched off are not held.
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        rate_hz = self.table.rate_hz
         _refuse_tail(tail)
         if not sweep.amplitude > 0:
             raise ConfigurationError(f"A sweep needs an amplitude above 0 V, and this has {sweep.amplitude}.")
@@ -223,34 +203,122 @@ class Rig:
                 f"The generator of the rig {self.name!r} is wired to {self.generator.output!r}, and its "
                 f"amplifier's input is {self.amplifier.input!r}: give both the same name in the rig file."
             )
-        pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
-        t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
-        volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
-        # A generator cannot fade its sweep out, nor take its mean off: what is checked of it ends with
-        # its last whole half wave.
-        whole = volts[: int(np.flatnonzero(np.diff(np.signbit(volts)))[-1]) + 1]
-        replace(self.limits_for(len(patches)), end=np.inf, mean=np.inf).check(whole, rate_hz)
-        peak = float(self.amplifier.to_input(np.array([sweep.amplitude]))[0])
-        self.generator.configure(replace(sweep, amplitude=peak))
+        with self._limiter.permit_sweep(
+            self.generator.output, sweep, _SLACK, frozenset(patches), self.amplifier
+        ) as at_output:
+            return self._swept(at_output, patches, channels, tail, progress)
 
+    def make_safe(self) -> None:
+        """Nothing plays, outputs at zero, then every relay channel open, read back. Idempotent.
+
+        Everything is tried whatever the others do, and nothing is waited for without end. Raises
+        InstrumentError when any failed.
+        """
+        self._safe.reach()
+
+    def close(self) -> None:
+        """Safe state first, then let go of the instruments in reverse order. May be called again."""
+        try:
+            with uninterrupted():
+                self._stack.close()
+        finally:
+            self._signals.close()
+            atexit.unregister(self.close)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        interrupted: KeyboardInterrupt | None = None
+        while True:
+            try:
+                self.close()
+            except KeyboardInterrupt as stop:
+                # It may have come before signals were held back, with everything still to be done.
+                interrupted = stop
+            else:
+                break
+        if interrupted is not None:
+            raise interrupted
+
+    def _played(
+        self,
+        drives: Mapping[str, FloatArray],
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float,
+        progress: Callable[[float], None],
+    ) -> Capture:
+        """Drives (V at the patch) played on the DAQ's outputs."""
+        rate_hz = self.table.rate_hz
+        with self._limiter.permit(drives, rate_hz, frozenset(patches), self.amplifier) as volts:
+            samples = len(next(iter(volts.values())))
+            count = samples + max(1, round(tail * rate_hz))
+            padded = {output: np.pad(v, (0, count - samples)) for output, v in volts.items()}
+            with (
+                self._watched(patches, channels, progress) as (recorded, each),
+                self._connected(patches),
+                self._streamed(recorded, count, padded) as stream,
+            ):
+                return _only(channels, stream.capture(each), count)
+
+    def _excite_by_player(
+        self,
+        drive: FloatArray,
+        volts: FloatArray,
+        patches: Collection[str],
+        channels: Sequence[str],
+        count: int,
+        progress: Callable[[float], None],
+    ) -> Capture:
+        rate_hz, monitor = self.table.rate_hz, self._monitor()
+        total = count + round(self.player.room * rate_hz)
+        with (
+            self._watched(patches, channels, progress) as (recorded, each),
+            self._connected(patches),
+            self._streamed(recorded, total) as stream,
+            left_in_time(self.player.identity, self.player.play(volts, rate_hz)),
+        ):
+            capture = stream.capture(each)
+        if drive.any():
+            row = recorded.index(monitor.channels[0])
+            measured = monitor.to_si(capture.volts[[row]])[0]
+            delay = float(capture.delays[row])
+            capture = align(capture, find(measured, drive, rate_hz, delay, self.player.response), count)
+        return _only(channels, capture, count)
+
+    def _swept(
+        self,
+        sweep: Sweep,
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float,
+        progress: Callable[[float], None],
+    ) -> Capture:
+        """`sweep` is V at the generator's output."""
         triggered: list[float] = []
         ended = False
-        recorded, each = self._watched(patches, channels, progress)
+        total = round((sweep.duration + tail + _SLACK) * self.table.rate_hz)
+        self.generator.configure(sweep)
+        with (
+            self._watched(patches, channels, progress) as (recorded, each),
+            self._connected(patches),
+        ):
 
-        def follow(block: Block) -> None:
-            nonlocal ended
-            each(block)
-            if not triggered:
-                self.generator.trigger()
-                triggered.append(self.clock.now())
-            elif not ended and self.clock.now() >= triggered[0] + sweep.duration:
-                self.generator.off()
-                ended = True
+            def follow(block: Block) -> None:
+                nonlocal ended
+                each(block)
+                if not triggered:
+                    self.generator.trigger()
+                    triggered.append(self.clock.now())
+                elif not ended and self.clock.now() >= triggered[0] + sweep.duration:
+                    self.generator.off()
+                    ended = True
 
-        total = round((sweep.duration + tail + _SLACK) * rate_hz)
-        with self._connected(patches):
             self.generator.arm()
-            with self.daq.stream(recorded, rate_hz, self._block, total) as stream:
+            with self._streamed(recorded, total) as stream:
                 capture = _only(channels, stream.capture(follow), total)
         if not ended:
             raise InstrumentError(
@@ -259,73 +327,27 @@ class Rig:
             )
         return capture
 
-    def make_safe(self) -> None:
-        """Nothing plays, outputs at zero, then every relay channel open, read back. Idempotent.
-
-        Everything is tried whatever the others do. Raises InstrumentError when any failed.
-        """
-        failures = []
-        steps: tuple[tuple[str, Callable[[Any], object]], ...] = (
-            ("player", lambda player: player.stop()),
-            ("daq", lambda daq: daq.zero()),
-            ("generator", lambda generator: generator.off()),
-            ("relay", lambda _: self.clock.sleep(_REST)),
-            ("relay", lambda relay: relay.connect(())),
+    def _ratings(self, patches: int) -> dict[str, Limits]:
+        """Everybody's limits, with `patches` patches in parallel."""
+        table = self.table
+        patch = Limits(
+            low=table.patch_low, high=table.patch_high, capacitance=patches * table.patch_capacitance
         )
-        for role, step in steps:
-            if role not in self._roles:
-                continue
-            try:
-                step(self._roles[role])
-            except Exception as error:
-                failures.append(error)
-        if failures:
-            raise InstrumentError(
-                "The safe state was not confirmed: "
-                + " ".join(str(f) for f in failures)
-                + " Switch the amplifier off by hand."
-            ) from failures[0]
+        relay = Limits(low=-self.relay.rating, high=self.relay.rating)
+        return {
+            "the amplifier": self.amplifier.limits(patches),
+            "the relay": relay,
+            "the patch": patch,
+            "the rig file's [limits]": self.file.limits.limits(),
+        }
 
-    def close(self) -> None:
-        """Safe state first, then let go of the instruments in reverse order. May be called again."""
-        with uninterrupted():
-            self._stack.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _excite_by_player(
-        self,
-        drive: FloatArray,
-        patches: Collection[str],
-        channels: Sequence[str],
-        count: int,
-        progress: Callable[[float], None],
-    ) -> Capture:
-        rate_hz, monitor = self.table.rate_hz, self._monitor()
-        recorded, each = self._watched(patches, channels, progress)
-        row = recorded.index(monitor.channels[0])
-        total = count + round(self.player.room * rate_hz)
-        with (
-            self._connected(patches),
-            self.daq.stream(recorded, rate_hz, self._block, total) as stream,
-            self.player.play(self.amplifier.to_input(drive), rate_hz),
-        ):
-            capture = stream.capture(each)
-        if drive.any():
-            measured = monitor.to_si(capture.volts[[row]])[0]
-            delay = float(capture.delays[row])
-            capture = align(capture, find(measured, drive, rate_hz, delay, self.player.response), count)
-        return _only(channels, capture, count)
-
-    @property
-    def _block(self) -> int:
-        return round(self.table.rate_hz / 10)
+    def _streamed(
+        self, channels: Sequence[str], samples: int, play: Mapping[str, FloatArray] | None = None
+    ) -> AbstractContextManager[Stream]:
+        """A stream at the table's rate, in blocks of a tenth of a second."""
+        rate_hz = self.table.rate_hz
+        stream = self.daq.stream(channels, rate_hz, round(rate_hz / 10), samples, play)
+        return left_in_time(self.daq.identity, stream)
 
     @contextmanager
     def _connected(self, patches: Collection[str]) -> Iterator[None]:
@@ -339,50 +361,31 @@ class Rig:
             with uninterrupted():
                 self.make_safe()
 
+    @contextmanager
     def _watched(
         self, patches: Collection[str], channels: Sequence[str], progress: Callable[[float], None]
-    ) -> tuple[tuple[str, ...], Callable[[Block], None]]:
-        """What to record, the drive monitor among it, and what is done with every block.
+    ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
+        """What to record, with what is watched among it, and what is done with every block.
 
-        The relay's dead man, and who waits, are told; more volts at the patch than the limits allow
-        are an InstrumentError, whoever plays: a gain that is not what the rig file says, say.
+        The relay's dead man, and who waits, are told; a block that trips a limit is an
+        InstrumentError, whoever plays, and latches the rig once the safe state has been tried.
         """
-        limits, monitor = self.limits_for(len(patches)), self.file.sensors.drive
-        recorded = tuple(dict.fromkeys([*channels, *(monitor.channels if monitor else ())]))
+        laser = self.vibrometer if "vibrometer" in self._roles else None
+        watch = Watch(self.file.abort, self.sensors, laser, self.limits_for(len(frozenset(patches))))
+        recorded = tuple(dict.fromkeys([*channels, *watch.channels]))
 
         def each(block: Block) -> None:
             self.relay.renew()
-            if monitor is not None:
-                row = recorded.index(monitor.channels[0])
-                try:
-                    limits.check_measured(monitor.to_si(block.volts[[row]])[0], _EXCESS)
-                except LimitError as error:
-                    raise InstrumentError(
-                        f"{error} The play was stopped. Check the amplifier's gain, and a player's volume "
-                        "and 'volts_per_full_scale'."
-                    ) from None
+            watch.look(block, recorded)
             progress(block.volts.shape[1] / self.table.rate_hz)
 
-        return recorded, each
-
-    def _wired(self, role: Literal["player", "generator"]) -> bool:
-        """Whether that is what feeds the amplifier."""
-        return role in self._roles and self._roles[role].output == self.amplifier.input
-
-    def _monitor(self) -> Divider:
-        if self.file.sensors.drive is None:
-            raise ConfigurationError(
-                f"The rig {self.name!r} has a player and no [sensors.drive]: what a player plays is known "
-                "only by what is measured of it, so wire the drive to a channel of the DAQ."
-            )
-        return self.file.sensors.drive
-
-    def _role(self, kind: type[Role]) -> Role:
-        name = kind.__name__.lower()
-        instrument = self._roles.get(name)
-        if not isinstance(instrument, kind):
-            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one.")
-        return instrument
+        try:
+            yield recorded, each
+        finally:
+            if watch.tripped is not None:
+                with uninterrupted():
+                    rate_hz = self.table.rate_hz
+                    self._latched = trip(self.audit, self.hardware, watch, recorded, rate_hz)
 
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -17,11 +18,13 @@ from instruments.ati_cal import read_ati_cal
 from instruments.errors import ConfigurationError
 from instruments.limits import Limits
 from instruments.sensors import Sensors
-from instruments.toml_lines import Location, key_lines
+from instruments.toml_lines import Location, Places, key_lines, place
 
 __all__ = [
     "ROLES",
+    "AbortLimits",
     "Device",
+    "Recalibration",
     "RigFile",
     "SimulationSettings",
     "Table",
@@ -33,8 +36,6 @@ __all__ = [
 
 ROLES = ("daq", "amplifier", "relay", "vibrometer", "generator", "player", "operator")
 """The tables of a rig file that name a driver."""
-
-_Places = tuple[str, dict[Location, int]]
 
 Model = TypeVar("Model", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -102,6 +103,7 @@ class DriveLimits(_Section):
     high: Positive = 50.0
     slew: Positive = 0.5e6
     burst: Positive = 60.0
+    duty: Annotated[float, Field(gt=0, le=1)] = 1.0
     mean: NotNegative = 0.5
     end: NotNegative = 0.5
 
@@ -110,20 +112,57 @@ class DriveLimits(_Section):
         return Limits(**self.model_dump())
 
 
+class AbortLimits(_Section):
+    """The `[abort]` table: what stops a play, in any of its blocks, and latches the rig."""
+
+    drive: Positive | None = None
+    """V at the patch; None stops a tenth beyond what `rig.limits` allows."""
+    velocity: Positive | None = None
+    """m/s of the surface where the laser looks, within the vibrometer's range; None does not look."""
+    force: Positive | None = None
+    """N that come on the force sensor during a play; None does not look. Its six gauges are then
+    sampled at the table's rate, which the card must be able to do."""
+
+
 class SimulationSettings(_Section):
     """The `[simulation]` table: which plant stands in for the world when the rig is simulated."""
 
     seed: Annotated[int, Field(ge=0)] = 0
     mode_drift: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     """Relative shift of every mode's frequency."""
+    daily_drift: Annotated[float, Field(ge=0, lt=0.1)] = 0.0
+    """How far (relative) every mode's frequency wanders to either side in a day, with the temperature."""
     damping_scale: Positive = 1.0
     vibrometer_noise_scale: NotNegative = 1.0
     hysteresis: Annotated[float, Field(ge=0, le=0.5)] = 0.12
     """Width of the patches' loop over its height; 10 to 15 % is an estimate (hardware.md, section 13)."""
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
+    clumsy: Fraction = 0.0
+    """Share of presses that go wrong: too soft, too hard, twice, or with a hand that rests on the button."""
     faults: tuple[dict[str, Any], ...] = ()
     """What goes wrong in the plant, a table each: its `kind`, and what that kind takes (docs/faults.md)."""
+
+
+class Recalibration(_Section):
+    """The `[recalibration]` table: what `haploop recalibrate` calls drifted, and what broken.
+
+    The first four let a button's error grow by about a tenth of its target, half of what a check
+    accepts, so that a drift is found before a button fails (measured on the simulated table: 0.3 %
+    of resonance takes an error of 6.8 % to 12.0 %, 20 % of damping to 10.5 %). A table whose damping
+    is lower needs a smaller `resonance`: about a third of the damping ratio.
+    """
+
+    resonance: Positive = 0.003
+    """Relative shift of the resonances: a third of their half-width, past which phase turns fast."""
+    damping: Positive = 0.2
+    """Relative change of the damping ratios: resonances grow or shrink by as much."""
+    gain: Positive = 0.1
+    """Relative change of surface velocity per volt: an error of the same size."""
+    shape: Positive = 0.1
+    """Rest, over the whole response, that no common shift, damping and gain explain."""
+    coherence: Fraction = 0.8
+    """Least median coherence: below it no drive can be computed, so that something is broken."""
 
 
 class RigFile(_Section):
@@ -144,7 +183,25 @@ class RigFile(_Section):
     table: Table | None = None
     sensors: Sensors = Sensors()
     limits: DriveLimits = DriveLimits()
+    abort: AbortLimits = AbortLimits()
+    state: str | None = None
+    """Folder of the audit log and the latch, for a lab where several people use one rig; None takes
+    each user's own. The environment's HAPLOOP_STATE comes first."""
+    recalibration: Recalibration = Recalibration()
     simulation: SimulationSettings = SimulationSettings()
+
+    @field_validator("state")
+    @classmethod
+    def _one_place(cls, state: str | None) -> str | None:
+        # A latch that depends on where a program is started is none.
+        if state is not None and not Path(state).expanduser().is_absolute():
+            raise ValueError("name the folder from the root, or from ~")
+        return state
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what the file and its bases say, comments and order aside."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
 
 
 def load_rig_file(path: str | Path) -> RigFile:
@@ -157,7 +214,7 @@ def load_rig_file(path: str | Path) -> RigFile:
     Raises ConfigurationError, which names the file, the line, the key, and what was expected.
     """
     raw, places = _raw(Path(path), ())
-    where = partial(_place, places)
+    where = partial(place, places)
     file = validate(RigFile, raw, where)
     drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
     for role in ROLES:
@@ -170,7 +227,7 @@ def load_rig_file(path: str | Path) -> RigFile:
     return file
 
 
-def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[_Places]]:
+def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
     """A file over its bases, and where the keys of each of them stand, its own first."""
     if path in above:
         raise ConfigurationError(f"{above[-1]}: the base {path} builds on this file itself.")
@@ -204,15 +261,6 @@ def _read_calibration(raw: dict[str, Any], path: Path) -> None:
     found = read_ati_cal(path.parent / force["calibration"])
     force |= {"matrix": found.matrix, "ratings": found.ratings, "gauge_range": found.gauge_range}
     force["serial"] = found.serial
-
-
-def _place(files: list[_Places], key: Location) -> str:
-    """The file and the line at which a key stands, or the nearest table above it."""
-    for length in range(len(key), 0, -1):
-        for path, lines in files:
-            if key[:length] in lines:
-                return f"{path}, line {lines[key[:length]]}"
-    return files[0][0]
 
 
 def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
@@ -298,6 +346,9 @@ def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Lo
         return f"{place}: unknown key {key!r}; {hint}"
     if first["type"] == "missing":
         return f"{place}: the key {key!r} is missing."
+    if first["type"] == "value_error":
+        # haploop's own sentence, which names what it found.
+        return f"{place}: {key or 'the file'}: {first['ctx']['error']}."
     message = first["msg"][:1].lower() + first["msg"][1:]
     return f"{place}: {key or 'the file'}: {message} (found {first['input']!r})."
 

@@ -9,26 +9,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from instruments.amplifier import Amplifier
-from instruments.daq import Daq
-from instruments.generator import Generator
-from instruments.operator import Operator
-from instruments.player import Player
-from instruments.relay import Relay
 from instruments.rig_file import RigFile, fault_kinds
-from instruments.vibrometer import Vibrometer
+from instruments.roles import ROLES
 
 __all__ = ["rig_schema"]
-
-_ROLES: dict[str, type] = {
-    "daq": Daq,
-    "amplifier": Amplifier,
-    "relay": Relay,
-    "vibrometer": Vibrometer,
-    "generator": Generator,
-    "player": Player,
-    "operator": Operator,
-}
 
 
 def rig_schema() -> dict[str, Any]:
@@ -39,7 +23,7 @@ def rig_schema() -> dict[str, Any]:
     """
     schema = RigFile.model_json_schema()
     definitions: dict[str, Any] = schema["$defs"]
-    for role, kind in _ROLES.items():
+    for role, kind in ROLES.items():
         drivers = {e.name: e.load() for e in metadata.entry_points(group="haploop.drivers")}
         settings = {name: driver.Settings for name, driver in drivers.items() if issubclass(driver, kind)}
         schema["properties"][role] = _chosen("driver", settings, definitions)

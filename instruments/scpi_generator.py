@@ -16,6 +16,7 @@ from typing import Annotated, Literal, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from instruments.clock import Clock
+from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.generator import Generator, Sweep
 from instruments.scpi_codec import error_of, number_of, switch_of, words_of
@@ -136,6 +137,11 @@ class ScpiGenerator(Generator):
             )
         self.identity = f"{maker} {model} {number}"
 
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the generator."""
+        return (one_name(settings.resource),)
+
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Connect and ask who it is; nothing is changed. Raises InstrumentError."""
@@ -161,8 +167,7 @@ class ScpiGenerator(Generator):
         """See `Generator.is_on`."""
         return self._value(self._named("OUTP{n}?"), switch_of)
 
-    def configure(self, sweep: Sweep) -> None:
-        """See `Generator.configure`."""
+    def _configure(self, sweep: Sweep) -> None:
         if sweep.amplitude > self._settings.highest:
             raise LimitError(
                 f"A sweep of {sweep.amplitude:g} V peak was refused: 'highest' in [generator] is "
@@ -208,8 +213,7 @@ class ScpiGenerator(Generator):
             raise self._wrong(self._named(question), answer)
         self._armed = True
 
-    def trigger(self) -> None:
-        """See `Generator.trigger`."""
+    def _trigger(self) -> None:
         if not self._armed:
             raise ConfigurationError(f"{self.identity} is not armed: arm it before the trigger.")
         self._armed = False

@@ -22,6 +22,8 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 _G = 9.80665
+_TILT = 0.35 * _G
+"""The zero-g tolerance of an ADXL335 is 0.3 g (estimate; hardware.md, section 7)."""
 _OUTPUT_RESISTANCE = 32e3
 """Ohm, of each output of an ADXL335 (data sheet)."""
 
@@ -124,6 +126,20 @@ class Accelerometer(Sensor):
         """The filter capacitor's pole."""
         return low_pass(frequencies, self.bandwidth_hz)
 
+    def fault_at_rest(self, volts: FloatArray) -> str | None:
+        """What speaks against an accelerometer that shows (3, samples) V at rest, z up; None if nothing."""
+        x, y, z = self.to_si(volts).mean(axis=1)
+        if abs(z + _G) < _TILT:
+            return "it is mounted upside down, z must point up: turn it over."
+        if abs(z - _G) > _TILT:
+            return (
+                "z must show 9.8: check how it is mounted, its supply, and sensitivity and zero in the rig "
+                "file."
+            )
+        if max(abs(x), abs(y)) > _TILT:
+            return "x and y must show nothing: mount it level, or check its wires."
+        return None
+
     def loss(self, frequency_hz: float) -> str | None:
         """What the capacitor costs at a frequency, as a sentence; None when it costs less than 3 dB."""
         gain = complex(self.response(np.array([frequency_hz]))[0])
@@ -153,14 +169,18 @@ class Switch(Sensor):
 
 
 class Divider(Sensor):
-    """The voltage at the patches, through a divider: a drive is always measured, never assumed."""
+    """The voltage at the patches, through a divider: a drive is always measured, never assumed.
 
-    channels: Annotated[tuple[str, ...], Field(min_length=1, max_length=1)]
+    One channel is on the bus that all patches hang on behind the relay; several are at a patch each,
+    in the order of the table's `patches`, where an amplifier has a channel for each.
+    """
+
+    channels: Annotated[tuple[str, ...], Field(min_length=1)]
     ratio: Positive
     """Volts at the patch per volt at the DAQ."""
 
     def to_si(self, volts: FloatArray) -> FloatArray:
-        """(1, samples) V at the DAQ to (1, samples) V at the patch."""
+        """(channels, samples) V at the DAQ to (channels, samples) V at the patches."""
         return volts * self.ratio
 
     def saturated(self, volts: FloatArray) -> BoolArray:

@@ -21,6 +21,7 @@ import serial
 from pydantic import Field
 
 from instruments.clock import Clock
+from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError
 from instruments.relay_board import BoardRelay, BoardSettings, ChannelState
 
@@ -58,6 +59,11 @@ class SerialRelay(BoardRelay):
         """A board with USB of its own takes any."""
         timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
         """Seconds in which the board must have answered a command completely."""
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the port."""
+        return (one_name(settings.port),)
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:

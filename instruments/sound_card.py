@@ -104,6 +104,11 @@ class SoundCard(Player):
             f"{settings.volts_per_full_scale:g} V peak, and are its effects and other programs' sounds off?"
         )
 
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the output."""
+        return (f"sound output {settings.device or 'by default'}",)
+
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Find the device. Raises ConfigurationError without sounddevice, InstrumentError."""
@@ -118,8 +123,7 @@ class SoundCard(Player):
         return cls(settings, clock, audio)
 
     @contextmanager
-    def play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:
-        """See `Player.play`."""
+    def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:
         samples = self._samples(volts, rate_hz)
         self.stop()
         playing = _Playing(samples, self._settings.channel - 1, self.audio)
@@ -147,6 +151,11 @@ class SoundCard(Player):
             self.stop()
         if problem:
             raise InstrumentError(f"{self.identity} {problem}; what was measured is not used.")
+
+    def rendered(self, volts: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
+        """See `Player.rendered`; before the coupling, whose sag the drive's monitor is there to see."""
+        full_scale, own_hz = self._settings.volts_per_full_scale, self._settings.rate_hz
+        return full_scale * self._samples(volts, rate_hz), own_hz
 
     def response(self, frequencies: FloatArray) -> ComplexArray:
         """See `Player.response`: one real zero at 0 Hz, one real pole."""

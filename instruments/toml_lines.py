@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
-__all__ = ["Location", "key_lines"]
+__all__ = ["Location", "Places", "key_lines", "place"]
 
 Location = tuple[str | int, ...]
 """A key's way down: names of tables and keys, and numbers within arrays."""
+
+Places = tuple[str, dict[Location, int]]
+"""A file, and where the keys in it stand (`key_lines`)."""
 
 _PART = r"(?:[\w-]+|\"[^\"]*\"|'[^']*')"
 _NAME = rf"({_PART}(?:\s*\.\s*{_PART})*)"
@@ -48,6 +52,15 @@ def key_lines(text: str) -> dict[Location, int]:
         bare = _STRING.sub("", rest).partition("#")[0]
         depth = max(0, depth + len(re.findall(r"[\[{]", bare)) - len(re.findall(r"[\]}]", bare)))
     return lines
+
+
+def place(files: Sequence[Places], key: Location) -> str:
+    """The file and the line at which a key stands, or the nearest table above it."""
+    for length in range(len(key), 0, -1):
+        for path, lines in files:
+            if key[:length] in lines:
+                return f"{path}, line {lines[key[:length]]}"
+    return files[0][0]
 
 
 def _parts(name: str) -> Location:

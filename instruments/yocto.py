@@ -23,6 +23,7 @@ from urllib.parse import urlencode, urlsplit
 from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
 from instruments.clock import Clock, RealClock
+from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError
 from instruments.relay_board import BoardRelay, BoardSettings, ChannelState, read_back
 
@@ -73,6 +74,11 @@ class Yocto(BoardRelay):
             if self.longest < self.dead_man:
                 raise ValueError("longest must not be less than dead_man")
             return self
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the box."""
+        return (f"{one_name(settings.hub)} {settings.serial or 'its only box'}",)
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:

@@ -11,14 +11,17 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from instruments.arrays import FloatArray
+from instruments.operator import Press
 
-__all__ = ["BUTTONS", "Button", "ButtonPress", "Finger", "button_named", "press_button"]
+__all__ = ["BUTTONS", "FLAWS", "Button", "ButtonPress", "Finger", "Flaw", "button_named", "press_button"]
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,12 @@ class Button:
 
     def law(self, travel: FloatArray) -> FloatArray:
         """Force (N) at rest over travel (m), shape-preserving between the points."""
-        curve = PchipInterpolator(self.travel, self.force, extrapolate=False)
-        return np.asarray(curve(np.clip(travel, 0.0, self.travel[-1])))
+        return np.asarray(_curve(self.travel, self.force)(np.clip(travel, 0.0, self.travel[-1])))
+
+
+@lru_cache(maxsize=16)
+def _curve(travel: tuple[float, ...], force: tuple[float, ...]) -> PchipInterpolator:
+    return PchipInterpolator(travel, force, extrapolate=False)
 
 
 _MM = 1e-3
@@ -138,8 +145,21 @@ class Finger:
         )
 
 
+Flaw = Literal["", "soft", "hard", "double", "leaning", "lingering"]
+"""How a press goes wrong: it does not switch the button; it shakes it out of the accelerometer's range;
+it is followed by another one at once; the finger lies on the button before, or after. "" is a good one."""
+FLAWS: tuple[Flaw, ...] = get_args(Flaw)[1:]
+
+_SOFT = (0.6, 0.85)
+"""How much of the way to the contact a press goes that is too soft."""
+_SLAM = 6.0
+"""How much harder a press shakes the cap that is too hard: beyond 3 g for every button."""
+_LEAN_FORCE, _LEAN_TIME = (0.4, 0.8), (0.5, 0.9)
+"""N and s of a finger that lies on a button."""
 _UP = 0.12
 """Seconds of an upstroke at pace 1 (a press takes 0.2 to 1 s; hardware.md, section 11)."""
+_TOUCH = 0.05
+"""Seconds that a finger takes to lie down on a cap, and to leave it."""
 _VISCOSITY = 0.06
 """Relative force per 0.1 m/s of finger speed: faster presses push harder."""
 
@@ -150,14 +170,26 @@ class ButtonPress:
 
     button: str
     participant: str
+    number: int
+    attempt: int
+    flaw: Flaw
     start: float
+    """When the finger touches the cap."""
     stop: float
-    activation_time: float
-    activation_force: float
+    """When it leaves."""
+    activation_time: float | None
+    """When the contact switched; None when the press was too soft."""
+    activation_force: float | None
     release_time: float | None
     """When the contact of a momentary button opened again."""
     flips: FloatArray
     """Times at which the contact changes its state, bounces included."""
+    _fall: float
+    """When the downstroke begins."""
+    _reach: float
+    """Travel (m) at the lowest."""
+    _lean: float
+    """N of a finger that lies on the cap from `start` to `stop`."""
     _down: float
     _dwell: float
     _up: float
@@ -167,10 +199,9 @@ class ButtonPress:
 
     def travel(self, times: FloatArray) -> FloatArray:
         """Travel of the cap (m)."""
-        reach = self._model.travel[-1]
-        fall = _minimum_jerk((times - self.start) / self._down)
-        rise = _minimum_jerk((times - self.start - self._down - self._dwell) / self._up)
-        return np.asarray(reach * (fall - rise))
+        fall = _minimum_jerk((times - self._fall) / self._down)
+        rise = _minimum_jerk((times - self._fall - self._down - self._dwell) / self._up)
+        return np.asarray(self._reach * (fall - rise))
 
     def force(self, times: FloatArray) -> FloatArray:
         """Force on the cap along the press (N)."""
@@ -178,7 +209,11 @@ class ButtonPress:
         speed = (self.travel(t + 5e-4) - self.travel(t - 5e-4)) / 1e-3
         # Rubbing takes from the upstroke what it adds to the downstroke.
         rate = 1 + _VISCOSITY * np.tanh(speed / 0.1)
-        return np.asarray(self._strength * self._model.law(self.travel(t)) * rate)
+        pressed = self._strength * self._model.law(self.travel(t)) * rate
+        if self._lean:
+            onto, off = (_minimum_jerk((t - at) / _TOUCH) for at in (self.start, self.stop - _TOUCH))
+            pressed = np.maximum(pressed, self._lean * (onto - off))
+        return np.asarray(pressed)
 
     def acceleration(self, times: FloatArray) -> FloatArray:
         """Acceleration of the cap along the press (m/s^2), without gravity."""
@@ -197,39 +232,63 @@ class ButtonPress:
 
 
 def press_button(
-    button: Button, finger: Finger, participant: str, start: float, rng: np.random.Generator
+    button: Button,
+    finger: Finger,
+    request: Press,
+    start: float,
+    rng: np.random.Generator,
+    flaw: Flaw = "",
 ) -> ButtonPress:
-    """A press that begins at `start` (s of the plant's clock), scattered as the finger scatters."""
+    """A press that begins at `start` (s of the plant's clock), scattered as the finger scatters.
+
+    Of a press that is "double" this is one of the two.
+    """
     scatter = np.exp(finger.steadiness * rng.standard_normal(4))
     pace = finger.pace * scatter[0]
     down = float(button.stroke / pace)
     dwell, up = float(button.dwell * scatter[1] / pace), float(_UP / pace)
     strength = finger.strength * scatter[2]
     reach = button.travel[-1]
+    loud = finger.liveliness * scatter[3] * pace
+    before = after = lean = 0.0
+    if flaw == "soft":
+        reach = float(rng.uniform(*_SOFT)) * button.contact
+    elif flaw == "hard":
+        loud *= _SLAM
+    elif flaw in ("leaning", "lingering"):
+        lean, length = float(rng.uniform(*_LEAN_FORCE)), float(rng.uniform(*_LEAN_TIME))
+        before, after = (length, 0.0) if flaw == "leaning" else (0.0, length)
+    fall = start + before
 
     def falling(travel: float) -> float:
-        return start + down * _minimum_jerk_time(travel / reach)
+        return fall + down * _minimum_jerk_time(travel / reach)
 
     def rising(travel: float) -> float:
-        return start + down + dwell + up * _minimum_jerk_time(1 - travel / reach)
+        return fall + down + dwell + up * _minimum_jerk_time(1 - travel / reach)
 
-    loud = finger.liveliness * scatter[3] * pace
-    clicks = [(falling(c.travel), loud, c.partials) for c in button.clicks]
-    activation = falling(button.contact)
-    release = None if button.maintained else rising(0.9 * button.contact)
-    flips = [_bounce(activation, rng)]
-    if release is not None:
-        flips.append(_bounce(release, rng))
-        clicks += [(rising(0.9 * c.travel), -0.6 * loud, c.partials) for c in button.clicks]
+    snaps = [c for c in button.clicks if c.travel < reach]
+    clicks = [(falling(c.travel), loud, c.partials) for c in snaps]
+    switches = button.contact < reach
+    activation = falling(button.contact) if switches else None
+    release = None if button.maintained or not switches else rising(0.9 * button.contact)
+    flips = [_bounce(at, rng) for at in (activation, release) if at is not None]
+    if not button.maintained:
+        clicks += [(rising(0.9 * c.travel), -0.6 * loud, c.partials) for c in snaps]
     press = ButtonPress(
         button=button.name,
-        participant=participant,
+        participant=request.participant,
+        number=request.number,
+        attempt=request.attempt,
+        flaw=flaw,
         start=start,
-        stop=start + down + dwell + up,
+        stop=fall + down + dwell + up + after,
         activation_time=activation,
-        activation_force=0.0,
+        activation_force=None,
         release_time=release,
-        flips=np.concatenate(flips),
+        flips=np.concatenate([np.zeros(0), *flips]),
+        _fall=fall,
+        _reach=reach,
+        _lean=lean,
         _down=down,
         _dwell=dwell,
         _up=up,
@@ -237,8 +296,9 @@ def press_button(
         _strength=strength,
         _clicks=tuple(clicks),
     )
-    object.__setattr__(press, "activation_force", float(press.force(np.array([activation]))[0]))
-    return press
+    if activation is None:
+        return press
+    return replace(press, activation_force=float(press.force(np.array([activation]))[0]))
 
 
 def latest(presses: list[ButtonPress], begin: float, end: float, tail: float) -> Iterator[ButtonPress]:

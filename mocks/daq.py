@@ -66,15 +66,14 @@ class DaqTwin(Daq):
             plant.drive(name, output)
         self.identity = " + ".join(f"{p.name} ({device}, twin)" for device, p in self._products.items())
 
-    def stream(
+    def _stream(
         self,
         channels: Sequence[str],
         rate_hz: float,
         block: int,
-        samples: int | None = None,
-        play: Mapping[str, FloatArray] | None = None,
+        samples: int | None,
+        play: Mapping[str, FloatArray] | None,
     ) -> Stream:
-        """See `Daq.stream`."""
         self._refuse(channels, rate_hz, play or {})
         self._refuse_apart(channels)
         devices: list[_Device] = []

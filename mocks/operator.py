@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
-from instruments.operator import Aim, ConfirmSettings, Operator, Place, Press, Remove, Request, Rest
+from instruments.operator import (
+    Aim,
+    ConfirmSettings,
+    Consent,
+    Operator,
+    Place,
+    Press,
+    Ready,
+    Remove,
+    Request,
+    Rest,
+)
 from mocks.plant import Plant
 
 __all__ = ["OperatorTwin"]
@@ -33,6 +44,6 @@ class OperatorTwin(Operator):
                 self._plant.put(0.0)
             case ConfirmSettings():
                 return self._plant.set_as_filed
-            case Rest():
+            case Rest() | Consent() | Ready():
                 pass
         return True

@@ -22,7 +22,7 @@ from instruments.operator import Press
 from instruments.rig_file import RigFile
 from instruments.rig_file import Table as TableSection
 from instruments.sensors import low_pass
-from mocks.buttons import ButtonPress, Finger, button_named, latest, press_button
+from mocks.buttons import FLAWS, ButtonPress, Finger, Flaw, button_named, latest, press_button
 from mocks.faults import (
     AccelerometerInverted,
     AmplifierGain,
@@ -44,8 +44,8 @@ from mocks.faults import (
 )
 from mocks.nodes import Run, Source
 from mocks.relay import BoxFault
-from mocks.table import Table, make_plate
-from mocks.truth import Truth
+from mocks.table import Plate, Table, make_plate, warmed
+from mocks.truth import Fed, Truth
 
 __all__ = ["LaserHead", "Plant"]
 
@@ -56,6 +56,8 @@ FORCE_NOISE = 0.03
 """N sd of Fz: measured on a real Mini40 (found; hardware.md, section 6)."""
 FORCE_DRIFT = 0.05 / 60
 """N/s (estimate; hardware.md, section 13)."""
+FORCE_WARM = 3600.0
+"""Seconds after which the sensor is warm and drifts no further (estimate)."""
 WEIGHT = 4.0
 """N: the box on the force sensor (estimate)."""
 ACCELEROMETER_NOISE = 300e-6 * GRAVITY
@@ -69,8 +71,13 @@ RAIL = 15.0
 """V of a saturated sensor's output: its supply, beyond every converter's range (estimate)."""
 _NOWHERE = (0.0, 0.0)
 """The pane's corner, where no mode has curvature: a patch there moves nothing."""
+_SHAKEN = 8
+"""Presses whose filtered vibration is kept."""
 _RING = 0.2
 """Seconds for which a click can be felt after the finger has left."""
+_TUNED = 10.0
+"""Seconds after which the table's modes are made anew for the warmth that it has become: at 1 % a day they
+have moved by less than a millionth."""
 
 
 @dataclass
@@ -97,6 +104,7 @@ class Plant:
         self.presses: list[ButtonPress] = []
         self.closed: set[str] = set()
         self.peak = 0.0
+        self.fed: list[Fed] | None = None
         self._file = file
         self._section = file.table or TableSection(
             button_point=20, patch_capacitance=90e-9, patch_low=-100, patch_high=400
@@ -106,12 +114,15 @@ class Plant:
         self._aim = "button"
         self._switched: list[tuple[float, int, str, bool]] = []
         self._callbacks: list[Callable[[float], None]] = []
-        self._source: Source | None = None
+        self._sources: dict[str, Source] = {}
         self._now = clock.now()
-        self._input = 0.0
+        self._fed_by = self._feeding_nodes()
+        self._inputs = dict.fromkeys(self._fed_by.values(), 0.0)
         self._heads: list[tuple[LaserHead, LaserHead]] = []
         self._loads: list[tuple[float, float]] = []
-        self.table = self._make_table()
+        self._pane = self._make_plate()
+        self._tuned = -np.inf
+        self.table = Table(self._pane, self.settings.hysteresis)
         gain = next((fault.settings.gain for fault in self.faults.of(AmplifierGain)), AMPLIFIER_GAIN)
         self._gain = gain * (1 + AMPLIFIER_GAIN_ERROR * self.rng("amplifier").uniform(-1, 1))
         self._terminals: dict[str, str] = {
@@ -126,6 +137,11 @@ class Plant:
     def rng(self, name: str) -> np.random.Generator:
         """The generator of one part of the plant: parts do not disturb each other's chance."""
         return np.random.default_rng([self.settings.seed, zlib.crc32(name.encode())])
+
+    @property
+    def plate(self) -> Plate:
+        """The pane as it is now."""
+        return self._warmed(self.clock.now())
 
     @property
     def truth(self) -> Truth:
@@ -154,11 +170,21 @@ class Plant:
         """A participant presses a button, after their reaction time from now."""
         with self._lock:
             finger = Finger.of(self.rng(f"finger of {request.participant}"))
-            rng = self.rng(f"{request.participant} presses {request.button}, {request.number}")
-            wait = finger.reaction * float(rng.uniform(0.8, 1.25))
-            start = self.clock.now() + wait
-            press = press_button(button_named(request.button), finger, request.participant, start, rng)
-            self.presses.append(press)
+            # Named by what was asked for alone: whatever happened before, it is the same press.
+            name = f"{request.participant} presses {request.button}, {request.number}"
+            rng = self.rng(name if request.attempt == 1 else f"{name}, attempt {request.attempt}")
+            button, flaw = button_named(request.button), self._flaw(name, request.attempt)
+            start = self.clock.now() + finger.reaction * float(rng.uniform(0.8, 1.25))
+            self.presses.append(press_button(button, finger, request, start, rng, flaw))
+            if flaw == "double":
+                again = self.presses[-1].stop + float(rng.uniform(0.03, 0.2))
+                self.presses.append(press_button(button, finger, request, again, rng, flaw))
+
+    def _flaw(self, press: str, attempt: int) -> Flaw:
+        """What goes wrong with an attempt at a press, if anything. The third time, people take care."""
+        rng = self.rng(f"{press}, attempt {attempt}: clumsy")
+        clumsy = rng.random() < self.settings.clumsy and attempt <= 2
+        return FLAWS[int(rng.integers(len(FLAWS)))] if clumsy else ""
 
     def aim(self, point: str) -> None:
         """Aim the laser at a point of the table."""
@@ -206,12 +232,11 @@ class Plant:
         self._callbacks.append(callback)
 
     def drive(self, node: str, source: Source) -> None:
-        """See `mocks.nodes.Nodes.drive`. Only the amplifier's input reaches anything."""
+        """See `mocks.nodes.Nodes.drive`. Only the amplifier's inputs reach anything."""
         with self._lock:
             self.advance(self.clock.now())
-            device = self._file.amplifier
-            if device is not None and device.settings.get("input") == node:
-                self._source = source
+            if node in self._inputs:
+                self._sources[node] = source
 
     # What converters ask of it
 
@@ -237,14 +262,25 @@ class Plant:
                 at, _, patch, closed = self._switched.pop(0)
                 self._step_to(at)
                 self.closed ^= {patch} if closed is not (patch in self.closed) else set()
-                self._feed(at, np.inf, np.array([self._input]))
+                self._feed(at, np.inf, {node: np.array([v]) for node, v in self._inputs.items()})
             self._step_to(until)
 
     def _step_to(self, until: float) -> None:
-        if self._source is not None:
-            for run in self._source.take(until):
+        together: dict[tuple[float, float, int], dict[str, FloatArray]] = {}
+        for node, source in self._sources.items():
+            for run in source.take(until):
                 if len(run.values):
-                    self._feed(run.start, run.period, self._amplified(run))
+                    key = (run.start, run.period, len(run.values))
+                    together.setdefault(key, {})[node] = self._amplified(run)
+        before = -np.inf
+        for (start, period, count), fed in sorted(together.items(), key=lambda item: item[0]):
+            if start < before:
+                raise NotImplementedError(
+                    "Outputs that step at once, but not on one clock, are not simulated."
+                )
+            held = {node: np.full(count, v) for node, v in self._inputs.items()}
+            self._feed(start, period, held | fed)
+            before = start + (count - 1) * period
         self._now = max(self._now, until)
 
     def _amplified(self, run: Run) -> FloatArray:
@@ -259,23 +295,47 @@ class Plant:
                 volts = volts * ~trip.lasts(times)
         return np.asarray(volts)
 
-    def _feed(self, start: float, period: float, volts: FloatArray) -> None:
-        self._input = float(volts[-1])
-        open_circuit = np.zeros(len(volts))
-        patches = self.table.plate.patches
+    def _feed(self, start: float, period: float, fed: Mapping[str, FloatArray]) -> None:
+        """`fed` is (steps,) V by the amplifier's input that they come from."""
+        self._inputs.update({node: float(volts[-1]) for node, volts in fed.items()})
+        steps = len(next(iter(fed.values()), ()))
+        rest = np.zeros(steps)
+        at = {
+            p: fed.get(self._fed_by.get(p, ""), rest) if p in self.closed else rest
+            for p in self.table.plate.patches
+        }
         for fault in self.faults.of(PatchDead):
-            if fault.settings.patch in self.closed and volts.any():
+            if at.get(fault.settings.patch, rest).any():
                 fault.notes(start)
-        self.table.step(start, period, {p: volts if p in self.closed else open_circuit for p in patches})
-        if self.closed:
-            self.peak = max(self.peak, float(np.abs(volts).max()))
+        if steps:
+            if self.settings.daily_drift and start - self._tuned >= _TUNED:
+                self._tuned = start
+                self.table.tune(self._warmed(start))
+            self.table.step(start, period, at)
+        for node, volts in fed.items():
+            closed = frozenset(p for p in self.closed if self._fed_by.get(p) == node)
+            if closed:
+                self.peak = max(self.peak, float(np.abs(volts).max()))
+            if self.fed is not None:
+                self.fed.append(Fed(start, period, volts, closed))
 
-    def _make_table(self) -> Table:
+    def _feeding_nodes(self) -> dict[str, str]:
+        """By patch, the amplifier's input that feeds it."""
+        named = self._file.amplifier.settings.get("input") if self._file.amplifier else None
+        if isinstance(named, dict):
+            return {str(patch): str(node) for patch, node in named.items()}
+        return dict.fromkeys(self._section.patches, str(named)) if named else {}
+
+    def _make_plate(self) -> Plate:
         s = self.settings
         under = self.place("button") if s.collocated else None
         plate = make_plate(self.rng("table"), s.mode_drift, s.damping_scale, under)
         dead = {fault.settings.patch: _NOWHERE for fault in self.faults.of(PatchDead)}
-        return Table(replace(plate, patches={**plate.patches, **dead}), s.hysteresis)
+        return replace(plate, patches={**plate.patches, **dead})
+
+    def _warmed(self, time: float) -> Plate:
+        daily = self.settings.daily_drift
+        return warmed(self._pane, time, daily, self.settings.seed) if daily else self._pane
 
     # Faults of what is measured
 
@@ -340,7 +400,11 @@ class Plant:
         if sensors.activation:
             nodes[sensors.activation.channels[0]] = self._contact
         if sensors.drive:
-            nodes[sensors.drive.channels[0]] = self._monitor
+            one, *more = sensors.drive.channels
+            patches = self.table.plate.patches
+            nodes[one] = partial(self._monitor, tuple(patches) if not more else self._section.patches[:1])
+            for patch, node in zip(self._section.patches[1:], more, strict=False):
+                nodes[node] = partial(self._monitor, (patch,))
         return nodes
 
     def _loaded_gauges(self, gauges: FloatArray) -> FloatArray:
@@ -355,7 +419,7 @@ class Plant:
         self, row: FloatArray, rest: float, noise: float, times: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         force = np.zeros((6, len(times)))
-        force[2] = WEIGHT + FORCE_DRIFT * times
+        force[2] = WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
         if self._loads:
             since = np.searchsorted([at for at, _ in self._loads], times, side="right")
             force[2] += np.array([0.0, *(weight for _, weight in self._loads)])[since]
@@ -393,6 +457,9 @@ class Plant:
             passed = spectrum * low_pass(
                 np.asarray(np.fft.rfftfreq(count, 1 / rate_hz), dtype=np.float64), pole_hz
             )
+            # Whoever asks for what is long past has it made again; a study would fill the memory.
+            while len(self._shaken) >= _SHAKEN:
+                del self._shaken[next(iter(self._shaken))]
             self._shaken[key] = (grid, np.fft.irfft(passed, count))
         grid, shaken = self._shaken[key]
         return np.asarray(np.interp(times, grid, shaken, left=0.0, right=0.0))
@@ -402,11 +469,11 @@ class Plant:
         closed = np.searchsorted(flips, times, side="right") % 2
         return np.asarray(CONTACT * closed + 0.01 * rng.standard_normal(len(times)))
 
-    def _monitor(self, times: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def _monitor(self, patches: tuple[str, ...], times: FloatArray, rng: np.random.Generator) -> FloatArray:
         sensor = self._file.sensors.drive
         assert sensor is not None
-        # The divider hangs on the bus behind the relay: it sees whichever patches are connected.
-        volts = [self.table.voltage(p, times) for p in self.table.plate.patches]
+        # A divider on the bus behind the relay sees whichever patches are connected.
+        volts = [self.table.voltage(p, times) for p in patches]
         return np.asarray(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
 
     def _laser(self, head: LaserHead, times: FloatArray, rng: np.random.Generator) -> FloatArray:

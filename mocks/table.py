@@ -13,15 +13,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from instruments.arrays import ComplexArray, FloatArray
 from mocks.hysteresis import Hysteresis
 
-__all__ = ["Plate", "Table", "make_plate"]
+__all__ = ["Plate", "Table", "make_plate", "warmed"]
 
 WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
@@ -47,6 +48,9 @@ MAIN_VELOCITY = 5.0e-3 / 50
 AMPLIFIER_POLE_HZ = 5000.0
 _REMEMBERED = 30.0
 _CACHED = 16
+_DAY = 86_400.0
+_STEP_EVERY, _STEP = 3 * 3600.0, 0.1
+"""A door, a window, a heater: as often (s), and of this share of the day's course at most (estimates)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +106,23 @@ def make_plate(
     return Plate(natural, np.minimum(damping * damping_scale, 0.3), MAIN_VELOCITY / strength, patches)
 
 
+def warmed(plate: Plate, time: float, daily: float, seed: int) -> Plate:
+    """The plate at a time (s): every frequency follows the day's warmth, by +-`daily` (relative) and steps.
+
+    A day is a sine that begins at the middle; damping ratios and forces stay.
+    """
+    step = np.random.default_rng([seed, 0xDA1, int(max(time, 0.0) / _STEP_EVERY)]).uniform(-_STEP, _STEP)
+    shift = daily * (np.sin(2 * np.pi * time / _DAY) + step)
+    return replace(plate, natural_hz=plate.natural_hz * (1 + shift))
+
+
 @dataclass(eq=False)
 class _Stretch:
     """Steps at `start + k * period`; per patch the voltage before and after hysteresis."""
+
+    plate: Plate
+    poles: ComplexArray
+    """(poles,) of the plate, the laser and the amplifier."""
 
     start: float
     period: float
@@ -129,16 +147,14 @@ class Table:
 
     def __init__(self, plate: Plate, hysteresis: float, laser_pole_hz: float = 5000.0) -> None:
         self.plate = plate
-        w = 2 * np.pi * plate.natural_hz
-        modes = w * (-plate.damping + 1j * np.sqrt(1 - plate.damping**2))
         self._amplifier = 2 * np.pi * AMPLIFIER_POLE_HZ
-        self._poles = np.concatenate([modes, [-self._amplifier, 0.0, -self._amplifier]])
+        self._poles = np.concatenate([_poles(plate), [-self._amplifier, 0.0, -self._amplifier]])
         self.laser_pole_hz = laser_pole_hz
         self._hysteresis = {patch: Hysteresis(hysteresis) for patch in plate.patches}
         zero = np.zeros(1)
         rest = dict.fromkeys(plate.patches, zero)
         begin = {patch: np.zeros(len(self._poles), complex) for patch in plate.patches}
-        self._stretches = deque([_Stretch(0.0, np.inf, rest, rest, begin)])
+        self._stretches = deque([_Stretch(plate, self._poles, 0.0, np.inf, rest, rest, begin)])
 
     @property
     def laser_pole_hz(self) -> float:
@@ -151,19 +167,24 @@ class Table:
         self._laser = 2 * np.pi * value * (1.0001 if value == AMPLIFIER_POLE_HZ else 1.0)
         self._poles[-2] = -self._laser
 
+    def tune(self, plate: Plate) -> None:
+        """From the next step on the pane has the modes of this one."""
+        self.plate = plate
+        self._poles = np.concatenate([_poles(plate), self._poles[-3:]])
+
     def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
         """From `start` on, the amplifier's output at each patch ((steps,) V, all alike in length).
 
         Each step is held for `period`, the last until the next call; `start` never goes back.
         """
-        before, at = self._stretches[-1], np.array([start])
+        before = self._stretches[-1]
         rest = np.zeros(len(self._poles), complex)
         begin = {
-            p: _settled(self._state_at(before, p, at)[:, 0]) if self._moving(before, p) else rest
+            p: _settled(self._entering(before, p, start)) if self._moving(before, p) else rest
             for p in self.plate.patches
         }
         strain = {p: self._hysteresis[p].follow(v) for p, v in volts.items()}
-        self._stretches.append(_Stretch(start, period, dict(volts), strain, begin))
+        self._stretches.append(_Stretch(self.plate, self._poles, start, period, dict(volts), strain, begin))
         if len(self._stretches) > _CACHED:
             self._stretches[-_CACHED].states.clear()
         while len(self._stretches) > 1 and self._stretches[1].start < start - _REMEMBERED:
@@ -175,16 +196,17 @@ class Table:
         for stretch, part in self._parts(times):
             for patch in self.plate.patches:
                 if self._moving(stretch, patch):
-                    state = self._state_at(stretch, patch, times[part])
-                    out[part] += (self._residues(patch, place)[:, None] * state).real.sum(axis=0)
+                    residues = self._residues(stretch, patch, place)
+                    out[part] += self._seen(stretch, patch, times[part], slice(None, -1), residues)
         return out
 
     def voltage(self, patch: str, times: FloatArray) -> FloatArray:
         """(times,) V across a patch at rising times (s)."""
         out = np.zeros(len(times))
+        own = np.array([self._amplifier], dtype=np.complex128)
         for stretch, part in self._parts(times):
             if self._moving(stretch, patch):
-                out[part] = self._amplifier * self._state_at(stretch, patch, times[part])[-1].real
+                out[part] = self._seen(stretch, patch, times[part], slice(-1, None), own)
         return out
 
     def _parts(self, times: FloatArray) -> list[tuple[_Stretch, slice]]:
@@ -198,57 +220,85 @@ class Table:
     def _moving(stretch: _Stretch, patch: str) -> bool:
         return bool(np.any(stretch.begin[patch]) or np.any(stretch.volts[patch]))
 
-    def _residues(self, patch: str, place: tuple[float, float]) -> ComplexArray:
-        """(poles,): partial fractions of amplifier x plate x laser; doubled where a pole has a
+    def _residues(self, stretch: _Stretch, patch: str, place: tuple[float, float]) -> ComplexArray:
+        """(poles but the last,): partial fractions of amplifier x plate x laser; doubled where a pole has a
         conjugate, so that the real part of the sum is the velocity.
         """
         a, c = self._amplifier, self._laser
-        strength = self.plate.shape(place) * self.plate.coupling(patch)
-        w, zeta = 2 * np.pi * self.plate.natural_hz, self.plate.damping
+        pane = stretch.plate
+        strength = pane.shape(place) * pane.coupling(patch)
+        w, zeta = 2 * np.pi * pane.natural_hz, pane.damping
 
         def plate(s: float) -> float:
             return float((strength * s / (s**2 + 2 * zeta * w * s + w**2)).sum())
 
-        s = self._poles[: len(w)]
+        s = stretch.poles[: len(w)]
         modal = strength * s / (1j * s.imag) * a / (s + a) * c / (s + c)
-        return np.concatenate([modal, [a * plate(-a) * c / (c - a), c * plate(-c) * a / (a - c), 0.0]])
+        return np.concatenate([modal, [a * plate(-a) * c / (c - a), c * plate(-c) * a / (a - c)]])
 
-    def _input(self, stretch: _Stretch, patch: str) -> FloatArray:
-        """(poles, steps): strain moves the plate, the voltage itself moves the last pole."""
-        both = np.broadcast_to(stretch.strain[patch], (len(self._poles), stretch.steps)).copy()
-        both[-1] = stretch.volts[patch]
-        return both
+    def _since(self, stretch: _Stretch, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """The step of a stretch that each time is in, and the seconds since it began."""
+        if stretch.steps == 1:
+            return np.zeros(len(times), dtype=np.intp), np.maximum(times - stretch.start, 0.0)
+        # A sample on the very edge of a step belongs to it, whatever rounding says.
+        position = (times - stretch.start) / stretch.period + 1e-3
+        index = np.clip(position.astype(np.intp), 0, stretch.steps - 1)
+        return index, np.maximum(times - stretch.start - index * stretch.period, 0.0)
 
-    def _state_at(self, stretch: _Stretch, patch: str, times: FloatArray) -> ComplexArray:
-        """(poles, times): the state at times within or after a stretch."""
-        held = self._input(stretch, patch)
-        index = np.zeros(len(times), dtype=np.intp)
-        if stretch.steps > 1:
-            # A sample on the very edge of a step belongs to it, whatever rounding says.
-            position = (times - stretch.start) / stretch.period + 1e-3
-            index = np.clip(position.astype(np.intp), 0, stretch.steps - 1)
-            since = np.maximum(times - stretch.start - index * stretch.period, 0.0)
-        else:
-            since = np.maximum(times - stretch.start, 0.0)
-        states = self._states(stretch, patch, held)
-        if len(since) > 1 and np.ptp(since) < 1e-9:
-            since = since[:1]
-        decay = np.exp(self._poles[:, None] * since)
-        return np.asarray(decay * states[:, index] + (decay - 1) / self._poles[:, None] * held[:, index])
+    def _entering(self, before: _Stretch, patch: str, start: float) -> ComplexArray:
+        """(poles,): the state in which a stretch begins that follows `before`."""
+        index, since = self._since(before, np.array([start]))
+        poles = before.poles
+        decay = np.exp(poles * since)
+        held = np.full(len(poles), before.strain[patch][index])
+        held[-1] = before.volts[patch][index[0]]
+        state = decay * self._states(before, patch)[:, index[0]] + (decay - 1) / poles * held
+        if poles is not self._poles:
+            # Under the strain that a patch keeps, a pane at rest stays at rest while its modes change.
+            state += held / poles - held / self._poles
+        return np.asarray(state)
 
-    def _states(self, stretch: _Stretch, patch: str, held: FloatArray) -> ComplexArray:
+    def _seen(
+        self, stretch: _Stretch, patch: str, times: FloatArray, part: slice, weights: ComplexArray
+    ) -> FloatArray:
+        """(times,): the weighted sum of a part of the states, at times within or after a stretch."""
+        index, since = self._since(stretch, times)
+        states, poles = self._states(stretch, patch)[part], stretch.poles[part]
+        held = (stretch.volts if part.start == -1 else stretch.strain)[patch]
+        if np.ptp(since) < 1e-9 and index[-1] - index[0] == len(index) - 1:
+            # One sample a step, always as late: the usual case.
+            steps = slice(int(index[0]), int(index[-1]) + 1)
+            decay = np.exp(poles * since[0])
+            push = (weights * (decay - 1) / poles).sum().real
+            # As real numbers: BLAS is a hundred times slower at a complex row times a matrix.
+            seen = weights * decay
+            both = np.array([seen.real, seen.imag]) @ states[:, steps].view(np.float64)
+            return np.asarray(both[0, ::2] - both[1, 1::2] + push * held[steps])
+        decay = np.exp(poles[:, None] * since)
+        push = (weights @ ((decay - 1) / poles[:, None])).real
+        return np.asarray((weights @ (decay * states[:, index])).real + push * held[index])
+
+    def _states(self, stretch: _Stretch, patch: str) -> ComplexArray:
         """(poles, steps): the state at each step of a stretch."""
         if patch not in stretch.states:
-            begin = stretch.begin[patch]
-            states = np.empty((len(self._poles), stretch.steps), complex)
+            begin, poles = stretch.begin[patch], stretch.poles
+            states = np.empty((len(poles), stretch.steps), complex)
             states[:, 0] = begin
             if stretch.steps > 1:
-                decay = np.exp(self._poles * stretch.period)
-                push = ((decay - 1) / self._poles)[:, None] * held[:, :-1]
-                for k, d in enumerate(decay):
-                    states[k, 1:], _ = lfilter([1.0], [1.0, -d], push[k], zi=[d * begin[k]])
+                decay = np.exp(poles * stretch.period)
+                push = (decay - 1) / poles
+                strain, volts = stretch.strain[patch][:-1], stretch.volts[patch][:-1]
+                for k, (d, p) in enumerate(zip(decay, push, strict=True)):
+                    held = volts if k == len(decay) - 1 else strain
+                    states[k, 1:], _ = lfilter([p], [1.0, -d], held, zi=[d * begin[k]])
             stretch.states[patch] = states
         return stretch.states[patch]
+
+
+def _poles(plate: Plate) -> ComplexArray:
+    """(modes,): one of each pair."""
+    w = 2 * np.pi * plate.natural_hz
+    return np.asarray(w * (-plate.damping + 1j * np.sqrt(1 - plate.damping**2)))
 
 
 def _settled(state: ComplexArray) -> ComplexArray:

@@ -14,7 +14,20 @@ from mocks.table import MAIN
 if TYPE_CHECKING:
     from mocks.plant import Plant
 
-__all__ = ["Truth"]
+__all__ = ["Fed", "Truth"]
+
+
+@dataclass(frozen=True, eq=False)
+class Fed:
+    """What the amplifier put out: value k is held from `start + k * period` (s) until the next one.
+
+    `volts` is (samples,) V, and reaches the patches that are `closed` meanwhile.
+    """
+
+    start: float
+    period: float
+    volts: FloatArray
+    closed: frozenset[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +43,12 @@ class Truth:
 
     @property
     def resonance_hz(self) -> float:
-        """Natural frequency of the mode near 263.5 Hz."""
-        return float(self._plant.table.plate.natural_hz[MAIN])
+        """Natural frequency of the mode near 263.5 Hz, now."""
+        return float(self._plant.plate.natural_hz[MAIN])
 
     def velocity_response(self, patch: str, point: str, frequencies: FloatArray) -> ComplexArray:
         """(frequencies,) m/s per V at the patch, hysteresis left out."""
-        return self._plant.table.plate.velocity(patch, self._plant.place(point), frequencies)
+        return self._plant.plate.velocity(patch, self._plant.place(point), frequencies)
 
     @property
     def patch_voltages(self) -> dict[str, float]:
@@ -55,3 +68,10 @@ class Truth:
     def peak(self) -> float:
         """Largest voltage (V) that any patch has been driven with so far."""
         return self._plant.peak
+
+    def record(self) -> list[Fed]:
+        """Write down from now on what the amplifier puts out, step by step; gives the growing record."""
+        plant = self._plant
+        plant.advance(plant.clock.now())
+        plant.fed = []
+        return plant.fed

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
 import pytest
 
 from haploop.pytest_plugin import OpenRig
@@ -12,6 +17,13 @@ __all__ = ["OpenRig"]
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--full`: experiments at their whole size, which takes hours, not minutes."""
     parser.addoption("--full", action="store_true", help="run long experiments at their full size")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """One worker a core; on hardware there is one program only."""
+    if config.getoption("--rig") not in ("twin", "wire"):
+        return 0
+    return None
 
 
 @pytest.fixture(scope="session")
@@ -30,3 +42,24 @@ def mode(request: pytest.FixtureRequest) -> str:
 def open(open_rig: OpenRig) -> OpenRig:
     """See `haploop.pytest_plugin.open_rig`."""
     return open_rig
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The user's own audit log and latches are no test's; nor are the locks of another worker's rigs."""
+    folder = tmp_path_factory.mktemp("state")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HAPLOOP_STATE", str(folder))
+        for name in ("TMPDIR", "TEMP", "TMP"):
+            patch.setenv(name, str(folder))
+        patch.setattr(tempfile, "tempdir", None)
+        yield folder
+
+
+@pytest.fixture(autouse=True)
+def _own_state(_state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rig that one test has latched is not latched for the next."""
+    monkeypatch.setenv("HAPLOOP_STATE", str(_state / f"{next(_tests)}"))
+
+
+_tests = count()

@@ -1,4 +1,4 @@
-"""`haploop doctor`, `schema`: is the rig as its file says?"""
+"""`haploop doctor`, `log`, `reset`, `schema`: is the rig as its file says, and what has it done?"""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from instruments import HaploopError
 if TYPE_CHECKING:
     from instruments.driver import Mode
 
-__all__ = ["doctor", "schema"]
+__all__ = ["doctor", "log", "reset", "schema"]
 
 
 @click.command()
@@ -53,6 +53,32 @@ def doctor(session: Session, mass: float, rig: str, simulate: Mode | None, as_js
     if missing:
         return 3
     return int(any(finding.status == "red" for finding in findings))
+
+
+@click.command()
+@click.option("--last", type=click.IntRange(1), default=20, show_default=True, help="How many entries.")
+@RIG
+@SIMULATE
+@JSON
+def log(last: int, rig: str, simulate: Mode | None, as_json: bool) -> None:
+    """What a rig has connected, played, refused and stopped, when, by whom and with which rig file."""
+    from haploop import logbook  # noqa: PLC0415
+    from instruments import load_rig_file  # noqa: PLC0415
+
+    file = load_rig_file(rig)
+    logbook.tell(file, simulate or file.simulate, last, as_json)
+
+
+@click.command()
+@click.option("--reason", required=True, help="What stopped the play, and what was done about it.")
+@RIG
+@SIMULATE
+def reset(reason: str, rig: str, simulate: Mode | None) -> None:
+    """Let a rig play again that a limit has stopped. For a person, who has looked at it."""
+    from haploop import logbook  # noqa: PLC0415
+
+    with alone(rig, simulate) as file:
+        logbook.reset(file, simulate or file.simulate, reason)
 
 
 @click.command()

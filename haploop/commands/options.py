@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from instruments import Rig, RigFile
     from instruments.driver import Mode
 
-__all__ = ["JSON", "PATH", "RIG", "SIMULATE", "alone", "new_file", "on_table", "opened_rig"]
+__all__ = ["JSON", "NOTES", "PATH", "RIG", "SIMULATE", "alone", "on_table", "opened_rig"]
 
 RIG = click.option(
     "--rig",
@@ -31,6 +31,7 @@ SIMULATE = click.option(
     help="Simulate the rig: twins in process, or wires that the real drivers talk to.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
+NOTES = click.option("--notes", default="", help="What is to be noted; it is kept in the recording.")
 PATH = click.Path(path_type=Path)
 
 
@@ -45,29 +46,18 @@ def on_table(rig: Rig, point: str) -> None:
         )
 
 
-def new_file(path: Path) -> None:
-    """Refuse before anything is measured what could not be written after it."""
-    from acquisition.store import check_target  # noqa: PLC0415
-    from instruments import ConfigurationError  # noqa: PLC0415
-
-    if path.exists():
-        raise ConfigurationError(f"{path} exists, and nothing is overwritten: name another file with --out.")
-    if not path.parent.is_dir():
-        raise ConfigurationError(f"There is no folder {path.parent} to write {path.name} to.")
-    check_target(path)
-
-
 @contextmanager
 def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
     """The rig file, and its hardware for this program only: two would switch one relay."""
-    from haploop.lock import hold  # noqa: PLC0415
     from instruments import load_rig_file  # noqa: PLC0415
+    from instruments.lock import reserve  # noqa: PLC0415
+    from instruments.opening import hardware  # noqa: PLC0415
 
     file = load_rig_file(rig)
     if simulate or file.simulate:
         yield file
         return
-    with hold(Path(rig), f"haploop {click.get_current_context().info_name}"):
+    with reserve(hardware(file, None), f"The rig {file.name!r}"):
         yield file
 
 

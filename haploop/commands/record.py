@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, alone, opened_rig
 from haploop.exits import Session
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ __all__ = ["record"]
 @click.option(
     "--out", "-o", type=PATH, default=Path("recordings"), show_default=True, help="Folder for the recording."
 )
+@NOTES
 @RIG
 @SIMULATE
 @JSON
@@ -33,14 +34,20 @@ def record(
     participant: str,
     presses: int,
     out: Path,
+    notes: str,
     rig: str,
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5."""
+    """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5.
+
+    Any name is a button: nothing has to be prepared for a new one. A press that is not a good one is
+    kept, marked, and asked for again. At a console, type r and Enter to reject the press before.
+    """
     import haploop  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps  # noqa: PLC0415
+    from haploop.console import Steps, note  # noqa: PLC0415
+    from haploop.show_study import told  # noqa: PLC0415
 
     step = f"Record the {button} button, {participant}"
     with (
@@ -51,7 +58,14 @@ def record(
         out.mkdir(parents=True, exist_ok=True)
         session.recordings = out
         recording = haploop.record(
-            opened, button, participant, presses, out, lambda done, of: steps(step, done, of)
+            opened,
+            button,
+            participant,
+            presses,
+            out,
+            lambda done, of: steps(step, done, of),
+            lambda press: None if press.accepted else note(told(press)),
+            notes=notes,
         )
     display.show(recording.path, as_json)
     return 0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, new_file, on_table, opened_rig
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, on_table, opened_rig
 from haploop.exits import Session
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def calibrate(
     import haploop  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps  # noqa: PLC0415
+    from haploop.targets import new_file  # noqa: PLC0415
 
     new_file(out)
     step = f"Calibrate patch {patch} at the {point} point"

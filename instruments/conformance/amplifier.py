@@ -17,9 +17,10 @@ class AmplifierConformance(Conformance):
     """Give a fixture `amplifier`."""
 
     def test_says_what_it_is(self, amplifier: Amplifier) -> None:
-        """Identity and the DAQ output that feeds it are named."""
+        """Identity and the output, or the outputs by patch, that feed it are named."""
         assert amplifier.identity.strip() and "\n" not in amplifier.identity
-        assert amplifier.input.strip()
+        assert amplifier.input.strip() or all(name.strip() for name in amplifier.inputs.values())
+        assert bool(amplifier.input) != bool(amplifier.inputs)
 
     def test_limits_the_voltage_about_zero(self, amplifier: Amplifier) -> None:
         """Its limits are finite volts with zero, the safe state, between them."""

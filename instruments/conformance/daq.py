@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from instruments.arrays import FloatArray
-from instruments.conformance.suite import Conformance, refused
+from instruments.conformance.suite import Conformance, let_play, refused
 from instruments.daq import Block, Daq
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 
@@ -49,6 +49,10 @@ class DaqConformance(Conformance):
     def reopen(self) -> Daq:
         """A second driver on the same cards, opened as the first one was."""
         raise NotImplementedError
+
+    @pytest.fixture(autouse=True)
+    def _playing(self, _skip_what_is_not_offered: None, request: pytest.FixtureRequest) -> None:
+        let_play(request.getfixturevalue("daq"))
 
     # Samples
 

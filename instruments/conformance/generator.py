@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pytest
 
-from instruments.conformance.suite import Conformance, refused
+from instruments.conformance.suite import Conformance, let_play, refused
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.generator import Generator, Sweep
 
@@ -25,6 +25,10 @@ class GeneratorConformance(Conformance):
     def reopen(self) -> Generator:
         """A second driver on the same generator, opened as the first one was."""
         raise NotImplementedError
+
+    @pytest.fixture(autouse=True)
+    def _playing(self, _skip_what_is_not_offered: None, request: pytest.FixtureRequest) -> None:
+        let_play(request.getfixturevalue("generator"))
 
     def test_says_what_it_is(self, generator: Generator) -> None:
         """Identity and the amplifier input it feeds are named, and its load is more than nothing."""

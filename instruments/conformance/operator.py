@@ -5,13 +5,15 @@ from __future__ import annotations
 import pytest
 
 from instruments.conformance.suite import Conformance
-from instruments.operator import Aim, ConfirmSettings, Operator, Press, Request, Rest
+from instruments.operator import Aim, ConfirmSettings, Consent, Operator, Press, Ready, Request, Rest
 
 __all__ = ["OperatorConformance"]
 
 _REQUESTS = (
     Press(button="latch", participant="P01", number=1, of=1),
     Rest(duration=0.1),
+    Consent(participant="P01"),
+    Ready(participant="P01", button="latch", presses=1),
     Aim(point="button"),
     ConfirmSettings("Is the range 20 mm/s?"),
 )
@@ -29,3 +31,7 @@ class OperatorConformance(Conformance):
     def test_answers_yes_or_no(self, operator: Operator, asked: Request) -> None:
         """`confirm` takes every kind of request and returns a bool, here yes."""
         assert self.in_time(lambda: operator.confirm(asked)) is True
+
+    def test_rejects_without_being_waited_for(self, operator: Operator) -> None:
+        """`rejects` returns at once; nobody has rejected anything here."""
+        assert self.in_time(operator.rejects) is False

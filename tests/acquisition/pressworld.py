@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.signal import lfilter
 
 from instruments import Block, Daq, InstrumentError, Operator, Press, Rig, Stream, load_rig_file
 from mocks.clock import VirtualClock
@@ -85,11 +86,19 @@ class SyntheticPress:
 class World:
     """What the sensors feel. `presses` is the truth."""
 
-    def __init__(self, seed=0, noise=0.03, drift=0.05 / 60, offset=0.7, bounce=0.004, answers=True):
+    def __init__(
+        self, seed=0, noise=0.03, drift=0.05 / 60, offset=0.7, bounce=0.004, answers=True, pole_hz=None
+    ):
         self.rng = np.random.default_rng(seed)
         self.noise, self.drift, self.offset, self.bounce, self.answers = noise, drift, offset, bounce, answers
         self.presses: list[SyntheticPress] = []
         self.file = load_rig_file("simulated")
+        self.pole_hz = pole_hz
+        """Of the accelerometer, which otherwise follows at once."""
+        if pole_hz:
+            sensor = self.file.sensors.acceleration.model_copy(update={"bandwidth_hz": pole_hz})
+            sensors = self.file.sensors.model_copy(update={"acceleration": sensor})
+            self.file = self.file.model_copy(update={"sensors": sensors})
         self.pairs = 1
         self.gain = 1.0
 
@@ -116,11 +125,18 @@ class World:
             return force * each[i] + self.rng.normal(0, sigma, len(t))
         if channel.startswith("acceleration"):
             sensor = self.file.sensors.acceleration
-            z = 9.81 + sum(p.acceleration(t) for p in self.presses) if channel.endswith("z") else 0.0
+            z = 9.81 + sum(self._felt(p, t) for p in self.presses) if channel.endswith("z") else 0.0
             value = self.gain * z + self.rng.normal(0, 0.05, len(t))
             return sensor.zero + sensor.sensitivity * value
         flips = np.sort(np.concatenate([[-1.0], *(p.flips for p in self.presses)]))
         return 5.0 * ((np.searchsorted(flips, t, side="right") - 1) % 2) + self.rng.normal(0, 0.001, len(t))
+
+    def _felt(self, press, t):
+        if not self.pole_hz:
+            return press.acceleration(t)
+        grid = np.arange(press.start - 0.01, press.end + 0.2, 2e-5)
+        passed = 1 - np.exp(-2 * np.pi * self.pole_hz * 2e-5)
+        return np.interp(t, grid, lfilter([passed], [1, passed - 1], press.acceleration(grid)), 0, 0)
 
 
 class WorldStream(Stream):
@@ -167,7 +183,7 @@ class WorldDaq(Daq):
         self.fails_at = self.gap_at = 10**9
         self.streams: list[WorldStream] = []
 
-    def stream(self, channels, rate_hz, block, samples=None, play=None):
+    def _stream(self, channels, rate_hz, block, samples=None, play=None):
         self.streams.append(WorldStream(self, channels, rate_hz, block))
         return self.streams[-1]
 
@@ -193,6 +209,6 @@ class WorldOperator(Operator):
 def world_rig(**settings) -> Rig:
     """A rig whose DAQ and operator are a `World`; it is reached as `rig.daq.world`."""
     world, clock = World(**settings), VirtualClock()
-    rig = Rig(world.file, clock, None, None)
+    rig = Rig(world.file, clock, None, None, ())
     rig._roles = {"daq": WorldDaq(world, clock), "operator": WorldOperator(world, clock)}
     return rig

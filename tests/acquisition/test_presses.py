@@ -1,16 +1,19 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from pressworld import world_rig
 
-from acquisition import find_presses, record
+from acquisition import SEGMENTATIONS, Recording, Segmentation, find_presses, record, segmentation_for
 from acquisition.presses import Detector, _value_at
+from instruments import DataError
 
 BUTTONS = ("latch", "toggle", "push")
 
 
-def recorded(tmp_path, button, presses=8, **world):
+def recorded(tmp_path, button, presses=6, **world):
     rig = world_rig(**world)
     return record(rig, button, "P01", presses, tmp_path), rig.daq.world.presses
 
@@ -36,6 +39,10 @@ def test_every_press_is_found_where_it_was(tmp_path, button, seed):
             assert abs(press.opened - t.opening * 5000) <= 1.0
         else:
             assert press.opened is None
+        if button == "latch":
+            assert abs(press.first_stage - 5000 * (t.activation - 0.06 / t.speed)) < 6
+        else:
+            assert press.first_stage is None
 
 
 @pytest.mark.parametrize(
@@ -95,8 +102,36 @@ def test_two_presses_after_one_prompt_are_two(tmp_path):
             rig.daq.world.press("push", rig.daq.world.presses[0].end + 0.15)
 
     rig.operator.tell = twice
-    recording = record(rig, "push", "P01", 2, tmp_path)
+    recording = record(rig, "push", "P01", 1, tmp_path)
+    assert len(recording.judged) == 2
     assert len(rig.daq.world.presses) == len(find_presses(recording)) == 3
+
+
+def test_a_finger_that_lands_with_a_knock_makes_no_second_stage(tmp_path):
+    rig = world_rig(seed=12)
+    volts = rig.daq.world.volts
+
+    def knocking(channel, t):
+        # As strong as a first click, 20 ms after the finger has come.
+        knocks = sum(
+            5 * np.exp(-np.maximum(t - p.start - 0.02, 0) / 0.004) * (t > p.start + 0.02)
+            for p in rig.daq.world.presses
+        )
+        return volts(channel, t) + (0.03 * knocks if channel.endswith("z") else 0)
+
+    rig.daq.world.volts = knocking
+    for press in find_presses(record(rig, "push", "P01", 3, tmp_path)):
+        assert press.first_stage is None
+
+
+def test_parameters_are_those_of_the_button_unless_others_are_given(tmp_path):
+    assert segmentation_for("latch") is SEGMENTATIONS["latch"]
+    assert segmentation_for("a knob") == Segmentation()
+    assert SEGMENTATIONS["latch"].least_peak > SEGMENTATIONS["toggle"].least_peak
+    recording, truth = recorded(tmp_path, "toggle", presses=2)
+    assert len(find_presses(recording)) == len(truth)
+    deaf = dataclasses.replace(segmentation_for("toggle"), least_peak=50.0)
+    assert find_presses(recording, deaf) == ()
 
 
 def test_a_force_in_pieces_gives_the_same_presses_as_in_one():
@@ -115,6 +150,11 @@ def test_a_contact_that_never_changes_is_said_so(tmp_path):
     rig = world_rig(seed=9)
     volts = rig.daq.world.volts
     rig.daq.world.volts = lambda c, t: np.zeros(len(t)) if c == "switch" else volts(c, t)
-    for press in find_presses(record(rig, "push", "P01", 2, tmp_path)):
+    with pytest.raises(DataError, match="did not switch"):
+        record(rig, "push", "P01", 1, tmp_path)
+    presses = find_presses(Recording.open(tmp_path / "P01-push.h5"))
+    assert len(presses) == len(rig.daq.world.presses)
+    for press in presses:
         assert press.activation is None
         assert press.force_at_activation is None
+        assert press.first_stage is None

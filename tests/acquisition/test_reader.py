@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from acquisition.reading import GapError, Reader
+from acquisition.reading import GapError, OverrunError, Reader
 from instruments import Block, Clock, InstrumentError, Stream
 from mocks.clock import VirtualClock
 
@@ -63,7 +63,8 @@ def test_a_full_queue_stops_with_an_error_after_the_blocks_that_fit():
     firsts = []
     with Reader(stream, RealTime(), depth=3) as reader:
         assert stream.ended.wait(10)
-        with pytest.raises(InstrumentError, match="fell behind: 3 blocks"):
+        assert reader.waiting == 4  # and the error behind them
+        with pytest.raises(OverrunError, match="fell behind: 3 blocks"):
             for block in reader:
                 firsts.append(block.first)
     assert firsts == [0, 10, 20]

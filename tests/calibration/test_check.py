@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acquisition import Representative
-from calibration import Drive, calibrate, check, drive_for
+from calibration import Check, Drive, calibrate, check, drive_for
 from calibration.spectra import third_octaves
 from instruments import ConfigurationError
 from tests.calibration.conftest import Calibrated, make_press, tamper
@@ -32,6 +33,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     assert result.measured.shape == drive.target.shape
     assert result.simulated == calibrated.rig.simulated
     assert seen == [(n, 8) for n in range(1, 9)]
+    assert result.beyond_noise == pytest.approx(np.sqrt(result.nrmse**2 - result.floor**2))
     # What it says of itself is what its arrays say.
     difference = result.measured - drive.target
     assert result.nrmse == pytest.approx(np.std(difference) / np.std(drive.target), rel=1e-3)
@@ -44,9 +46,9 @@ def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
     assert centres == pytest.approx([100, 125.9, 158.5, 199.5, 251.2, 316.2, 398.1, 501.2], abs=0.1)
     assert levels[4] == pytest.approx(0, abs=1e-6)
     assert np.all(np.delete(levels, 4) < -60)
-    found, wanted, measured = check(calibrated.rig, drive, plays=2).third_octave
-    assert np.all((found <= drive.band[1]) & (found >= drive.band[0]))
-    assert len(found) == len(wanted) == len(measured) > 2
+    result = check(calibrated.rig, drive, plays=2)
+    assert np.all((result.octaves_hz <= drive.band[1]) & (result.octaves_hz >= drive.band[0]))
+    assert len(result.octaves_hz) == len(result.target_db) == len(result.measured_db) > 2
 
 
 @pytest.mark.parametrize(
@@ -132,6 +134,8 @@ def test_a_check_needs_plays_and_its_own_sample_rate(calibrated: Calibrated, dri
         check(calibrated.rig, drive, plays=1)
     with pytest.raises(ConfigurationError, match="samples/s"):
         check(calibrated.rig, replace(drive, rate_hz=1.0))
+    with pytest.raises(ConfigurationError, match="of the rig 'haptable', and this is 'simulated'"):
+        check(calibrated.rig, replace(drive, rig="haptable"))
     with pytest.raises(ConfigurationError, match="another press"):
         check(calibrated.rig, drive, replace(make_press(), sources=(("P02-push.h5", "1" * 64),)))
 
@@ -141,6 +145,14 @@ def test_a_drive_that_holds_little_of_its_press_does_not_pass(calibrated: Calibr
     result = check(calibrated.rig, drive, make_press(), plays=2)
     assert not result.passed
     assert "of the press's energy lies in" in str(result)
+
+
+def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_path: Path) -> None:
+    result = check(calibrated.rig, drive, plays=2)
+    result.save(tmp_path / "check.h5")
+    back = Check.load(tmp_path / "check.h5")
+    assert np.array_equal(back.measured, result.measured) and np.array_equal(back.drive.volts, drive.volts)
+    assert str(back) == str(result) and back.passed == result.passed
 
 
 def test_a_response_alone_is_fitted_first(calibrated: Calibrated, drive: Drive) -> None:

@@ -3,8 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration import linear_sweep
+from calibration import LinearSweep, Multisine, linear_sweep, measure_response, plan_excitation
 from instruments import ConfigurationError, Limits
+from tests.conftest import OpenRig
+
+RATE = 50e3
 
 
 def test_a_sweep_may_be_played_and_rises_linearly() -> None:
@@ -22,3 +25,112 @@ def test_a_sweep_may_be_played_and_rises_linearly() -> None:
 def test_a_sweep_that_cannot_be_sampled_is_refused(duration: float, stop: float) -> None:
     with pytest.raises(ConfigurationError, match="sweep"):
         linear_sweep(50e3, duration, stop, 1.0)
+
+
+@pytest.mark.parametrize(
+    "multisine",
+    [
+        Multisine(),
+        Multisine(lines="all", seed=3),
+        Multisine(periods=2, settle=0.7),
+        Multisine(lines=(1, 4), settle=0.8),
+        Multisine(low=100, high=300, period=1.0),
+    ],
+)
+def test_a_multisine_may_be_played_and_holds_its_lines_alone(multisine: Multisine) -> None:
+    drive = multisine.volts(RATE, 48.0)
+    Limits(low=-48, high=48, mean=0.5, end=0.5, slew=0.5e6).check(drive, RATE)
+    assert np.abs(drive).max() == pytest.approx(48)
+    assert len(drive) / RATE == pytest.approx(multisine.duration, abs=1 / RATE)
+    one = multisine.samples(RATE)
+    amplitudes = np.abs(np.fft.rfft(drive[-one:])) * 2 / one
+    own = multisine.excited()
+    assert np.ptp(amplitudes[own]) < 1e-6 * amplitudes[own].mean()
+    others = np.setdiff1d(np.arange(len(amplitudes)), own)
+    assert amplitudes[others].max() < 1e-9 * amplitudes[own].mean()
+    assert own[0] / multisine.period == pytest.approx(multisine.low, abs=12 / multisine.period)
+    assert own[-1] / multisine.period == pytest.approx(multisine.high, abs=12 / multisine.period)
+    for silent in multisine.silent():
+        assert not np.isin(silent, own).any()
+
+
+def test_optimised_phases_bring_the_rms_near_that_of_a_sine() -> None:
+    odd = Multisine()
+    assert odd.crest() < 1.7
+    # With phases as they fall it is 3.4 at best.
+    rng = np.random.default_rng(0)
+    spectrum = np.zeros(8193, dtype=complex)
+    spectrum[odd.excited()] = np.exp(2j * np.pi * rng.random(len(odd.excited())))
+    wave = np.fft.irfft(spectrum)
+    assert np.abs(wave).max() / wave.std() > 3.4
+    again, other = Multisine(), Multisine(seed=1)
+    assert np.array_equal(again.volts(RATE, 1.0), odd.volts(RATE, 1.0))
+    assert abs(np.corrcoef(other.volts(RATE, 1.0), odd.volts(RATE, 1.0))[0, 1]) < 0.2
+
+
+def test_odd_lines_leave_even_ones_to_distortion_and_one_in_four_as_well() -> None:
+    odd = Multisine()
+    even, left_out = odd.silent()
+    assert np.all(odd.excited() % 2 == 1) and np.all(left_out % 2 == 1) and np.all(even % 2 == 0)
+    assert len(left_out) == pytest.approx(len(odd.excited()) / 3, rel=0.02)
+
+
+def test_patches_that_play_at_once_share_no_line_and_leave_out_the_same() -> None:
+    each = [Multisine(lines=(k, 4), settle=0.8, seed=7) for k in range(4)]
+    lines = np.concatenate([one.excited() for one in each])
+    assert len(np.unique(lines)) == len(lines)
+    for one in each:
+        assert np.array_equal(one.silent()[1], each[0].silent()[1])
+        assert not np.isin(one.silent()[1], lines).any()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"low": 50, "high": 52}, "fewer than 20 lines"),
+        ({"low": 300, "high": 200}, "fewer than 20 lines"),
+        ({"periods": 3}, "settle"),
+        ({"periods": 0}, "at least one period"),
+        ({"lines": (4, 4)}, "every n"),
+    ],
+)
+def test_a_multisine_that_makes_no_sense_is_refused(wrong: dict[str, object], said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        Multisine(**wrong)  # type: ignore[arg-type]
+
+
+def test_what_cannot_be_sampled_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="sample rate"):
+        Multisine().volts(2000.0, 1.0)
+
+
+def test_each_says_how_long_it_takes() -> None:
+    assert Multisine().duration == 2.05 and "2.05 s of measuring" in str(Multisine())
+    assert LinearSweep().duration == pytest.approx(6 * 8.2) and "49.2 s" in str(LinearSweep())
+    assert Multisine(periods=4, settle=1).duration == pytest.approx(9.2)
+
+
+def test_a_plan_takes_no_longer_than_it_must() -> None:
+    easy, hard = plan_excitation(0.01, 45, peak=48), plan_excitation(0.001, 45, peak=48)
+    assert easy.excitation.from_rest and easy.duration == 2.05 and easy.level < 48
+    assert not hard.excitation.from_rest and hard.level == 48
+    assert easy.expected_error <= 0.01 and hard.expected_error <= 0.001
+    assert plan_excitation(0.01, 45, peak=48, decay=2.0).duration > easy.duration
+    with pytest.raises(ConfigurationError, match="raise the level"):
+        plan_excitation(0.0001, 20, peak=48)
+    with pytest.raises(ConfigurationError, match="target error between"):
+        plan_excitation(0.0, 20, peak=48)
+
+
+@pytest.mark.parametrize("target", [0.006, 0.0025])
+def test_a_plan_keeps_its_word(open: OpenRig, target: float) -> None:
+    rig = open(hysteresis=0, vibrometer_noise_scale=10, seed=31)
+    first = measure_response(rig, excitation=Multisine(seed=5))
+    planned = plan_excitation(target, first.snr_db(rig.limits.peak), peak=rig.limits.peak)
+    response = measure_response(rig, excitation=planned.excitation, level=planned.level)
+    if rig.simulation is None:
+        pytest.skip("only a simulation knows the truth")
+    truth = rig.simulation.truth.velocity_response("A", "button", response.frequencies)
+    kept = response.frequencies > 30
+    error = np.linalg.norm((response.velocity - truth)[kept]) / np.linalg.norm(truth[kept])
+    assert target / 4 < error < target

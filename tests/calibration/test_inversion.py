@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.fft import rfft, rfftfreq
 
-from calibration.inversion import Plan, loudest, quiet
+from calibration.inversion import Plan, loudest, quiet, within
 from calibration.spectra import fade
 
 
@@ -48,6 +48,24 @@ def test_a_limit_is_met_better_by_planning_than_by_regularising(plan: Plan, budg
     # Not by being silent: clipping the plain inverse to the same peak is worse.
     clipped = np.clip(plain, -np.abs(planned).max(), np.abs(planned).max())
     assert plan.error(clipped) > error
+
+
+def test_steps_are_limited_by_planning_too(plan: Plan) -> None:
+    free, _ = loudest(plan, 0.1)
+    steepest = 0.5 * float(np.abs(np.diff(free)).max() / np.abs(free).max())
+    planned, error = loudest(replace(plan, steepest=steepest), 0.1)
+    peak = float(np.abs(planned).max())
+    assert np.abs(np.diff(planned)).max() < 1.1 * steepest * peak
+    assert error <= 0.1
+    # Not by being as slow as its steepest step asks of the whole: that would need a higher peak.
+    assert peak < 1.9 * np.abs(free).max()
+
+
+def test_a_known_drive_is_left_where_nothing_is_to_gain(plan: Plan) -> None:
+    drive, _ = quiet(plan, 0.01)
+    known = replace(plan, wanted=plan.gain * rfft(drive), around=rfft(drive), ridge=1e-4)
+    again, _ = within(known, 2 * float(np.abs(drive).max()))
+    assert np.linalg.norm(again - drive) < 0.05 * np.linalg.norm(drive)
 
 
 def test_noise_and_doubt_are_part_of_what_is_expected(plan: Plan) -> None:

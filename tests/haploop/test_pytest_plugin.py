@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import warnings
-from pathlib import Path
 
 import pytest
 
-from haploop.lock import hold
-from instruments import InstrumentError, open_rig
+from instruments import open_rig
+from tests.elsewhere import in_use_elsewhere
 
 pytest_plugins = ["pytester"]
 
@@ -131,32 +128,7 @@ def test_a_project_of_other_rigs_is_left_alone(pytester: pytest.Pytester) -> Non
 def test_two_runs_never_share_hardware(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(TESTS)
     lab = pytester.makefile(".toml", lab='base = "haptable"\nname = "lab"')
-    with hold(lab, "somebody"):
+    with in_use_elsewhere(lab):
         result = run(pytester, "--rig", "lab.toml")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stdout.fnmatch_lines([f"*lab.toml is in use by process {os.getpid()} (somebody): wait*"])
-
-
-def test_a_lock_dies_with_its_holder(tmp_path: Path) -> None:
-    rig = tmp_path / "lab.toml"
-    rig.touch()
-    script = (
-        "import sys, pathlib; from haploop.lock import hold\n"
-        "with hold(pathlib.Path(sys.argv[1]), 'another'): print('held', flush=True); sys.stdin.read()"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", script, str(rig)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as other:
-        assert other.stdout is not None
-        assert other.stdout.readline().strip() == b"held"
-        with (
-            pytest.raises(InstrumentError, match=rf"in use by process {other.pid} \(another\)"),
-            hold(rig, "this"),
-        ):
-            pass
-        other.kill()
-        other.wait()
-    with hold(rig, "this"), pytest.raises(InstrumentError, match="this"), hold(rig, "this once more"):
-        pass
-    with hold(rig, "this again"):
-        pass
+    result.stdout.fnmatch_lines([f"*The rig 'lab' is in use (*) by process {os.getpid()} (*: wait*"])

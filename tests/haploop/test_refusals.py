@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 import haploop.show
 from calibration.files import why, write
-from haploop.lock import hold
 from instruments import ConfigurationError, DataError
+from tests.elsewhere import in_use_elsewhere
 from tests.haploop.conftest import Demo, Run
 
 SIMULATED = "Everything here is simulated"
@@ -34,33 +34,17 @@ def lab(tmp_path: Path) -> Path:
 )
 def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, command: list[str]) -> None:
     out = [] if command == ["doctor"] else ["--out", tmp_path / "out"]
-    with hold(lab, "somebody"):
+    with in_use_elsewhere(lab):
         result = run(*command, *out, "--rig", lab)
     assert result.exit_code == 3
     assert result.stdout == ""
-    assert f"lab.toml is in use by process {os.getpid()} (somebody): wait" in result.stderr
+    assert "The rig 'lab' is in use (" in result.stderr
+    assert f") by process {os.getpid()} (" in result.stderr
     assert result.stderr.count("\n") == 1
 
 
-def test_a_command_says_who_it_is_to_the_next(
-    run: Run, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    second = []
-
-    def opened(*_args: object, **_named: object) -> None:
-        if not second:
-            second.append(None)
-            second[0] = run("calibrate", "--out", tmp_path / "c.h5", "--rig", lab)
-        raise ConfigurationError("no further.")
-
-    monkeypatch.setattr("instruments.open_rig", opened)
-    assert run("record", "latch", "-p", "P01", "--out", tmp_path, "--rig", lab).exit_code == 2
-    assert second[0].exit_code == 3
-    assert "(haploop record)" in second[0].stderr
-
-
 def test_a_simulation_needs_no_lock(run: Run, lab: Path, tmp_path: Path) -> None:
-    with hold(lab, "somebody"):
+    with in_use_elsewhere(lab):
         result = run(
             "record", "latch", "-p", "P01", "-n", 1, "-o", tmp_path, "--rig", lab, "--simulate", "twin"
         )

@@ -95,8 +95,8 @@ class TestNothingBroken(BrokenRelay):
 
 class TestLeavesOthersConnected(BrokenRelay):
     class kind(Board):  # noqa: N801
-        def connect(self, patches: Collection[str]) -> None:
-            super().connect(patches and {*patches, *self.connected()})
+        def _connect(self, patches: Collection[str]) -> None:
+            super()._connect(patches and {*patches, *self.connected()})
 
     breaks: ClassVar = {
         "test_connects_exactly_these_patches",
@@ -108,9 +108,9 @@ class TestBelievesItself(BrokenRelay):
     class kind(Board):  # noqa: N801
         asked: frozenset[str] = frozenset()
 
-        def connect(self, patches: Collection[str]) -> None:
+        def _connect(self, patches: Collection[str]) -> None:
             with suppress(InstrumentError):
-                super().connect(patches)
+                super()._connect(patches)
             self.asked = frozenset(patches)
 
         def connected(self) -> frozenset[str]:
@@ -125,29 +125,29 @@ class TestBelievesItself(BrokenRelay):
 
 class TestSwitchesBeforeItLooks(BrokenRelay):
     class kind(Board):  # noqa: N801
-        def connect(self, patches: Collection[str]) -> None:
+        def _connect(self, patches: Collection[str]) -> None:
             known = [p for p in patches if p in self.patches]
-            super().connect(known)
-            super().connect(patches)
+            super()._connect(known)
+            super()._connect(patches)
 
     breaks: ClassVar = {"test_an_unknown_patch_changes_nothing"}
 
 
 class TestRaisesWhatItLikes(BrokenRelay):
     class kind(Board):  # noqa: N801
-        def connect(self, patches: Collection[str]) -> None:
+        def _connect(self, patches: Collection[str]) -> None:
             for patch in patches:
                 PATCHES[patch]
-            super().connect(patches)
+            super()._connect(patches)
 
     breaks: ClassVar = {"test_an_unknown_patch_changes_nothing"}
 
 
 class TestWritesAnEssay(BrokenRelay):
     class kind(Board):  # noqa: N801
-        def connect(self, patches: Collection[str]) -> None:
+        def _connect(self, patches: Collection[str]) -> None:
             try:
-                super().connect(patches)
+                super()._connect(patches)
             except InstrumentError as error:
                 raise InstrumentError(f"{error}\nTraceback: ...") from None
 
@@ -189,9 +189,9 @@ class TestHasNoDeadMan(BrokenRelay):
             super().__init__()
             self.box.pulse = lambda channel, length, delay=0.0: self.box.set_state(channel, True)  # type: ignore[method-assign]
 
-        def connect(self, patches: Collection[str]) -> None:
+        def _connect(self, patches: Collection[str]) -> None:
             dead_man, self.dead_man = self.dead_man, np.inf
-            super().connect(patches)
+            super()._connect(patches)
             self.dead_man = dead_man
 
     breaks: ClassVar = {"test_the_dead_man_opens_a_box_that_is_left_alone"}
@@ -209,10 +209,10 @@ class TestHangs(BrokenRelay):
     deadline = 0.3
 
     class kind(Board):  # noqa: N801
-        def connect(self, patches: Collection[str]) -> None:
+        def _connect(self, patches: Collection[str]) -> None:
             if self.box.faults:
                 threading.Event().wait()
-            super().connect(patches)
+            super()._connect(patches)
 
     breaks: ClassVar = {"test_a_fault_is_one_error_in_time"}
 
@@ -267,8 +267,10 @@ class BrokenDaq(DaqConformance):
 
 class TestLosesABlock(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def stream(self, *args: Any, **more: Any) -> Stream:
-            return Changed(super().stream(*args, **more), lambda blocks: (b for b in blocks if b.first != 64))
+        def _stream(self, *args: Any, **more: Any) -> Stream:
+            return Changed(
+                super()._stream(*args, **more), lambda blocks: (b for b in blocks if b.first != 64)
+            )
 
     breaks: ClassVar = {"test_a_finite_stream_delivers_exactly_its_samples"}
 
@@ -277,7 +279,7 @@ class TestHidesALostBlock(BrokenDaq):
     """The index goes on as if nothing had happened: only the count of samples can tell."""
 
     class kind(Cards):  # noqa: N801
-        def stream(self, *args: Any, **more: Any) -> Stream:
+        def _stream(self, *args: Any, **more: Any) -> Stream:
             def change(blocks: Iterator[Block]) -> Iterator[Block]:
                 lost = 0
                 for number, block in enumerate(blocks):
@@ -286,7 +288,7 @@ class TestHidesALostBlock(BrokenDaq):
                     else:
                         yield Block(block.first - lost, block.volts, block.overload)
 
-            return Changed(super().stream(*args, **more), change)
+            return Changed(super()._stream(*args, **more), change)
 
     breaks: ClassVar = {
         "test_a_finite_stream_delivers_exactly_its_samples",
@@ -298,8 +300,8 @@ class TestHidesALostBlock(BrokenDaq):
 
 class TestPrefersItsOwnOrder(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
-            stream = super().stream(sorted(channels), *args, **more)
+        def _stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
+            stream = super()._stream(sorted(channels), *args, **more)
             stream.channels = tuple(channels)
             return stream
 
@@ -308,16 +310,16 @@ class TestPrefersItsOwnOrder(BrokenDaq):
 
 class TestPlaysLate(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def stream(  # type: ignore[override]
+        def _stream(
             self,
             channels: Sequence[str],
             rate_hz: float,
             block: int,
-            samples: int | None = None,
-            play: Mapping[str, FloatArray] | None = None,
+            samples: int | None,
+            play: Mapping[str, FloatArray] | None,
         ) -> Stream:
             late = {name: np.concatenate([np.zeros(5), wave]) for name, wave in (play or {}).items()}
-            return super().stream(channels, rate_hz, block, samples, late)
+            return super()._stream(channels, rate_hz, block, samples, late)
 
     breaks: ClassVar = {"test_a_row_is_its_channels", "test_plays_on_the_clock_edge_of_sample_0"}
 
@@ -332,13 +334,13 @@ class TestClipsInSilence(BrokenDaq):
 
 class TestRefusesTooLate(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def stream(self, *args: Any, **more: Any) -> Stream:
+        def _stream(self, *args: Any, **more: Any) -> Stream:
             try:
-                return super().stream(*args, **more)
+                return super()._stream(*args, **more)
             except LimitError:
                 channels, rate_hz, block, samples, play = args
                 good = {name: np.full(5, 1.0) for name in play}
-                list(super().stream(channels, rate_hz, block, samples, good))
+                list(super()._stream(channels, rate_hz, block, samples, good))
                 raise
 
     breaks: ClassVar = {"test_a_waveform_that_cannot_be_played_is_refused"}
@@ -358,8 +360,8 @@ class TestLeavesTheOutputOn(BrokenDaq):
 
 class TestPassesOverWhatItDoesNotKnow(BrokenDaq):
     class kind(Cards):  # noqa: N801
-        def stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
-            return super().stream([c for c in channels if c in BrokenDaq.channels], *args, **more)
+        def _stream(self, channels: Sequence[str], *args: Any, **more: Any) -> Stream:
+            return super()._stream([c for c in channels if c in BrokenDaq.channels], *args, **more)
 
     breaks: ClassVar = {"test_an_unknown_channel_is_refused"}
 

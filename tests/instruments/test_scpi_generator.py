@@ -13,6 +13,7 @@ import pytest
 
 from instruments import ConfigurationError, InstrumentError, LimitError, load_rig_file
 from instruments.arrays import FloatArray
+from instruments.conformance import let_play
 from instruments.generator import Sweep
 from instruments.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from mocks.clock import VirtualClock
@@ -68,19 +69,28 @@ class Setup:
     server: LineServer | None = None
 
 
+def played(generator: ScpiGenerator) -> ScpiGenerator:
+    let_play(generator)
+    return generator
+
+
 def setups(family: str, kind: str) -> Iterator[Setup]:
     driver, product = FAMILIES[family]
     bench = Bench()
     box = Box(product, bench, "amplifier")
     if kind == "twin":
-        yield Setup(bench, box, lambda **s: driver(settings(**s), bench.clock, DirectLine(box.answer)))
+        yield Setup(
+            bench, box, lambda **s: played(driver(settings(**s), bench.clock, DirectLine(box.answer)))
+        )
         return
     opened: list[ScpiGenerator] = []
     with LineServer(box.answer) as server:
         resource = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
 
         def opener(**changes: object) -> ScpiGenerator:
-            opened.append(driver.open(settings(resource=resource, visa="@py", **changes), bench.clock))
+            opened.append(
+                played(driver.open(settings(resource=resource, visa="@py", **changes), bench.clock))
+            )
             return opened[-1]
 
         yield Setup(bench, box, opener, server)
@@ -246,7 +256,7 @@ def test_a_setting_that_was_not_taken_is_read_back(family: str, deaf: str, sente
     bench = Bench()
     box = Deaf(product, bench, deaf)
     with pytest.raises(InstrumentError, match=sentence):
-        driver(settings(), bench.clock, DirectLine(box.answer)).configure(SWEEP)
+        played(driver(settings(), bench.clock, DirectLine(box.answer))).configure(SWEEP)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -339,6 +349,7 @@ def test_a_sweep_moves_the_table(kind: str) -> None:
 
     def play(generator: ScpiGenerator) -> None:
         plant.switch("A", True, clock.now())
+        let_play(generator)
         generator.configure(Sweep(200, 300, 1, 0.8))
         generator.arm()
         generator.trigger()

@@ -15,6 +15,7 @@ from instruments import ConfigurationError, InstrumentError, LimitError, Rig, lo
 from instruments.alignment import Aligned, Timing, find
 from instruments.arrays import FloatArray
 from instruments.clock import RealClock
+from instruments.conformance import let_play
 from instruments.sound_card import SoundCard, at_rate
 from mocks.clock import VirtualClock
 from mocks.plant import Plant
@@ -41,6 +42,7 @@ class Bench:
     def __init__(self, **changes: object) -> None:
         self.plant = Plant(load_rig_file("sound-card"), VirtualClock())
         self.driver = twin(SoundCard.Settings.model_validate(SETTINGS | changes), self.plant)
+        let_play(self.driver)
         assert isinstance(self.driver.audio, Card)
         self.card = self.driver.audio
         self.card.high_pass_hz = 0.0
@@ -146,6 +148,7 @@ def test_an_error_while_it_plays_stops_it_at_once_and_is_the_one_that_counts() -
 def test_a_busy_device_is_one_sentence() -> None:
     bench = Bench()
     other = SoundCard(SoundCard.Settings.model_validate(SETTINGS), bench.plant.clock, bench.card)
+    let_play(other)
     with bench.driver.play(burst(0.9), RATE):
         with (
             pytest.raises(InstrumentError, match="cannot play at 48000 samples/s"),
@@ -285,6 +288,7 @@ def test_the_safe_state_stops_a_play_before_the_relay_opens(
     open: OpenRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = open("sound-card")
+    let_play(rig.player)
     truth, connect, seen = rig.simulation.truth, rig.relay.connect, []
 
     def watched(patches: object) -> None:

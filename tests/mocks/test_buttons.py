@@ -3,12 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mocks.buttons import BUTTONS, ButtonPress, Finger, button_named, press_button
+from instruments.operator import Press
+from mocks.buttons import BUTTONS, FLAWS, ButtonPress, Finger, Flaw, button_named, press_button
 
 
-def press(button: str, seed: int = 0, start: float = 5.0) -> ButtonPress:
+def press(button: str, seed: int = 0, start: float = 5.0, flaw: Flaw = "") -> ButtonPress:
     rng = np.random.default_rng(seed)
-    return press_button(button_named(button), Finger.of(rng), "P01", start, rng)
+    return press_button(button_named(button), Finger.of(rng), Press(button, "P01", 1, 1), start, rng, flaw)
 
 
 def test_forces_at_activation_keep_the_papers_order_for_every_finger() -> None:
@@ -51,3 +52,21 @@ def test_a_maintained_contact_flips_an_odd_number_of_times_and_a_momentary_one_r
 def test_a_button_that_the_paper_has_not_is_a_button_too_and_always_the_same() -> None:
     assert button_named("doorbell") == button_named("doorbell")
     assert press("doorbell").activation_force > 1
+
+
+def test_each_flaw_is_what_its_name_says() -> None:
+    for name in BUTTONS:
+        good, made = press(name, 3), {flaw: press(name, 3, flaw=flaw) for flaw in FLAWS}
+        assert made["soft"].activation_time is None and not len(made["soft"].flips)
+        assert made["double"].activation_force == pytest.approx(good.activation_force)
+        times = np.linspace(good.start - 1, good.stop + 2, 100_000)
+        shaken = {flaw: np.abs(one.acceleration(times)).max() for flaw, one in {"": good, **made}.items()}
+        assert shaken["hard"] > 30 > shaken[""] > shaken["soft"]
+        for flaw in ("leaning", "lingering"):
+            force = made[flaw].force(times)
+            light = (force > 0.3) & (force < 0.9)
+            assert 0.4 < np.count_nonzero(light) * (times[1] - times[0]) < 1.2
+            ends = np.array([made[flaw].start - 1e-3, made[flaw].stop + 1e-3])
+            np.testing.assert_allclose(made[flaw].force(ends), 0, atol=1e-9)
+        assert made["leaning"].activation_time > good.activation_time + 0.4
+        assert made["lingering"].stop > good.stop + 0.4

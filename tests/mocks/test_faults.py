@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition import record
-from calibration import linear_sweep, measure_response
+from calibration import LinearSweep, linear_sweep, measure_response
 from instruments import ConfigurationError, DataError, InstrumentError, Rig, open_rig
 from instruments.operator import Place, Remove
 from mocks.faults import KINDS
@@ -95,21 +95,21 @@ def test_a_tripped_amplifier_is_measured_and_not_believed(open: OpenRig) -> None
     rig = open(faults=[{"kind": "amplifier-trip", "after": 0.3}])
     assert np.abs(played(rig)[0, -10_000:]).max() < 0.1
     with pytest.raises(InstrumentError, match="check the amplifier"):
-        measure_response(rig, duration=2.0, repeats=2)
+        measure_response(rig, excitation=LinearSweep(seconds=2.0))
     assert fired(rig) == [1]
 
 
 def test_a_laser_that_jumps_is_no_measurement(open: OpenRig) -> None:
     rig = open(faults=[{"kind": "laser-dropout", "after": 1.0, "within": 1.0}])
     with pytest.raises(InstrumentError, match="left its range"):
-        measure_response(rig, duration=2.0, repeats=2)
+        measure_response(rig, excitation=LinearSweep(seconds=2.0))
     assert fired(rig) == [1]
 
 
 def test_a_blocked_laser_is_no_measurement(open: OpenRig) -> None:
     rig = open(faults=[{"kind": "laser-blocked"}])
     with pytest.raises(DataError, match="does not follow"):
-        measure_response(rig, duration=2.0, repeats=2)
+        measure_response(rig, excitation=LinearSweep(seconds=2.0))
     assert fired(rig) == [1]
 
 
@@ -174,7 +174,7 @@ def test_a_welded_contact_shows_in_the_drive_alone(open: OpenRig) -> None:
     rig = open("haptable", faults=[{"kind": "relay-welded", "patch": "A"}])
     assert np.abs(played(rig)[0]).max() < 0.1
     with pytest.raises(InstrumentError, match="drive monitor"):
-        measure_response(rig, duration=2.0, repeats=2)
+        measure_response(rig, excitation=LinearSweep(seconds=2.0))
 
 
 def test_the_known_mass_is_what_stands_on_the_sensor(open: OpenRig) -> None:

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mocks.hysteresis import _RADII, Hysteresis, _bent
-from mocks.table import AMPLIFIER_POLE_HZ, MAIN, Plate, Table, make_plate
+from mocks.table import AMPLIFIER_POLE_HZ, MAIN, Plate, Table, make_plate, warmed
 
 PLACE = (8.5 / 12, 1.5 / 7)
 RATE_HZ = 50_000.0
@@ -109,3 +111,32 @@ def test_hysteresis_equals_its_definition_step_by_step(path: list[float], cut: i
         play = np.clip(play, v - _RADII, v + _RADII)
         expected.append(plain._linear * v + plain._weights @ play)
     np.testing.assert_allclose(strain, _bent(np.array(expected)), atol=1e-9)
+
+
+def test_a_table_that_warms_at_rest_stays_at_rest_and_rings_as_it_then_is(plate: Plate) -> None:
+    """With the strain that the patch kept of an earlier drive."""
+    rng = np.random.default_rng(2)
+    before, volts = 40 * rng.uniform(-1, 1, 3000), 40 * rng.uniform(-1, 1, 3000)
+    later = replace(plate, natural_hz=1.01 * plate.natural_hz)
+    warm, new = Table(plate, 0.12, LASER_HZ), Table(later, 0.12, LASER_HZ)
+    for table in (warm, new):
+        swing(table, np.append(before, 0.0), [])
+        swing(table, np.zeros(1), [], start=20.0)
+    warm.tune(later)
+    swing(warm, np.zeros(1), [], start=30.0)
+    at = 30 + np.arange(3000) / RATE_HZ
+    assert np.abs(warm.velocity(PLACE, at)).max() < 1e-12
+    for table in (warm, new):
+        swing(table, volts, [700], start=31.0)
+    times = 31 + np.arange(4000) / RATE_HZ
+    np.testing.assert_allclose(warm.velocity(PLACE, times), new.velocity(PLACE, times), atol=1e-10)
+    assert np.abs(warm.velocity(PLACE, times)).max() > 1e-4
+
+
+def test_a_day_brings_every_mode_back(plate: Plate) -> None:
+    share = [warmed(plate, hour * 3600.0, 0.01, 3).natural_hz / plate.natural_hz - 1 for hour in range(49)]
+    assert all(np.ptp(s) < 1e-12 for s in share)
+    course = np.array([s[0] for s in share])
+    assert 0.009 < course.max() < 0.0111 and -0.0111 < course.min() < -0.009
+    assert np.abs(np.diff(course)).max() < 0.005, "no step is mistaken for a broken table"
+    np.testing.assert_array_equal(warmed(plate, 1e5, 0.0, 3).natural_hz, plate.natural_hz)

@@ -1,0 +1,148 @@
+"""Making whole what was interrupted, cut short or damaged: all that can be vouched for, in a new file."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from acquisition.layout import EVENT, Codes, Contents, Event, Header, event_row, judged_in, read_header
+from acquisition.scan import (
+    CHUNK,
+    cut_short,
+    ending_at,
+    later_blocks,
+    opened,
+    read_blocks,
+    read_contents,
+    write_finished,
+)
+from instruments import ConfigurationError, DataError
+
+__all__ = ["recover"]
+
+
+def recover(path: str | Path) -> Path:
+    """Save what can be saved of a recording, in a new file `<name>.recovered.h5`; `path` is not touched.
+
+    For one that was interrupted, cut short, or damaged in its samples: they are kept up to the first that
+    is missing. What was saved and what was not stands in the new file's last event. Raises
+    ConfigurationError when there is nothing to recover or the new file exists, DataError when the file is
+    damaged where it says what it is, or was changed after it was finished.
+    """
+    path = Path(path)
+    target = path.with_name(f"{path.stem}.recovered.h5")
+    if target.exists():
+        raise ConfigurationError(f"{target} exists and is never overwritten: move it away.")
+    header, contents, lost = _whole(path) or _part(path)
+    samples = contents.codes.shape[1]
+    accepted = len({press.number for press in judged_in(contents.presses) if press.accepted})
+    saved = f"Recovered {samples / header.rate_hz:.2f} s with {accepted} of {header.presses} presses accepted"
+    event = np.frombuffer(event_row(Event(samples, "recovered", f"{saved}; {lost}")), dtype=EVENT)
+    contents = replace(contents, events=np.concatenate([contents.events, event]))
+    write_finished(target, header, contents, "recovered", in_place=False)
+    return target
+
+
+def _whole(path: Path) -> tuple[Header, Contents, str] | None:
+    """What a file holds that was interrupted; None when it cannot be read as it is."""
+    try:
+        with opened(path) as file:
+            header, state = read_header(file, path)
+            later = later_blocks(file["blocks"]) if state == "recording" else 0
+        contents = read_contents(path)
+    except DataError:
+        return None
+    if state == "recording":
+        lost = "what came after its last block is not in it."
+        if later:
+            lost = f"{later} blocks behind a damaged one were left out."
+        return header, contents, lost
+    if contents.stored_hash != contents.hash(header):
+        raise DataError(
+            f"{path} was changed after it was finished, and nothing tells what it was before: "
+            "use an unchanged copy."
+        )
+    raise ConfigurationError(f"{path} holds all that was recorded; there is nothing to recover.")
+
+
+def _part(path: Path) -> tuple[Header, Contents, str]:
+    """What a damaged file holds before its first sample that is missing. Raises DataError."""
+    with opened_beyond(path) as file:
+        header, state = read_header(file, path)
+        if state == "recording":
+            contents = read_blocks(file, header)
+            return header, contents, "what came after its last whole block is not in it."
+        stored = file["codes"]
+        codes = _readable(stored)
+        rows = [file[name][:] for name in ("blocks", "events", "presses")]
+        recorded = stored.shape[1] / header.rate_hz
+        lost = f"of {recorded:.2f} s the rest is damaged, and what is left has no hash to be compared with."
+        return header, ending_at(Contents(codes, *rows), codes.shape[1]), lost
+
+
+def _readable(stored: h5py.Dataset) -> Codes:
+    """The samples before the first chunk that is missing or damaged."""
+    parts: list[Codes] = []
+    with suppress(OSError, RuntimeError, ValueError):
+        for start in range(0, stored.shape[1], CHUNK):
+            parts.append(stored[:, start : start + CHUNK])
+    return np.concatenate([np.zeros((stored.shape[0], 0), np.int16), *parts], axis=1)
+
+
+@contextmanager
+def opened_beyond(path: Path) -> Iterator[h5py.File]:
+    """The file as `opened` gives it; one that is cut short reads as zeros behind its end."""
+    try:
+        with h5py.File(path, "r"):
+            pass
+        length = 0
+    except OSError as error:
+        length = cut_short(str(error), path.stat().st_size if path.is_file() else 0)
+    if not length:
+        with opened(path) as file:
+            yield file
+        return
+    with _Padded(path, length) as padded:
+        try:
+            with h5py.File(padded, "r") as file:
+                yield file
+        except (OSError, KeyError, ValueError, RuntimeError, UnicodeDecodeError):
+            raise DataError(
+                f"{path} is cut short where it says what it is, so that nothing can be saved of it: "
+                "copy it again from where it came."
+            ) from None
+
+
+class _Padded(io.RawIOBase):
+    """A file to be read as if it had `length` bytes; those that are missing are zero."""
+
+    def __init__(self, path: Path, length: int) -> None:
+        self._file = path.open("rb")
+        self._length = length
+        self._at = 0
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        self._at = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._at, io.SEEK_END: self._length}[whence]
+        return self._at
+
+    def tell(self) -> int:
+        return self._at
+
+    def readinto(self, buffer: Any) -> int:
+        wanted = max(0, min(len(buffer), self._length - self._at))
+        self._file.seek(self._at)
+        found = self._file.read(wanted)
+        buffer[:wanted] = found.ljust(wanted, b"\0")
+        self._at += wanted
+        return wanted
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()

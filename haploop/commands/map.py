@@ -1,0 +1,88 @@
+"""`haploop map`: the vibration map of a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
+from haploop.exits import Session
+
+if TYPE_CHECKING:
+    from instruments.driver import Mode
+
+__all__ = ["map_command"]
+
+
+@click.command("map")
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    required=True,
+    metavar="DIR",
+    help="Folder of the map; one that is there is gone on with.",
+)
+@click.option(
+    "--points", metavar="LIST", help="Grid points, 0,5,12-20 for example; all when not given.", default=None
+)
+@click.option("--patches", metavar="LIST", help="Patches, A,C for example; all when not given.", default=None)
+@click.option(
+    "--level", type=float, metavar="V", help="Peak of each drive; what the limits allow when not given."
+)
+@click.option(
+    "--one-by-one", is_flag=True, help="One patch at a time, though the amplifier has a channel for each."
+)
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def map_command(
+    session: Session,
+    out: Path,
+    points: str | None,
+    patches: str | None,
+    level: float | None,
+    one_by_one: bool,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Measure what each patch makes of every point of the table; stop and go on as you like."""
+    from calibration.mapping import map_plan, measure_map  # noqa: PLC0415
+    from haploop import show as display  # noqa: PLC0415
+    from haploop.console import Steps, note  # noqa: PLC0415
+
+    chosen = None if points is None else _numbers(points)
+    names = None if patches is None else [name.strip() for name in patches.split(",")]
+    with (
+        alone(rig, simulate) as file,
+        opened_rig(session, file, simulate) as opened,
+        Steps() as steps,
+    ):
+        plan = map_plan(
+            opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
+        )
+        step = f"Map of {len(plan.points)} points, {plan.duration / 60:.1f} min of the table's time"
+
+        def tell(done: float, of: float, _what: str) -> None:
+            steps(step, done, of)
+
+        folder = measure_map(opened, out, plan, tell)
+    for point, reason in folder.skipped().items():
+        note(f"Point {point} was left out. {reason} Run the same command again to measure it.")
+    display.show(out, as_json)
+    return 0
+
+
+def _numbers(text: str) -> list[int]:
+    """0,5,12-20 as numbers. Raises click.UsageError."""
+    found: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.strip().partition("-")
+        if not first.isdecimal() or (last and not last.isdecimal()):
+            raise click.UsageError(f"--points takes numbers such as 0,5,12-20, and {part.strip()!r} is none")
+        found += range(int(first), int(last or first) + 1)
+    return found

@@ -1,0 +1,170 @@
+"""`haploop study`: many participants' presses of several buttons, over as many sittings as it takes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, alone, opened_rig
+from haploop.exits import Session
+
+if TYPE_CHECKING:
+    from instruments.driver import Mode
+
+__all__ = ["study"]
+
+STUDY = click.option(
+    "--study",
+    "-s",
+    "path",
+    type=PATH,
+    default=Path(),
+    show_default="this folder",
+    metavar="PATH",
+    help="The study file, or the folder that holds its study.toml.",
+)
+REASON = click.option("--reason", default="", help="Why; it is kept.")
+
+_NEW = """\
+# A study of haploop: what is recorded, of whom, and in which order. `haploop study run` goes on with it.
+
+name = {name}
+rig = "simulated"                   # your rig file, beside this one
+buttons = ["latch", "toggle", "push"]
+participants = ["P01", "P02", "P03"] # pseudonyms only; add new ones at the end
+presses = 10                        # of each button by each participant
+order = "counterbalanced"           # or "as-listed", or "random" with a seed
+consent = true                      # ask whether the consent form is signed, and keep the answer
+
+# [prompts]
+# consent = "Has {{participant}} signed the form KU-17?"
+# ready = "{{participant}}: index finger at the {{button}} button, {{presses}} presses. Ready?"
+# press = "Press {{button}} now ({{number}} of {{of}})."
+
+# [button.latch]
+# presses = 20
+# force = [3, 15]                   # N at activation; what is outside is asked for again
+# prompt = "Press the latch until it stays."
+"""
+
+
+@click.group(no_args_is_help=True)
+def study() -> None:
+    """Record a study: many participants, several buttons, as many sittings as it takes."""
+
+
+@study.command()
+@click.argument("folder", type=PATH)
+def new(folder: Path) -> int:
+    """Begin a study in a new FOLDER, with a study.toml to be filled in."""
+    from acquisition.store import check_target  # noqa: PLC0415
+    from haploop.console import print_line  # noqa: PLC0415
+
+    path = folder / "study.toml"
+    check_target(path)
+    # A string of JSON is one of TOML, whatever the folder's name holds.
+    path.write_text(_NEW.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
+    print_line(f"Fill in {path}, then: haploop study run --study {folder}")
+    return 0
+
+
+@study.command()
+@STUDY
+@click.option("--participant", "-p", "participants", multiple=True, help="Only this one; may be repeated.")
+@click.option("--button", "-b", "buttons", multiple=True, help="Only this one; may be repeated.")
+@click.option("--rig", "-r", metavar="FILE", help="Rig file instead of the study's own.")
+@NOTES
+@SIMULATE
+@JSON
+@click.pass_obj
+def run(
+    session: Session,
+    path: Path,
+    participants: Sequence[str],
+    buttons: Sequence[str],
+    rig: str | None,
+    notes: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Record what the study still wants; stop with Ctrl-C, and run again to go on where it stopped.
+
+    A press that is not a good one is kept, marked, and asked for again. At a console, type r and Enter
+    to reject the press before.
+    """
+    from acquisition import load_study, run_study  # noqa: PLC0415
+    from haploop.show_study import Counters, status  # noqa: PLC0415
+
+    opened = load_study(path)
+    with (
+        alone(rig or _own_rig(opened.path, opened.file.rig), simulate) as file,
+        opened_rig(session, file, simulate) as instruments,
+    ):
+        session.recordings = opened.folder
+        standings, typed_at = opened.standings(), not instruments.simulated
+        with Counters(opened.file.name, standings, typed_at) as counters:
+            told = (counters.progress, counters.judged)
+            run_study(instruments, opened, participants, buttons, *told, notes=notes)
+    status(opened, opened.standings(), as_json)
+    return 0
+
+
+@study.command("status")
+@STUDY
+@JSON
+def status_(path: Path, as_json: bool) -> int:
+    """How far the study is: accepted presses, bad and rejected ones, interrupted sittings, consent."""
+    from acquisition import load_study  # noqa: PLC0415
+    from haploop.show_study import status  # noqa: PLC0415
+
+    opened = load_study(path)
+    status(opened, opened.standings(), as_json)
+    return 0
+
+
+@study.command()
+@click.argument("participant")
+@click.argument("button")
+@click.argument("numbers", nargs=-1, required=True, type=click.IntRange(min=1), metavar="NUMBER...")
+@REASON
+@STUDY
+def reject(participant: str, button: str, numbers: Sequence[int], reason: str, path: Path) -> int:
+    """Reject presses by PARTICIPANT of BUTTON; the next run asks for them again. Their recording stays."""
+    return _reject(path, participant, button, numbers, reason)
+
+
+@study.command()
+@click.argument("participant")
+@click.argument("button")
+@REASON
+@STUDY
+def repeat(participant: str, button: str, reason: str, path: Path) -> int:
+    """Have all presses by PARTICIPANT of BUTTON made again in the next run. Their recordings stay."""
+    return _reject(path, participant, button, (), reason or "the button is repeated")
+
+
+def _reject(path: Path, participant: str, button: str, numbers: Sequence[int], reason: str) -> int:
+    from acquisition import load_study  # noqa: PLC0415
+    from haploop.console import print_line  # noqa: PLC0415
+
+    rejected = load_study(path).reject(participant, button, numbers, reason)
+    numbers = sorted({one.number for one in rejected})
+    print_line(
+        f"Rejected of {button} by {participant}: {', '.join(map(str, numbers))}. "
+        "`haploop study run` asks for it again."
+    )
+    return 0
+
+
+def _own_rig(path: Path, rig: str | None) -> str:
+    """The study's rig file, which stands beside it unless it is one that haploop ships."""
+    from instruments import ConfigurationError  # noqa: PLC0415
+
+    if rig is None:
+        raise ConfigurationError(f'{path} names no rig: add `rig = "FILE"`, or name one with --rig.')
+    beside = path.parent / rig
+    return str(beside) if beside.is_file() else rig

@@ -1,0 +1,68 @@
+"""`haploop log` and `haploop reset`: a rig's audit log, and its latch."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from haploop.console import note, print_json, print_table
+from instruments import ConfigurationError, RigFile
+from instruments.audit import Audit, entries, state_folder
+from instruments.driver import Mode
+from instruments.latch import latch_of, lift
+from instruments.opening import hardware
+
+__all__ = ["reset", "tell"]
+
+_WHO = ("rig", "rig_sha256", "simulated", "user", "host", "pid", "command", "version")
+"""What every entry says of its program."""
+
+
+def tell(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
+    """Print the last entries that programs have made for rigs of this name, and the latch."""
+    folder = state_folder(file, mode is not None)
+    found = deque((entry for entry in entries(folder) if entry.get("rig") == file.name), last)
+    latch = latch_of(folder, hardware(file, mode))
+    if as_json:
+        print_json({"rig": file.name, "latched": latch and latch.sentence, "entries": list(found)})
+        return
+    table = Table("when", "what", "how", "who", "rig file", title=f"The rig {file.name}: {folder}")
+    for entry in found:
+        when = datetime.fromisoformat(str(entry.get("time"))).astimezone()
+        table.add_row(
+            f"{when:%Y-%m-%d %H:%M:%S}",
+            str(entry.get("kind")),
+            escape(_how(entry)),
+            escape(f"{entry.get('user')}@{entry.get('host')}: {entry.get('command')}"),
+            str(entry.get("rig_sha256"))[:8],
+        )
+    print_table(table)
+    note(latch.sentence if latch else "The rig is not latched.")
+
+
+def reset(file: RigFile, mode: Mode | None, reason: str) -> None:
+    """Take the latch off a rig, after a person's reason is in the log. Raises ConfigurationError."""
+    if not reason.strip():
+        raise ConfigurationError("A reset needs a reason: say what stopped the play, and what was done.")
+    folder, pieces = state_folder(file, mode is not None), hardware(file, mode)
+    latch = latch_of(folder, pieces)
+    if latch is None:
+        raise ConfigurationError(f"The rig {file.name!r} is not latched: there is nothing to reset.")
+    Audit(file, folder, mode is not None).note(
+        "reset", reason=reason.strip(), latched=latch.when, why=latch.why
+    )
+    lift(folder, pieces)
+    note(f"The rig {file.name} plays again.")
+
+
+def _how(entry: Mapping[str, Any]) -> str:
+    about = {key: value for key, value in entry.items() if key not in (*_WHO, "time", "kind")}
+    if entry.get("kind") == "played":
+        patches = ", ".join(about.get("patches", ()))
+        return f"{about.get('peak', 0):.4g} V peak for {about.get('seconds', 0):.3g} s into {patches}"
+    return "; ".join(f"{key}: {value}" for key, value in about.items())

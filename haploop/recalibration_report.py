@@ -1,0 +1,114 @@
+"""What `haploop recalibrate` did: on standard output, and as one HTML file with before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE
+from rich.table import Table
+
+from calibration.files import why
+from calibration.history import History
+from calibration.recalibration import Outcome, calibrations_of
+from haploop.console import print_json, print_line, print_table
+from haploop.report import Plate, render
+from haploop.show_history import before_and_after, responses
+from instruments import DataError
+
+__all__ = ["tell", "write"]
+
+_TITLES = {
+    "unchanged": "The calibration holds",
+    "restored": "The table had drifted, and every button is back",
+    "drifted": "The table has drifted, and not every button could be brought back",
+    "broken": "Something is broken; nothing was changed",
+}
+
+
+def write(history: History, outcome: Outcome) -> Path | None:
+    """Write the report of a table that had drifted into the history's `reports`; None for any other.
+
+    Raises DataError when it cannot be written.
+    """
+    if not outcome.before:
+        return None
+    path = history.folder / "reports" / f"{outcome.when:%Y%m%dT%H%M%SZ}-{outcome.kind}.html"
+    html = render(_summary(outcome), _plates(history, outcome), "recalibration.html")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8", newline="\n") as file:
+            file.write(html)
+    except OSError as error:
+        raise DataError(
+            f"The report {path} cannot be written: {why(error)}. Active: {outcome.active.name}."
+        ) from None
+    return path
+
+
+def tell(outcome: Outcome, assumed: Sequence[str], report: Path | None, as_json: bool) -> None:
+    """Say what was found and done. `assumed` is what nobody was there to confirm."""
+    summary = {**outcome.summary(), "assumed": list(assumed), "report": str(report) if report else None}
+    if as_json:
+        print_json(summary)
+        return
+    if summary["buttons"]:
+        table = Table(box=SIMPLE, title=_TITLES[outcome.kind], title_justify="left")
+        for heading in ("Button", "Before", "After", "Verdict"):
+            table.add_column(heading, justify="left" if heading == "Button" else "right")
+        for name, checks in summary["buttons"].items():
+            after = checks["after"]
+            verdict = "not made" if after is None else "pass" if after["passed"] else "FAIL"
+            table.add_row(name, _error(checks["before"]), _error(after), verdict)
+        print_table(table)
+    else:
+        print_line(f"{_TITLES[outcome.kind]}.")
+    for sentence in outcome.sentences:
+        print_line(sentence)
+    for sentence in assumed:
+        print_line(f"Taken as done, with nobody there: {sentence}")
+    print_line(f"Active: {outcome.active.name}")
+    if outcome.simulated:
+        print_line("Simulated: no real instrument measured this.")
+    if report is not None:
+        print_line(f"Report: {report}")
+
+
+def _summary(outcome: Outcome) -> dict[str, Any]:
+    return {
+        **outcome.summary(),
+        "title": _TITLES[outcome.kind],
+        "rig": calibrations_of(outcome.active)[0].response.rig,
+        "software": metadata.version("haploop"),
+    }
+
+
+def _plates(history: History, outcome: Outcome) -> list[Plate]:
+    after = {name: button.check for name, button in outcome.after.items()}
+    plates = [
+        Plate(
+            before_and_after(outcome.before, after),
+            "Before and after",
+            "What each button's drive should make the table do (orange) and what the laser measured (black), "
+            "around the largest acceleration. Left: the old drive on the table as it was found. Right: the "
+            "new one. A new drive has a target of its own: it is modulated with the resonance of today.",
+        )
+    ]
+    if outcome.kind == "restored":
+        old = calibrations_of(history.find(outcome.active.parent))
+        plates.append(
+            Plate(
+                responses(old, calibrations_of(outcome.active)),
+                "The table's response",
+                "The model of the calibration before, and of the one that is active now.",
+            )
+        )
+    return plates
+
+
+def _error(check: dict[str, Any] | None) -> str:
+    if check is None or check["nrmse"] is None:
+        return "not measured"
+    return f"{100 * check['nrmse']:.1f} %"

@@ -1,0 +1,94 @@
+"""What a calibration and a drive hold, as a table and as values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from calibration import Calibration, Drive
+from haploop.cells import number, pairs, percent
+
+__all__ = ["calibration_contents", "drive_contents"]
+
+
+def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Table]:
+    """The values that JSON says, and the table that a person reads."""
+    response, model = calibration.response, calibration.model
+    values: dict[str, Any] = {
+        "kind": "calibration",
+        "simulated": response.simulated,
+        "rig": response.rig,
+        "created": response.created,
+        "patch": response.patch,
+        "point": response.point,
+        "band_hz": [number(response.frequencies[0]), number(response.frequencies[-1])],
+        "repeats": response.repeats,
+        "source": response.source,
+        "excitation": response.excitation,
+        "confidence": number(np.median(response.confidence()) / np.abs(response.velocity).max()),
+        "coherence_min": number(response.coherence.min()),
+        "coherence_median": number(np.median(response.coherence)),
+        "resonance_hz": number(model.resonance_hz),
+        "model_error": number(model.error),
+        "stable": bool(model.stable),
+        "resonances": [
+            {"frequency_hz": number(frequency), "damping": number(damping), "strength": number(strength)}
+            for frequency, damping, strength in (
+                (r.frequency_hz, r.damping, r.strength) for r in model.resonances
+            )
+        ],
+    }
+    table = pairs(f"Calibration of patch {response.patch} at the {response.point} point")
+    table.add_row("Rig", f"{response.rig}, {response.created}")
+    table.add_row(
+        "Response",
+        f"{response.frequencies[0]:.0f} to {response.frequencies[-1]:.0f} Hz, {response.repeats} repeats",
+    )
+    table.add_row("Excitation", response.excitation)
+    if response.source != "measured":
+        table.add_row("Source", response.source)
+    table.add_row(
+        "Coherence", f"median {values['coherence_median']:.4f}, lowest {values['coherence_min']:.4f}"
+    )
+    table.add_row("Resonance", f"{model.resonance_hz:.2f} Hz (the strongest of {len(model.resonances)})")
+    table.add_row(
+        "Model", f"{percent(model.error)} from the response, {'stable' if model.stable else 'UNSTABLE'}"
+    )
+    return values, table
+
+
+def drive_contents(drive: Drive) -> tuple[dict[str, Any], Table]:
+    """The values that JSON says, and the table that a person reads."""
+    swing = float(np.ptp(drive.volts))
+    values: dict[str, Any] = {
+        "kind": "drive",
+        "simulated": drive.simulated,
+        "button": drive.button,
+        "patch": drive.patch,
+        "rate_hz": number(drive.rate_hz),
+        "duration_s": number(len(drive.volts) / drive.rate_hz),
+        "drive_peak_v": number(drive.peak),
+        "drive_swing_v": number(swing),
+        "method": drive.method,
+        "unreached": drive.unreached,
+        "carrier_hz": number(drive.carrier_hz),
+        "band_hz": [number(edge) for edge in drive.band],
+        "scale": number(drive.scale),
+        "in_band": number(drive.in_band),
+        "predicted_error": number(drive.predicted_error),
+    }
+    table = pairs(f"Drive of the {drive.button} button at patch {drive.patch}")
+    table.add_row("Voltage", f"{drive.peak:.1f} V peak, {swing:.1f} V peak to peak")
+    table.add_row("Length", f"{1e3 * len(drive.volts) / drive.rate_hz:.0f} ms at {drive.rate_hz:g} Hz")
+    table.add_row("Method", drive.method)
+    table.add_row("Carrier", f"{drive.carrier_hz:.2f} Hz")
+    table.add_row(
+        "Band", f"{drive.band[0]:.0f} to {drive.band[1]:.0f} Hz, {percent(drive.in_band)} of the energy"
+    )
+    table.add_row("Scale", f"{drive.scale:.4f} of the recorded acceleration")
+    table.add_row("Predicted error", percent(drive.predicted_error))
+    if drive.unreached:
+        table.add_row("Not reached", drive.unreached)
+    return values, table

@@ -1,0 +1,268 @@
+"""The one limiter of a rig: between every waveform and every output, in volts at the patch.
+
+It is the gate of every instrument of the rig. What a drive may be is checked once, whole, before
+anything is written; then exactly that drive, and nothing else, is let through, while its permit lasts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from instruments.amplifier import Amplifier
+from instruments.arrays import FloatArray
+from instruments.audit import Audit
+from instruments.clock import Clock
+from instruments.errors import LimitError
+from instruments.generator import Sweep
+from instruments.latch import Latch
+from instruments.limits import Limits, sounding
+
+__all__ = ["Limiter", "Ratings"]
+
+Ratings = Mapping[str, Limits]
+"""Limits by whose they are: the amplifier's, the relay's, a patch's, the rig file's own."""
+
+Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
+"""See `Player.rendered`."""
+_MINUTE = 60.0
+"""Seconds over which a duty is taken."""
+_FINE = 64
+"""Samples per period at which a sweep is looked at: its extremes are then seen to 0.2 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Permit:
+    """What may be played now. `volts` is (samples,) V at each output; a sweep's are V there too."""
+
+    patches: frozenset[str]
+    rate_hz: float
+    volts: Mapping[str, FloatArray]
+    sweeps: Mapping[str, Sweep]
+
+
+class Limiter:
+    """See `instruments.gate.Gate`. Safe to ask from any thread; one permit lasts at a time."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        audit: Audit,
+        ratings: Callable[[int], Ratings],
+        latched: Callable[[], Latch | None],
+    ) -> None:
+        self._clock = clock
+        self._audit = audit
+        self._ratings = ratings
+        self._latched = latched
+        self._lock = threading.Lock()
+        self._permit: _Permit | None = None
+        self._playing: set[str] = set()
+        """Outputs that have begun: each begins once, for to begin again is to break off."""
+        self._played: deque[tuple[float, float]] = deque()
+
+    def limits(self, patches: int) -> Limits:
+        """The strictest of all ratings, with `patches` patches in parallel."""
+        return reduce(Limits.within, self._ratings(patches).values())
+
+    # What a rig asks for
+
+    @contextmanager
+    def permit(
+        self,
+        drives: Mapping[str, FloatArray],
+        rate_hz: float,
+        patches: Collection[str],
+        amplifier: Amplifier,
+        rendered: Rendered | None = None,
+    ) -> Iterator[dict[str, FloatArray]]:
+        """While the context lasts each drive ((samples,) V at the patch) may be played on its output.
+
+        One drive is for all patches in parallel; several are for a patch each. Gives each as (samples,)
+        V at its output. `rendered` says what an output makes of a waveform that does not play it
+        sample by sample. Raises LimitError, and then nothing was written.
+        """
+        parallel = len(patches) if len(drives) == 1 else 1
+        own = {output: np.array(drive) for output, drive in drives.items()}
+        with self._refusals_noted():
+            for drive in own.values():
+                self._check(drive, rate_hz, parallel)
+            if len({len(drive) for drive in own.values()}) > 1:
+                raise LimitError("Drives that are played at once must be of one length.")
+            spans = [sounding(drive) for drive in own.values() if drive.any()]
+            seconds = (max(s for _, s in spans) - min(f for f, _ in spans)) / rate_hz if spans else 0.0
+            self._check_duty(seconds, parallel)
+            volts = {output: amplifier.to_input(drive) for output, drive in own.items()}
+            if rendered is not None:
+                gain = 1 / float(amplifier.to_input(np.ones(1))[0])
+                # It rings before and after the drive, so that its ends and its length say nothing.
+                free = {"end": np.inf, "mean": np.inf, "burst": np.inf}
+                for at_output in volts.values():
+                    made, made_hz = rendered(at_output, rate_hz)
+                    self._check(gain * made, made_hz, parallel, **free)
+        peak = max(float(np.abs(drive).max()) for drive in own.values())
+        digest = hashlib.sha256(b"".join(drive.tobytes() for drive in own.values())).hexdigest()
+        permit = _Permit(frozenset(patches), rate_hz, volts, {})
+        output = ", ".join(own)
+        with self._lasting(permit, seconds, output=output, peak=peak, rate_hz=rate_hz, sha256=digest):
+            yield volts
+
+    @contextmanager
+    def permit_sweep(
+        self, output: str, sweep: Sweep, rest: float, patches: Collection[str], amplifier: Amplifier
+    ) -> Iterator[Sweep]:
+        """While the context lasts a generator at `output` may sweep; V peak at the patch in `sweep`.
+
+        Gives it with the volts at that output. `rest` seconds after the sweep it goes on at most
+        until it is switched off. Raises LimitError, and then nothing was set.
+        """
+        with self._refusals_noted():
+            rate_hz = _FINE * sweep.stop_hz
+            t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
+            pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
+            volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
+            # A generator cannot fade its sweep out, nor take its mean off: what is checked of it ends
+            # with its last whole half wave.
+            crossed = np.flatnonzero(np.diff(np.signbit(volts)))
+            whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
+            self._check(whole, rate_hz, len(patches), longer=rest, end=np.inf, mean=np.inf)
+            self._check_duty(sweep.duration + rest, len(patches))
+        peak = float(amplifier.to_input(np.array([sweep.amplitude]))[0])
+        at_output = replace(sweep, amplitude=peak)
+        permit = _Permit(frozenset(patches), 0.0, {}, {output: at_output})
+        with self._lasting(
+            permit,
+            sweep.duration + rest,
+            output=output,
+            peak=sweep.amplitude,
+            sweep_hz=(sweep.start_hz, sweep.stop_hz),
+        ):
+            yield at_output
+
+    # What the instruments ask
+
+    def admit(self, output: str, volts: FloatArray, rate_hz: float) -> None:
+        """See `Gate.admit`: the permitted waveform, with silence after it, once, and no other."""
+        permit = self._current(output)
+        allowed = permit.volts.get(output)
+        if (
+            allowed is None
+            or output in self._playing
+            or rate_hz != permit.rate_hz
+            or not np.array_equal(volts[: len(allowed)], allowed)
+            or np.any(volts[len(allowed) :])
+        ):
+            raise self._not_admitted(output)
+        self._playing.add(output)
+
+    def admit_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+        """See `Gate.admit_sweep`: the permitted sweep, once, and no other."""
+        if self._current(output).sweeps.get(output) != sweep or output in self._playing:
+            raise self._not_admitted(output)
+        if starts:
+            self._playing.add(output)
+
+    def admit_patches(self, patches: frozenset[str]) -> None:
+        """See `Gate.admit_patches`. Opening is always let pass."""
+        permit = self._permit
+        if not patches:
+            return
+        if permit is not None and (self._playing or not patches <= permit.patches):
+            raise LimitError(
+                f"The relay was not switched to {', '.join(sorted(patches))}: a drive is being played into "
+                f"{', '.join(sorted(permit.patches))}, and until it has ended the relay only opens."
+            )
+        self._audit.note("connected", patches=sorted(patches))
+
+    def _current(self, output: str) -> _Permit:
+        permit = self._permit
+        if permit is None:
+            raise self._not_admitted(output)
+        return permit
+
+    def _not_admitted(self, output: str) -> LimitError:
+        error = LimitError(
+            f"Nothing was played on {output!r}: a rig plays only what its limits have admitted, so play it "
+            "with rig.excite or rig.sweep."
+        )
+        self._audit.note("refused", why=str(error))
+        return error
+
+    # Checks
+
+    def _check(
+        self, drive: FloatArray, rate_hz: float, patches: int, longer: float = 0.0, **lifted: float
+    ) -> None:
+        latch = self._latched()
+        if latch is not None:
+            raise LimitError(latch.sentence)
+        ratings = self._ratings(patches)
+        strictest = reduce(Limits.within, ratings.values())
+        try:
+            replace(strictest, **{"burst": strictest.burst - longer, **lifted}).check(drive, rate_hz)
+        except LimitError as error:
+            # Whose limit it is, is asked only when there is something to say.
+            for whose, rating in ratings.items():
+                own = {"burst": rating.burst - longer, **lifted, "capacitance": strictest.capacitance}
+                try:
+                    replace(rating, **own).check(drive, rate_hz, whose)
+                except LimitError as named:
+                    if str(named).removesuffix(f"{whose}.") == str(error).removesuffix("the rig."):
+                        raise named from None
+            raise
+
+    def _check_duty(self, seconds: float, patches: int) -> None:
+        """Of the minute that ends with this drive, no more than the duty is played."""
+        duty, now = self.limits(patches).duty, self._clock.now()
+        begin = now + seconds - _MINUTE
+        while self._played and self._played[0][1] <= now - _MINUTE:
+            self._played.popleft()
+        before = [(max(start, begin), stop) for start, stop in self._played if stop > begin]
+        excess = sum(stop - start for start, stop in before) + min(seconds, _MINUTE) - duty * _MINUTE
+        if excess <= 1e-9 * _MINUTE:
+            return
+        sentence = (
+            f"The drive would make {duty * _MINUTE + excess:.3g} s of a minute in which something is played, "
+            f"{excess:.3g} s beyond the {duty * _MINUTE:.3g} s that 'duty' in [limits] allows"
+        )
+        for start, stop in before:
+            left = min(stop - start, excess)
+            excess -= left
+            if excess <= 0:
+                raise LimitError(f"{sentence}: wait {start + left - begin:.3g} s.")
+        raise LimitError(f"{sentence}: play a shorter one.")
+
+    @contextmanager
+    def _refusals_noted(self) -> Iterator[None]:
+        try:
+            yield
+        except LimitError as error:
+            self._audit.note("refused", why=str(error))
+            raise
+
+    @contextmanager
+    def _lasting(self, permit: _Permit, seconds: float, **about: object) -> Iterator[None]:
+        with self._lock:
+            if self._permit is not None:
+                raise LimitError("A drive is being played: wait until it has ended before the next one.")
+            self._permit = permit
+        begun = self._clock.now()
+        try:
+            self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
+            yield
+        except BaseException as error:
+            if self._playing:
+                self._audit.note_at_last("stopped", why=f"{type(error).__name__}: {error}".rstrip(": "))
+            raise
+        finally:
+            now = self._clock.now()
+            self._played.append((max(begun, now - seconds), now))
+            self._permit = None
+            self._playing.clear()

@@ -1,0 +1,66 @@
+"""The safe state of a rig: how it is reached whatever fails or hangs, and how instruments are let go of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from instruments.audit import Audit
+from instruments.clock import Clock
+from instruments.errors import InstrumentError
+from instruments.leaving import in_time
+
+__all__ = ["SafeState"]
+
+_REST = 0.05
+"""Seconds of zero drive before the relay switches: several time constants of the amplifier."""
+
+
+class SafeState:
+    """Of these instruments, by role. An instrument that has hung once is not waited for again."""
+
+    def __init__(self, instruments: Mapping[str, Any], clock: Clock, audit: Audit) -> None:
+        self._instruments = instruments
+        self._clock = clock
+        self._audit = audit
+        self._hung: set[str] = set()
+
+    def reach(self) -> None:
+        """See `Rig.make_safe`."""
+        failures = []
+        steps: tuple[tuple[str, Callable[[Any], object]], ...] = (
+            ("player", lambda player: player.stop()),
+            ("daq", lambda daq: daq.zero()),
+            ("generator", lambda generator: generator.off()),
+            ("relay", lambda _: self._clock.sleep(_REST)),
+            ("relay", lambda relay: relay.connect(())),
+        )
+        for role, step in steps:
+            if role not in self._instruments:
+                continue
+            try:
+                self._in_time(role, step)
+            except Exception as error:
+                failures.append(error)
+        if failures:
+            why = " ".join(str(failure) for failure in failures)
+            self._audit.note_at_last("unsafe", why=why)
+            raise InstrumentError(
+                f"The safe state was not confirmed: {why} Switch the amplifier off by hand."
+            ) from failures[0]
+
+    def let_go(self, role: str) -> None:
+        """Close an instrument. Raises InstrumentError when it hangs, and what its `close` raises."""
+        if role not in self._hung:
+            self._in_time(role, lambda instrument: instrument.close())
+
+    def _in_time(self, role: str, step: Callable[[Any], object]) -> None:
+        instrument = self._instruments[role]
+        name = f"The {role} ({getattr(instrument, 'identity', '')})"
+        if role in self._hung:
+            raise InstrumentError(f"{name} still hangs.")
+        try:
+            in_time(name, lambda: step(instrument))
+        except TimeoutError as error:
+            self._hung.add(role)
+            raise InstrumentError(str(error)) from None

@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration import DigitalButton, build_button, play_button
+from instruments import ConfigurationError, DataError
+from tests.calibration.conftest import Calibrated, make_press, tamper
+
+
+@pytest.fixture(scope="module")
+def button(calibrated: Calibrated) -> DigitalButton:
+    seen: list[tuple[str, float, float]] = []
+    made = build_button(
+        calibrated.rig,
+        make_press(),
+        calibrated.calibration,
+        iterations=1,
+        plays=3,
+        progress=lambda *step: seen.append(step),
+    )
+    assert seen[-1] == ("Check the push button", 3, 3)
+    return made
+
+
+def test_a_button_holds_all_that_made_it(calibrated: Calibrated, button: DigitalButton) -> None:
+    assert button.passed and button.simulated == calibrated.rig.simulated
+    assert button.drive.calibration == button.calibration.digest
+    assert button.drive.sources == button.press.sources
+    assert button.drive.rig == calibrated.rig.name
+    assert np.array_equal(button.learning.iterations[button.learning.best].volts, button.drive.volts)
+    assert button.calibration.response.rig_file
+
+
+def test_a_button_comes_back_from_disk(button: DigitalButton, tmp_path: Path) -> None:
+    path = tmp_path / "push.h5"
+    button.save(path)
+    back = DigitalButton.load(path)
+    assert back.digest == button.digest
+    assert np.array_equal(back.drive.volts, button.drive.volts)
+    assert back.press.sources == button.press.sources and back.check.reasons == button.check.reasons
+    with pytest.raises(DataError, match="exists"):
+        button.save(path)
+
+
+def test_a_damaged_button_is_refused(button: DigitalButton, tmp_path: Path) -> None:
+    path = tmp_path / "push.h5"
+    button.save(path)
+    content = bytearray(path.read_bytes())
+    at = content.find(button.drive.volts.tobytes()[8000:8064])
+    content[at] ^= 1
+    path.write_bytes(bytes(content))
+    with pytest.raises(DataError, match="damaged"):
+        DigitalButton.load(path)
+
+
+def test_playing_it_verifies_it(
+    calibrated: Calibrated, button: DigitalButton, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert play_button(calibrated.rig, button, plays=2).passed
+    tamper(calibrated.rig, monkeypatch, laser=lambda v: 0.7 * v)
+    assert not play_button(calibrated.rig, button, plays=2).passed
+
+
+def test_a_button_of_another_world_is_refused(calibrated: Calibrated, button: DigitalButton) -> None:
+    response = replace(button.calibration.response, simulated=not calibrated.rig.simulated)
+    other = replace(button, calibration=replace(button.calibration, response=response))
+    with pytest.raises(ConfigurationError, match="calibrate that rig first"):
+        play_button(calibrated.rig, other)
+    foreign = replace(button, check=replace(button.check, drive=replace(button.drive, rig="haptable")))
+    with pytest.raises(ConfigurationError, match="'haptable'"):
+        play_button(calibrated.rig, foreign)

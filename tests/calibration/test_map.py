@@ -1,0 +1,226 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.files import digest, flatten
+from calibration.map import BAND, VibrationMap
+from calibration.map_folder import MapFolder
+from calibration.mapping import map_plan, measure_map
+from haploop.pytest_plugin import Rigs
+from instruments import ConfigurationError, DataError, Rig
+from mocks.hysteresis import Hysteresis
+from tests.conftest import OpenRig
+
+POINTS = (0, 14, 29, 45, 58, 76)
+FULL_NOISE = {"vibrometer_noise_scale": 11.2}
+"""37 dB: what one patch makes of the table over the vibrometer's noise, both within 15 to 625 Hz, rms
+over the map (measured)."""
+
+
+@dataclass(frozen=True)
+class Mapped:
+    rig: Rig
+    found: VibrationMap
+    folder: Path
+
+
+def lag(rig: Rig, level: float) -> complex:
+    """First harmonic of what the plant's hysteresis makes of a sine: what a sweep at `level` shows."""
+    phase = 2 * np.pi * np.arange(20_000) / 5_000
+    law = Hysteresis(rig.file.simulation.hysteresis)
+    strain = law.follow(np.asarray(level * np.sin(phase)))[5_000:]
+    return complex(2j * np.mean(strain * np.exp(-1j * phase[5_000:])) / level)
+
+
+def error(mapped: Mapped) -> float:
+    """Relative rms over points, configurations and 30 to 600 Hz, gain and lag included."""
+    found, truth = mapped.found, mapped.rig.simulation
+    assert truth is not None
+    f = np.arange(*BAND, 0.5)
+    wanted, got = [], []
+    for name in found.configurations:
+        patches = found.plan.patches if name == "all" else (name,)
+        wanted.append(
+            [sum(truth.truth.velocity_response(p, point, f) for p in patches) for point in found.points]
+        )
+        got.append(found.velocity(name, f))
+    true = np.array(wanted) * lag(mapped.rig, found.plan.level)
+    return float(np.linalg.norm(np.array(got) - true) / np.linalg.norm(true))
+
+
+def simulated(rigs: Rigs) -> None:
+    if rigs.mode != "twin":
+        pytest.skip("a whole map, and the truth, are for the twin")
+
+
+@pytest.fixture(scope="module")
+def mapped(
+    rigs: Rigs, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Mapped]:
+    simulated(rigs)
+    folder = tmp_path_factory.mktemp("map") / "one"
+    with rigs.open(request.node, None, {}) as rig:
+        measure_map(rig, folder, map_plan(rig, points=POINTS, patches=("A", "B")))
+        yield Mapped(rig, VibrationMap.load(folder), folder)
+
+
+def test_a_map_is_the_plates_own(mapped: Mapped) -> None:
+    assert error(mapped) < 0.013
+    assert mapped.found.configurations == ("A", "B", "all")
+    assert mapped.found.table_seconds < 16 * 2.4
+    assert mapped.found.skipped == ()
+    assert np.abs(mapped.found.drift).max() < 2e-4
+
+
+def test_superposition_is_tested_where_it_is_used(mapped: Mapped) -> None:
+    tested = dict(mapped.found.superposition)
+    assert set(tested) == {"0", "29", "76"} or len(tested) == 3
+    # Hysteresis in parallel is each patch's own, so that nothing but noise and the fit are left.
+    assert max(tested.values()) < 0.02
+
+
+def test_the_best_place_is_the_plates(mapped: Mapped) -> None:
+    best = mapped.found.best()
+    assert mapped.rig.simulation is not None
+    assert best.patch == "A"
+    assert best.frequency_hz == pytest.approx(mapped.rig.simulation.truth.resonance_hz, abs=1.0)
+
+
+def test_what_was_fitted_is_kept(mapped: Mapped, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calibration.map.fit_modes", None)
+    again = VibrationMap.load(mapped.folder)
+    f = np.array([100.0, 263.5])
+    np.testing.assert_array_equal(again.velocity("A", f), mapped.found.velocity("A", f))
+    with pytest.raises(DataError, match="no patch 'E'"):
+        again.velocity("E", f)
+
+
+def short(rig: Rig, points: tuple[int, ...] = (3, 17, 30)) -> tuple[object, ...]:
+    return (map_plan(rig, points=points, patches=("A",), period=0.25),)
+
+
+def test_an_interrupted_map_is_gone_on_with(open: OpenRig, tmp_path: Path) -> None:
+    rig = open()
+    (plan,) = short(rig)
+
+    def stop(done: float, _total: float, _what: str) -> None:
+        if done >= 0.25:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measure_map(rig, tmp_path / "map", plan, stop)
+    folder = MapFolder.open(tmp_path / "map")
+    assert [step.name for step in folder.left()] == ["point-17", "point-30", "again-003"]
+    before = digest(flatten(folder.read(plan.steps[0])))
+    measure_map(rig, tmp_path / "map", plan)
+    assert not list(folder.left())
+    assert digest(flatten(folder.read(plan.steps[0]))) == before
+
+
+def test_a_damaged_point_is_measured_again_and_kept_aside(open: OpenRig, tmp_path: Path) -> None:
+    rig = open()
+    (plan,) = short(rig, (3,))
+    folder = measure_map(rig, tmp_path / "map", plan)
+    path = folder.file(plan.steps[0])
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(DataError, match="damaged"):
+        folder.read(plan.steps[0])
+    measure_map(rig, tmp_path / "map", plan)
+    assert folder.read(plan.steps[0]) is not None
+    assert len(list((tmp_path / "map" / "damaged").iterdir())) == 1
+
+
+def test_another_plan_is_refused(open: OpenRig, tmp_path: Path) -> None:
+    rig = open()
+    (plan,) = short(rig, (3,))
+    MapFolder.create(tmp_path / "map", plan)
+    with pytest.raises(ConfigurationError, match="level"):
+        MapFolder.create(tmp_path / "map", replace(plan, level=1.0))
+    with pytest.raises(ConfigurationError, match="rig file"):
+        MapFolder.create(tmp_path / "map", replace(plan, rig_file="{}"))
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "notes.txt").write_text("mine")
+    with pytest.raises(ConfigurationError, match="holds no map"):
+        MapFolder.create(tmp_path / "other", plan)
+    with pytest.raises(DataError, match="no map"):
+        MapFolder.open(tmp_path / "other")
+    (tmp_path / "map" / "map.json").write_text("{}")
+    with pytest.raises(DataError, match="damaged"):
+        MapFolder.open(tmp_path / "map")
+
+
+def test_a_point_without_light_is_left_out_with_the_reason(
+    open: OpenRig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = open()
+    (plan,) = short(rig)
+    aimed: list[str] = []
+    confirm = rig.operator.confirm
+
+    def seen(request: object) -> bool:
+        aimed.append(str(getattr(request, "point", "")))
+        return confirm(request)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(rig.operator, "confirm", seen)
+    monkeypatch.setattr(rig.vibrometer, "signal_level", lambda: 0.02 if aimed[-1] == "17" else 0.9)
+    folder = measure_map(rig, tmp_path / "map", plan)
+    assert aimed.count("17") == 3
+    assert "2% of its light" in folder.skipped()["17"]
+    assert [step.point for step in folder.left()] == ["17"]
+    monkeypatch.setattr(rig.vibrometer, "signal_level", lambda: 0.9)
+    assert measure_map(rig, tmp_path / "map", plan).skipped() == {}
+
+
+def test_a_blocked_laser_follows_no_patch(open: OpenRig, tmp_path: Path) -> None:
+    rig = open(faults=[{"kind": "laser-blocked", "after": 0.0, "within": 1e-6}])
+    (plan,) = short(rig, (3,))
+    folder = measure_map(rig, tmp_path / "map", plan)
+    assert "does not follow patch A" in folder.skipped()["3"]
+    with pytest.raises(DataError, match="no measured point"):
+        VibrationMap.load(tmp_path / "map")
+
+
+def test_what_a_map_needs_is_asked_for(open: OpenRig) -> None:
+    rig = open()
+    with pytest.raises(ConfigurationError, match="'84' is none"):
+        map_plan(rig, points=[84])
+    with pytest.raises(ConfigurationError, match="'E' is none"):
+        map_plan(rig, patches=["E"])
+    with pytest.raises(ConfigurationError, match="no channel for each patch"):
+        map_plan(rig, together=True)
+
+
+def test_all_patches_at_once(rigs: Rigs, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    simulated(rigs)
+    with rigs.open(request.node, "four-channel", {}) as rig:
+        plan = map_plan(rig, points=POINTS)
+        assert plan.together
+        measure_map(rig, tmp_path / "map", plan)
+        assert error(Mapped(rig, VibrationMap.load(tmp_path / "map"), tmp_path)) < 0.013
+
+
+@pytest.mark.parametrize(("name", "most", "minutes"), [("simulated", 0.013, 21), ("four-channel", 0.005, 5)])
+def test_whole_maps(
+    name: str,
+    most: float,
+    minutes: float,
+    full: bool,
+    rigs: Rigs,
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+) -> None:
+    """84 points x 5 configurations on tables that nothing was tuned on."""
+    simulated(rigs)
+    if not full:
+        pytest.skip("a minute or more each: pytest --full")
+    for seed in (7, 8):
+        with rigs.open(request.node, name, {"seed": seed, **FULL_NOISE}) as rig:
+            folder = measure_map(rig, tmp_path / f"{name}-{seed}")
+            mapped = Mapped(rig, VibrationMap.load(folder.path), folder.path)
+            assert error(mapped) < most
+            assert mapped.found.table_seconds < 60 * minutes

@@ -1,0 +1,74 @@
+"""`haploop verify` and `haploop recover`: one line a file, and an exit code that a script can use."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "acquisition"))
+from pattern import block_of, header
+
+from acquisition.scan import finish
+from acquisition.store import Writer
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, Path]:
+    """A whole recording, one that was interrupted, one that was changed and one that was cut short."""
+    names = {"whole": "P01-push", "interrupted": "P02-push", "changed": "P03-push", "cut": "P04-push"}
+    paths = {name: tmp_path / f"{stem}.h5" for name, stem in names.items()}
+    for path in paths.values():
+        with Writer(path, header(), 250, 200) as writer:
+            for i in range(100):
+                writer.write(block_of(250 * i), 0.0)
+    for name in ("whole", "changed", "cut"):
+        finish(paths[name])
+    with h5py.File(paths["changed"], "r+") as file:
+        file["codes"][0, 0] += 1
+    paths["cut"].write_bytes(paths["cut"].read_bytes()[:-1])
+    return paths
+
+
+def test_each_file_is_one_line_and_the_worst_gives_the_exit_code(run, files):
+    for name, code, told in (
+        ("whole", 0, "is whole: SHA-256 "),
+        ("interrupted", 1, "was interrupted; haploop recover makes it whole."),
+        ("changed", 1, "was changed after it was recorded: its content hash does not match."),
+        ("cut", 2, "is cut short: "),
+    ):
+        result = run("verify", files[name])
+        assert (result.exit_code, result.stdout.count("\n")) == (code, 1)
+        assert result.stdout.startswith(f"{files[name]} {told}")
+    result = run("verify", *files.values(), "nowhere.h5")
+    assert (result.exit_code, result.stdout.count("\n")) == (2, 5)
+    assert "There is no recording nowhere.h5." in result.stdout
+
+
+def test_what_verify_found_is_one_json_object(run, files):
+    result = run("verify", "--json", *files.values())
+    assert result.exit_code == 2
+    told = json.loads(result.stdout)["files"]
+    assert [file["status"] for file in told] == ["whole", "wrong", "wrong", "unreadable"]
+    assert [len(file["problems"]) for file in told] == [0, 1, 1, 1]
+    assert len(told[0]["content_hash"]) == 64
+
+
+def test_recovering_tells_what_was_saved_and_leaves_the_file_alone(run, files):
+    for name, saved in (("interrupted", "Recovered 5.00 s"), ("cut", "Recovered ")):
+        before = files[name].read_bytes()
+        result = run("recover", files[name], "--json")
+        assert result.exit_code == 0
+        assert saved in result.stderr
+        assert json.loads(result.stdout)["ended"] in result.stderr
+        assert files[name].read_bytes() == before
+        whole = files[name].with_name(f"{files[name].stem}.recovered.h5")
+        assert run("verify", whole).exit_code == 0
+        again = run("recover", files[name])
+        assert (again.exit_code, again.stdout) == (2, "")
+        assert "never overwritten" in again.stderr
+    assert np.all([run("recover", files[name]).exit_code == 2 for name in ("whole", "changed")])

@@ -1,0 +1,63 @@
+"""`haploop log` and `haploop reset`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from instruments import InstrumentError, open_rig
+from tests.haploop.conftest import Run
+
+RIG = """
+base = "simulated"
+name = "bench"
+[[simulation.faults]]
+kind = "amplifier-gain"
+gain = 100.0
+"""
+
+
+@pytest.fixture
+def tripped(tmp_path: Path) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(RIG, encoding="utf-8")
+    t = np.arange(10_000) / 50_000
+    with open_rig(path) as rig, pytest.raises(InstrumentError, match="The play was stopped"):
+        rig.excite(40 * np.sin(2 * np.pi * 250 * t) * np.hanning(len(t)), ["A"], ["drive"])
+    return path
+
+
+def test_a_rig_that_was_stopped_plays_again_when_a_person_says_so(run: Run, tripped: Path) -> None:
+    refused = run("calibrate", "--rig", tripped, "--out", tripped.with_name("c.h5"))
+    assert refused.exit_code == 2
+    assert "Nothing is played on this rig since" in refused.stderr and "haploop reset" in refused.stderr
+    assert run("reset", "--rig", tripped).exit_code == 2
+    assert "needs a reason" in run("reset", "--rig", tripped, "--reason", "  ").stderr
+    shown = json.loads(run("log", "--rig", tripped, "--json").stdout)
+    assert "Nothing is played" in shown["latched"]
+    done = run("reset", "--rig", tripped, "--reason", "The gain was set back.")
+    assert (done.exit_code, done.stdout) == (0, "") and "plays again" in done.stderr
+    shown = json.loads(run("log", "--rig", tripped, "--json", "--last", 1).stdout)
+    assert shown["latched"] is None
+    (entry,) = shown["entries"]
+    assert entry["kind"] == "reset" and entry["reason"] == "The gain was set back."
+    assert "not latched" in run("reset", "--rig", tripped, "--reason", "again").stderr
+
+
+def test_the_log_is_a_table_for_people(run: Run, tripped: Path) -> None:
+    result = run("log", "--rig", tripped)
+    assert result.exit_code == 0
+    for word in ("opened", "connected", "played", "tripped", "closed", "bench"):
+        assert word in result.stdout
+    assert "simulated" not in run("log", "--rig", "haptable").stdout
+
+
+def test_the_doctor_says_what_the_limits_are_and_that_a_rig_is_latched(run: Run, tripped: Path) -> None:
+    found = json.loads(run("doctor", "--rig", tripped, "--json").stdout)["findings"]
+    named = {finding["name"]: finding for finding in found}
+    assert named["Latch"]["status"] == "red" and "haploop reset" in named["Latch"]["sentence"]
+    assert "opens by itself after 2 s" in named["Dead-man time"]["sentence"]
+    assert "48 V" in named["Limits"]["sentence"] and "52.8 V" in named["Limits"]["sentence"]

@@ -1,0 +1,178 @@
+"""A play that goes beyond a limit is stopped, latched and written down; only a person lifts the latch."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from instruments import ConfigurationError, InstrumentError, LimitError, Rig, RigFile, load_rig_file, open_rig
+from instruments.audit import entries
+from instruments.latch import Latch, hang, latch_of, lift
+from instruments.rig_file import AbortLimits
+from tests.instruments.at_the_patch import bursts
+
+SECONDS = 1.5
+TWO_BLOCKS = 0.2
+
+
+def tone(rig: Rig, peak: float = 40) -> np.ndarray:
+    t = np.arange(round(SECONDS * rig.table.rate_hz)) / rig.table.rate_hz
+    return np.asarray(peak * np.sin(2 * np.pi * 263.5 * t) * np.sin(np.pi * t / SECONDS) ** 2)
+
+
+def file(rate_hz: float = 50_000.0, faults: Any = (), **abort: float) -> RigFile:
+    whole = load_rig_file("simulated")
+    assert whole.table is not None
+    return whole.model_copy(
+        update={
+            "abort": AbortLimits(**abort),
+            "table": whole.table.model_copy(update={"rate_hz": rate_hz}),
+            "simulation": whole.simulation.model_copy(update={"faults": tuple(faults)}),
+        }
+    )
+
+
+DOUBLED = file(faults=[{"kind": "amplifier-gain", "gain": 100.0}])
+
+
+def kinds(rig: Rig) -> list[str]:
+    return [str(entry["kind"]) for entry in entries(rig.audit.folder)]
+
+
+def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks() -> None:
+    with open_rig(DOUBLED) as rig:
+        record = rig.simulation.truth.record()
+        with pytest.raises(InstrumentError, match=r"The patch got .* The play was stopped.*haploop reset"):
+            rig.excite(tone(rig), ["A"], ["laser"])
+    (burst,) = bursts(record)
+    assert burst.high > 1.1 * 48
+    beyond = next(
+        f.start + float(np.argmax(np.abs(f.volts) > 1.1 * 48)) * f.period
+        for f in record
+        if np.abs(f.volts).max() > 1.1 * 48
+    )
+    assert burst.stop - beyond < TWO_BLOCKS < SECONDS - beyond
+
+
+@pytest.mark.parametrize(
+    ("abort", "says"),
+    [
+        ({"drive": 30.0}, r"The patch got .* V, and \[abort\] allows 30 V"),
+        ({"velocity": 2e-3}, r"The surface moved at .* m/s, and \[abort\] allows 0\.002 m/s"),
+    ],
+)
+def test_what_the_rig_file_names_is_looked_at_whatever_is_recorded(
+    abort: dict[str, float], says: str
+) -> None:
+    with open_rig(file(**abort)) as rig:
+        record = rig.simulation.truth.record()
+        with pytest.raises(InstrumentError, match=says):
+            rig.excite(tone(rig), ["A"], ["switch"])
+        assert rig.simulation.truth.closed == frozenset()
+        assert rig.latch is not None
+        kept = np.load(rig.latch.samples)
+        assert kept["volts"].shape[0] == len(kept["channels"]) and kept["volts"].shape[1] > 4000
+        assert str(kept["why"]) == rig.latch.why and {"drive", "switch"} <= set(kept["channels"].tolist())
+    (burst,) = bursts(record)
+    assert burst.seconds < SECONDS - TWO_BLOCKS
+
+
+def test_a_finger_that_presses_too_hard_stops_the_play() -> None:
+    with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
+        put: list[float] = []
+
+        def press(_seconds: float) -> None:
+            if rig.clock.now() > 0.8 and not put:
+                put.append(rig.clock.now())
+                rig.simulation.plant.put(2.5)
+
+        record = rig.simulation.truth.record()
+        with pytest.raises(
+            InstrumentError, match=r"The finger was pressed with 2\d\.\d* N, and \[abort\] allows 20"
+        ):
+            rig.excite(tone(rig, 10), ["A"], ["laser"], progress=press)
+        (burst,) = bursts(record)
+        assert 0 < burst.stop - put[0] < TWO_BLOCKS
+
+
+def test_the_weight_that_rests_on_the_sensor_is_no_finger() -> None:
+    with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
+        rig.simulation.plant.put(5.0)
+        rig.excite(tone(rig, 10), ["A"], ["laser"])
+        assert rig.latch is None
+
+
+def test_a_card_that_cannot_watch_as_well_says_so() -> None:
+    with open_rig(file(force=20.0)) as rig, pytest.raises(ConfigurationError, match="lower the rate"):
+        rig.excite(tone(rig), ["A"], ["laser"])
+
+
+def test_a_watched_channel_that_shows_its_end_shows_nothing() -> None:
+    saturated = [{"kind": "sensor-saturated", "channel": "laser", "after": 0.3, "duration": 0.1}]
+    says = r"The velocity stood at the end of its channel's range"
+    with open_rig(file(faults=saturated, velocity=1.0)) as rig, pytest.raises(InstrumentError, match=says):
+        rig.excite(tone(rig), ["A"], ["drive"])
+
+
+# The latch
+
+
+def test_a_latched_rig_records_and_plays_nothing_until_a_person_lifts_it() -> None:
+    with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
+        rig.excite(tone(rig), ["A"], ["laser"])
+    with open_rig(DOUBLED) as rig:
+        record = rig.simulation.truth.record()
+        with rig.daq.stream(["laser"], 5000, 500, 1000) as stream:
+            stream.capture()
+        with pytest.raises(
+            LimitError, match=r"Nothing is played .* stopped at 2.*The patch got .*haploop reset"
+        ):
+            rig.excite(tone(rig, 1), ["A"], ["laser"])
+        assert not bursts(record)
+        assert kinds(rig).count("tripped") == 1 and kinds(rig)[-1] == "refused"
+        lift(rig.audit.folder, rig.hardware)  # at once, also for a rig that is open
+        rig.excite(tone(rig, 1), ["A"], ["laser"])
+
+
+def test_another_simulated_world_is_not_latched() -> None:
+    with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
+        rig.excite(tone(rig), ["A"], ["laser"])
+    with open_rig("simulated") as rig:
+        assert rig.latch is None
+
+
+def test_a_latch_that_cannot_be_kept_holds_the_open_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with open_rig(DOUBLED) as rig:
+        monkeypatch.setattr("instruments.watch.hang", full)
+        monkeypatch.setattr("numpy.savez", full)
+        with pytest.raises(InstrumentError, match="The play was stopped"):
+            rig.excite(tone(rig), ["A"], ["laser"])
+        with pytest.raises(LimitError, match="Nothing is played on this rig"):
+            rig.excite(tone(rig, 1), ["A"], ["laser"])
+
+
+def test_a_latch_hangs_on_every_piece_of_hardware_and_is_never_overwritten(tmp_path: Path) -> None:
+    first, second = Latch("2026-01-01", "one", "me", ""), Latch("2026-01-02", "two", "you", "")
+    hang(tmp_path, {"card", "relay"}, first)
+    hang(tmp_path, {"relay", "laser"}, second)
+    assert latch_of(tmp_path, {"relay"}) == latch_of(tmp_path, {"card", "other"}) == first
+    assert latch_of(tmp_path, {"laser"}) == second
+    assert latch_of(tmp_path, {"other"}) is None
+    lift(tmp_path, {"relay", "card"})
+    assert latch_of(tmp_path, {"relay"}) is None and latch_of(tmp_path, {"laser"}) == second
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", json.dumps({"when": "now"}), "\xff"])
+def test_a_latch_that_cannot_be_read_is_a_latch(tmp_path: Path, content: str) -> None:
+    hang(tmp_path, {"relay"}, Latch("now", "why", "who", ""))
+    (path,) = (tmp_path / "latched").glob("*.json")
+    path.write_text(content, encoding="latin-1")
+    found = latch_of(tmp_path, {"relay"})
+    assert found is not None and "cannot be read" in found.sentence and found.sentence.count("\n") == 0

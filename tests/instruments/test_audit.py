@@ -1,0 +1,161 @@
+"""The audit log: every play, refusal and stop is one line, with who and which rig file."""
+
+from __future__ import annotations
+
+import getpass
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from instruments import ConfigurationError, DataError, LimitError, load_rig_file, open_rig
+from instruments.audit import Audit, entries, state_folder
+from instruments.rig_file import RigFile, validate
+
+FILE = load_rig_file("simulated")
+DRIVE = 10 * np.sin(2 * np.pi * 250 * np.arange(5000) / 50_000) * np.hanning(5000)
+
+
+def test_what_a_rig_did_is_in_the_log() -> None:
+    with open_rig("simulated") as rig:
+        rig.excite(DRIVE, ["B", "A"], ["drive"])
+        with pytest.raises(LimitError):
+            rig.excite(DRIVE * 10, ["A"], ["drive"])
+        with pytest.raises(ZeroDivisionError):
+            rig.excite(DRIVE, ["A"], ["drive"], progress=lambda _: 1 // 0)
+        rig.audit.note("activated", calibration="0007", reason="drift")
+    found = list(entries(rig.audit.folder))
+    assert [entry["kind"] for entry in found] == [
+        "opened", "played", "connected", "refused", "played", "connected", "stopped", "activated", "closed",
+    ]  # fmt: skip
+    assert found[1] | {
+        "output": "amplifier",
+        "patches": ["A", "B"],
+        "peak": float(np.abs(DRIVE).max()),
+        "seconds": 4998 / 50_000,
+        "rate_hz": 50_000,
+        "sha256": hashlib.sha256(DRIVE.tobytes()).hexdigest(),
+    } == dict(found[1])
+    assert "beyond the" in found[3]["why"] and "ZeroDivisionError" in found[6]["why"]
+    for entry in found:
+        assert entry["rig"] == "simulated" and entry["rig_sha256"] == rig.file.digest and entry["simulated"]
+        assert entry["pid"] == os.getpid() and entry["user"] == getpass.getuser() and entry["version"]
+        assert datetime.fromisoformat(entry["time"]).tzinfo is not None
+
+
+def test_a_play_is_in_the_log_before_it_sounds() -> None:
+    seen: list[str] = []
+    with open_rig("simulated") as rig:
+        rig.excite(
+            DRIVE,
+            ["A"],
+            ["drive"],
+            progress=lambda _: seen.extend(e["kind"] for e in entries(rig.audit.folder)),
+        )
+    assert seen[:3] == ["opened", "played", "connected"]
+
+
+def test_without_a_log_nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_rig("simulated") as rig:
+        write = os.write
+
+        def full(descriptor: int, line: bytes) -> int:
+            if b'"kind"' in line:
+                raise OSError(28, "No space left on device")
+            return write(descriptor, line)
+
+        with monkeypatch.context() as patch:
+            patch.setattr("os.write", full)
+            with pytest.raises(
+                DataError, match=r"audit log .* cannot be written \(No space left on device\)"
+            ):
+                rig.excite(DRIVE, ["A"], ["drive"])
+            rig.make_safe()
+        assert rig.simulation.truth.peak == 0
+
+
+def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path: Path) -> None:
+    now = datetime(2026, 1, 31, 23, 59, tzinfo=UTC)
+    log = Audit(FILE, tmp_path, True, lambda: now)
+    log.note("one")
+    before = (tmp_path / "log-2026-01.jsonl").read_bytes()
+    now = datetime(2026, 2, 1, tzinfo=UTC)
+    log.note("two")
+    assert (tmp_path / "log-2026-01.jsonl").read_bytes() == before
+    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", "two"]
+    assert len(before) < 600
+
+
+def test_a_torn_line_hides_no_other(tmp_path: Path) -> None:
+    log = Audit(FILE, tmp_path, True)
+    log.note("one")
+    (path,) = tmp_path.glob("log-*.jsonl")
+    with path.open("ab") as torn:
+        torn.write(b'{"kind": "to\n\xff\xfe\n[1]\n')
+    log.note("two")
+    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", "two"]
+
+
+def test_two_programs_write_one_log_line_by_line(tmp_path: Path, full: bool) -> None:
+    lines = 2000 if full else 200
+    script = (
+        "import sys; from pathlib import Path; from instruments import load_rig_file\n"
+        "from instruments.audit import Audit\n"
+        "log = Audit(load_rig_file('simulated'), Path(sys.argv[1]), True)\n"
+        f"for k in range({lines}): log.note('line', k=k, filling='x' * 300)"
+    )
+    log, written = Audit(FILE, tmp_path, True), 0
+    with subprocess.Popen([sys.executable, "-c", script, str(tmp_path)]) as other:
+        while other.poll() is None:
+            log.note("line", k=written, filling="y" * 300)
+            written += 1
+    assert other.returncode == 0
+    (path,) = tmp_path.glob("log-*.jsonl")
+    found = [json.loads(line) for line in path.read_text().splitlines()]
+    for pid, count in ((other.pid, lines), (os.getpid(), written)):
+        assert [entry["k"] for entry in found if entry["pid"] == pid] == list(range(count))
+
+
+def test_where_the_log_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = FILE.model_copy(update={"state": str(tmp_path / "lab")})
+    assert state_folder(own, True).parent == Path(os.environ["HAPLOOP_STATE"])
+    monkeypatch.delenv("HAPLOOP_STATE")
+    assert state_folder(own, False) == tmp_path / "lab" / "rigs"
+    monkeypatch.setattr("platformdirs.user_state_path", lambda _: tmp_path / "user")
+    assert state_folder(FILE, False) == tmp_path / "user" / "rigs"
+    assert state_folder(FILE, True) == tmp_path / "user" / "simulated"
+
+
+def test_a_labs_folder_is_one_place_wherever_a_program_starts() -> None:
+    with pytest.raises(ConfigurationError, match=r"state: .*from the root"):
+        validate(RigFile, FILE.model_dump() | {"state": "logs"}, "lab.toml")
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
+    for simulated in (True, False):
+        with pytest.raises(ConfigurationError, match="set HAPLOOP_STATE to a folder that can") as refused:
+            state_folder(FILE, simulated)
+        assert "\n" not in str(refused.value)
+
+
+def test_a_simulation_needs_no_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless(_: str) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("HAPLOOP_STATE")
+    monkeypatch.setattr("platformdirs.user_state_path", homeless)
+    with open_rig("simulated") as rig:
+        rig.excite(DRIVE, ["A"], ["drive"])
+    assert [entry["kind"] for entry in entries(rig.audit.folder)][-1] == "closed"
+    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
+        state_folder(FILE, False)

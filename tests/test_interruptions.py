@@ -1,0 +1,182 @@
+"""Whatever ends a command, and whenever: no patch has voltage, the files are whole, and the next run starts.
+
+The commands run in this process on twins, and a timer interrupts them at a random moment with an
+exception from nowhere, one Ctrl-C, many, SIGTERM or a closed terminal. What the patches have is read
+at the plant. (Kill -9, servers that die and lines that are pulled: test_cut_off.py.)
+"""
+
+from __future__ import annotations
+
+import random
+import signal
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+import pytest
+
+from acquisition import Recording, recover
+from acquisition.layout import FORMAT
+from calibration import Calibration
+from haploop.cli import cli
+from instruments import DataError
+from instruments.clock import RealClock
+from mocks.plant import Plant
+from mocks.simulation import Simulation
+
+pytestmark = [
+    # A signal that arrives while Python clears something away is reported, not raised.
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX timers"),
+]
+
+WAYS = ("exception", "ctrl-c", "ctrl-c again and again", "SIGTERM", "closed terminal")
+SIGNALS = {
+    "ctrl-c": signal.SIGINT,
+    "SIGTERM": signal.SIGTERM,
+    "closed terminal": getattr(signal, "SIGHUP", None),
+}
+
+
+class InjectedError(Exception):
+    """What no code expects."""
+
+
+@dataclass
+class Ready:
+    """What the commands work on, made once."""
+
+    recording: Path
+    calibration: Path
+    seconds: dict[str, float]
+    """How long each command takes when nobody interrupts it."""
+
+
+@pytest.fixture(scope="module")
+def plants() -> Iterator[list[Plant]]:
+    """Every plant that a command opens, in order."""
+    seen: list[Plant] = []
+    original = Simulation.__init__
+
+    def noted(self: Simulation, *args: object) -> None:
+        original(self, *args)  # type: ignore[arg-type]
+        seen.append(self.plant)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Simulation, "__init__", noted)
+        yield seen
+
+
+def commands(ready: Ready, out: Path) -> dict[str, list[object]]:
+    return {
+        "record": ["record", "latch", "-p", "P01", "-n", 3, "--out", out],
+        "calibrate": ["calibrate", "--out", out / "calibration.h5"],
+        "check": ["check", ready.recording, "-c", ready.calibration, "--out", out],
+        "demo": ["demo", "--out", out / "demo"],
+    }
+
+
+def run(args: list[object]) -> int:
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(arg) for arg in args])
+    return int(ended.value.code or 0)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory: pytest.TempPathFactory, full: bool) -> Ready:
+    """Each command once, uninterrupted: everything is imported, and the time that each takes known."""
+    folder = tmp_path_factory.mktemp("ready")
+    ready = Ready(folder / "P01-latch.h5", folder / "calibration.h5", {})
+    clock = RealClock()
+    for name, args in commands(ready, folder).items():
+        if name == "demo" and not full:
+            continue
+        began = clock.now()
+        assert run(args) == 0
+        ready.seconds[name] = clock.now() - began
+    return ready
+
+
+def interrupted(way: str, after: float, args: list[object]) -> int:
+    """Run a command and interrupt it after some seconds."""
+
+    def strike(_number: int, _frame: FrameType | None) -> None:
+        if way == "exception":
+            raise InjectedError
+        if way == "ctrl-c again and again":
+            # Every 2 ms from now on: in the clean-up too.
+            signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+            signal.setitimer(signal.ITIMER_REAL, 0.002, 0.002)
+            signal.raise_signal(signal.SIGINT)
+        else:
+            signal.raise_signal(SIGNALS[way])
+
+    before = signal.signal(signal.SIGALRM, strike)
+    signal.setitimer(signal.ITIMER_REAL, after)
+    try:
+        return run(args)
+    finally:
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def assert_safe(plant: Plant) -> None:
+    assert plant.truth.closed == frozenset(), "the relay is open"
+    for patch, volts in plant.truth.patch_voltages.items():
+        assert abs(volts) < 1e-3, f"patch {patch} has no voltage"
+    assert plant._input == 0.0, "the output is at zero too"
+
+
+def assert_whole(out: Path) -> None:
+    """Every file under its own name can be read, or recovered."""
+    for path in out.rglob("*.h5"):
+        if path.parent.name in ("presses", "drives") or path.stem.endswith(("-press", "-drive")):
+            continue
+        try:
+            recording = Recording.open(path)
+        except DataError as error:
+            assert FORMAT.split()[-1] in str(error)
+            Calibration.load(path)
+            continue
+        assert recording.volts.shape[0] == len(recording.channels)
+        if recording._state == "recording":
+            recover(path)
+
+
+@pytest.mark.timeout(3600)
+def test_no_way_out_leaves_voltage(
+    ready: Ready, plants: list[Plant], tmp_path: Path, full: bool, mode: str
+) -> None:
+    if mode != "twin":
+        pytest.skip("its commands run on twins")
+    r = random.Random(6)
+    names = list(ready.seconds)
+    codes = []
+    for number in range(300 if full else 10):
+        name, way = names[number % len(names)], WAYS[number % len(WAYS)]
+        out = tmp_path / str(number)
+        out.mkdir()
+        before = len(plants)
+        after = r.uniform(0.0, 0.9) * ready.seconds[name]
+        code = interrupted(way, after, commands(ready, out)[name])
+        codes.append(code)
+        assert code in (0, 70, 129, 130, 143), (name, way, after)
+        for plant in plants[before:]:
+            assert_safe(plant)
+        plants.clear()
+        assert_whole(out)
+    assert sum(code != 0 for code in codes) >= len(codes) / 3, "many were interrupted"
+    print(len(codes), {code: codes.count(code) for code in sorted(set(codes))}, file=sys.stderr)
+
+
+def test_the_next_run_starts_without_repair(ready: Ready, tmp_path: Path, mode: str) -> None:
+    if mode != "twin":
+        pytest.skip("its commands run on twins")
+    assert interrupted("ctrl-c", 0.3 * ready.seconds["record"], commands(ready, tmp_path)["record"]) in (
+        0,
+        130,
+    )
+    assert run(["record", "latch", "-p", "P02", "-n", 2, "--out", tmp_path]) == 0

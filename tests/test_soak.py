@@ -1,0 +1,264 @@
+"""A week: a calibration looked at every hour, people who record, faults by a schedule, a table that warms and cools.
+
+One rig, one plant and one virtual clock from the first hour to the last; only what is wrong from the
+beginning (a dead patch, say) has a rig of its own for its hour, with the table as it is then. Whatever is
+asked to go wrong must be named by the command that it befalls, nothing else may be, and nothing may grow.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition import Recording, record
+from calibration import build_button, calibrate
+from calibration.history import History
+from calibration.recalibration import adopt, calibrations_of, recalibrate
+from instruments import DataError, InstrumentError, Rig, open_rig
+from tests.calibration.conftest import make_press
+
+START = datetime(2026, 8, 3, tzinfo=UTC)
+HOUR = 3600.0
+RECORDED = 1800.0
+"""Seconds after the hour at which somebody records presses, every third hour."""
+LASTS = 600.0
+DAILY = 0.01
+ACCEPTED = 0.003
+"""The rig file's threshold of a drift."""
+NEAR = 0.0003
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Something to go wrong: while looking or while recording, and the words that name it."""
+
+    says: str
+    kind: dict[str, Any]
+    recording: bool = False
+    hour: int = 0
+
+    @property
+    def apart(self) -> bool:
+        """Whether it has no beginning and no end, and so needs a rig of its own."""
+        return not self.kind.keys() & {"duration", "times"}
+
+    @property
+    def fault(self) -> dict[str, Any]:
+        """Its table of `[[simulation.faults]]`."""
+        if self.apart:
+            return self.kind
+        return self.kind | {"after": self.hour * HOUR + self.recording * RECORDED}
+
+
+TROUBLES = (
+    Trouble("laser does not see the surface", {"kind": "laser-blocked", "duration": LASTS}),
+    Trouble("range", {"kind": "laser-dropout", "duration": 5e-3, "times": 100, "every": 0.2}),
+    Trouble("check the amplifier", {"kind": "amplifier-trip", "duration": LASTS}),
+    Trouble("range", {"kind": "sensor-saturated", "channel": "laser", "duration": LASTS}),
+    Trouble("accelerometer", {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS}),
+    Trouble("lost", {"kind": "daq-overrun", "times": 1}),
+    Trouble("lost", {"kind": "daq-overflow", "times": 1}),
+    Trouble("told to close but reads open", {"kind": "relay-lost", "times": 1}),
+    Trouble("told to close but reads open", {"kind": "relay-stuck", "times": 1}),
+    Trouble("patch", {"kind": "relay-welded", "times": 1}),
+    Trouble("patch is dead or its wires are off", {"kind": "patch-dead"}),
+    Trouble("laser is not connected", {"kind": "sensor-disconnected", "channel": "laser"}),
+    Trouble("accelerometer is loose", {"kind": "sensor-disconnected", "channel": "acceleration_z"}),
+    Trouble("accelerometer is loose or turned", {"kind": "accelerometer-inverted"}),
+    Trouble("check that the laser still looks at the point", {"kind": "relay-swapped"}),
+    Trouble("did not confirm the settings", {"kind": "vibrometer-range"}),
+    Trouble("amplifier", {"kind": "amplifier-gain"}),
+    Trouble("lost", {"kind": "daq-overrun", "times": 1}, recording=True),
+    Trouble("lost", {"kind": "daq-overflow", "times": 1}, recording=True),
+    Trouble(
+        "A sensor left its range",
+        {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS},
+        recording=True,
+    ),
+    Trouble("did not switch", {"kind": "sensor-disconnected", "channel": "switch"}, recording=True),
+    Trouble("RTSI", {"kind": "rtsi-missing"}, recording=True),
+)
+
+
+def schedule(hours: int, each: int, r: random.Random) -> dict[int, Trouble]:
+    """By hour: every trouble `each` times; of the short form, one while looking and one while recording."""
+    free = list(range(1, hours + 1))
+    wanted = [trouble for trouble in TROUBLES for _ in range(each)] or [
+        r.choice([trouble for trouble in TROUBLES if trouble.recording is recording and not trouble.apart])
+        for recording in (True, False)
+    ]
+    chosen: dict[int, Trouble] = {}
+    for trouble in sorted(wanted, key=lambda trouble: not trouble.recording):
+        hour = r.choice([hour for hour in free if records(hour) or not trouble.recording])
+        free.remove(hour)
+        chosen[hour] = replace(trouble, hour=hour)
+    return dict(sorted(chosen.items()))
+
+
+def records(hour: int) -> bool:
+    return hour % 3 == 2
+
+
+@dataclass(frozen=True)
+class Size:
+    """What must not grow, after an hour."""
+
+    threads: int
+    files: int
+    memory: float
+    """MB; 0 where the system does not say."""
+    log: int
+    """Bytes of the audit log and of the looks."""
+    seconds: float
+    """Of the processor, for this hour."""
+    quiet: bool
+    """Nothing happened but a look that found nothing."""
+
+
+@dataclass
+class Week:
+    """The rig, its history, and where recordings go."""
+
+    rig: Rig
+    history: History
+    folder: Path
+    r: random.Random
+    outcomes: Counter[str] = field(default_factory=Counter)
+    sizes: list[Size] = field(default_factory=list)
+
+    def hour(self, hour: int, trouble: Trouble | None) -> None:
+        """Look at the hour, and record half an hour later."""
+        began = time.process_time()
+        happened = self.look(hour, None if trouble and trouble.recording else trouble)
+        self.outcomes[happened] += 1
+        if records(hour):
+            self.record(hour, trouble if trouble and trouble.recording else None)
+        quiet = happened == "unchanged" and not records(hour)
+        logs = (*self.rig.audit.folder.glob("log-*.jsonl"), self.history.folder / "looks.jsonl")
+        files = Path("/proc/self/fd")
+        self.sizes.append(
+            Size(
+                threading.active_count(),
+                len(list(files.iterdir())) if files.is_dir() else 0,
+                resident(),
+                sum(log.stat().st_size for log in logs),
+                time.process_time() - began,
+                quiet,
+            )
+        )
+
+    def look(self, hour: int, trouble: Trouble | None) -> str:
+        with self.at(hour * HOUR, trouble) as rig:
+            before = self.history.active()
+            off = self.off(rig)
+            outcome = recalibrate(rig, self.history, when=START + timedelta(hours=hour), iterations=0)
+            told = f"hour {hour}, {trouble}: {outcome.kind}: {' '.join(outcome.sentences)}"
+            if trouble:
+                assert outcome.kind == "broken" and re.search(trouble.says, " ".join(outcome.sentences)), told
+                assert self.history.active() == before
+            else:
+                # What lies so near the threshold may be called either.
+                if abs(off) > ACCEPTED + NEAR:
+                    assert outcome.kind == "restored", f"{told} {off}"
+                elif abs(off) < ACCEPTED - NEAR:
+                    assert outcome.kind == "unchanged", f"{told} {off}"
+                assert outcome.kind in ("restored", "unchanged"), told
+                assert (self.history.active() == before) == (outcome.kind == "unchanged")
+                if outcome.kind == "restored":
+                    assert all(button.passed for button in outcome.after.values())
+                    assert abs(self.off(rig)) < 0.001
+            assert_safe(rig)
+        return outcome.kind
+
+    def record(self, hour: int, trouble: Trouble | None) -> None:
+        button = self.r.choice(("latch", "toggle", "push"))
+        out = self.folder / f"{hour:03d}"
+        reasons: list[str] = []
+        with self.at(hour * HOUR + RECORDED, trouble) as rig:
+
+            def now() -> Recording:
+                return record(rig, button, "P01", 2, out, judged=lambda press: reasons.append(press.reason))
+
+            if trouble:
+                with pytest.raises((InstrumentError, DataError), match=trouble.says):
+                    now()
+                for path in out.glob("*.h5"):
+                    Recording.open(path)
+            else:
+                assert len(now().accepted) == 2 and not any(reasons), f"hour {hour}: {reasons}"
+            assert_safe(rig)
+
+    @contextmanager
+    def at(self, seconds: float, trouble: Trouble | None) -> Iterator[Rig]:
+        """The rig when its clock has come to a moment, or one apart, at the same moment of the same table."""
+        if trouble and trouble.apart:
+            with opened([trouble]) as rig:
+                rig.clock.sleep(seconds - rig.clock.now())
+                yield rig
+                assert rig.simulation.faults[0].fired
+        else:
+            self.rig.clock.sleep(seconds - self.rig.clock.now())
+            yield self.rig
+
+    def off(self, rig: Rig) -> float:
+        """How far the table's resonance is from the active calibration's."""
+        (active,) = calibrations_of(self.history.active())
+        return float(rig.simulation.truth.resonance_hz / active.model.resonance_hz - 1)
+
+
+def opened(troubles: Iterable[Trouble]) -> Rig:
+    faults = [trouble.fault for trouble in troubles]
+    return open_rig("simulated", simulate="twin", simulation={"daily_drift": DAILY, "faults": faults})
+
+
+def assert_safe(rig: Rig) -> None:
+    truth = rig.simulation.truth
+    assert truth.closed == frozenset(), "the relay is open"
+    for patch, volts in truth.patch_voltages.items():
+        assert abs(volts) < 1e-3, f"patch {patch} has no voltage"
+
+
+def resident() -> float:
+    """MB that the program has in memory."""
+    statm = Path("/proc/self/statm")
+    if not statm.is_file():
+        return 0.0
+    return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@pytest.mark.timeout(3600)
+def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mode: str, full: bool) -> None:
+    if mode != "twin":
+        pytest.skip("a week passes in minutes on a virtual clock only, and on twins")
+    hours = 7 * 24 if full else 6
+    r = random.Random(1)
+    troubles = schedule(hours, 2 if full else 0, r)
+    began = time.monotonic(), time.process_time()
+    lasting = [trouble for trouble in troubles.values() if not trouble.apart]
+    with opened(lasting) as rig:
+        week = Week(rig, History(tmp_path / "calibrations"), tmp_path, r)
+        button = build_button(rig, make_press(), calibrate(rig), iterations=0)
+        adopt(week.history, [button], who="a test", reason="the week begins", when=START)
+        assert rig.clock.now() < HOUR
+        for hour in range(1, hours + 1):
+            week.hour(hour, troubles.get(hour))
+        for trouble, fault in zip(lasting, rig.simulation.faults, strict=True):
+            begins = trouble.fault["after"]
+            assert fault.fired, trouble
+            assert all(begins <= at <= begins + LASTS for at in fault.at), trouble
+    wall, cpu = time.monotonic() - began[0], time.process_time() - began[1]
+    print(f"{hours} h in {wall:.0f} s ({cpu:.0f} s of processor), {len(troubles)} faults", file=sys.stderr)
+    print(dict(week.outcomes), *week.sizes, sep="\n", file=sys.stderr)
