@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-import sys
+import os
+import signal
+from types import FrameType
 
 __all__ = ["main"]
 
 
 def main() -> None:
-    """Run the command line. Nothing has been opened while it is still being loaded."""
+    """Run the command line. Nothing has been opened while it is still being loaded, nor once it has ended."""
+    before = signal.signal(signal.SIGINT, _stop)
+    from haploop.cli import main as run  # noqa: PLC0415
+
+    signal.signal(signal.SIGINT, before)
     try:
-        from haploop.cli import main as run  # noqa: PLC0415
-    except KeyboardInterrupt:
-        print("Error: Stopped.", file=sys.stderr)
-        sys.exit(130)
-    run()
+        run()
+    finally:
+        # Whoever is impatient now would see a traceback of Python's own leaving.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _stop(_number: int, _frame: FrameType | None) -> None:
+    # At once: an exception in the middle of an import can be swallowed, or come with a traceback.
+    os.write(2, b"Error: Stopped.\n")
+    os._exit(130)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from haploop.commands.button import button
 from haploop.commands.calibrations import calibrations
 from haploop.commands.care import doctor, log, reset, schema
 from haploop.commands.demo import demo
-from haploop.commands.export import export
+from haploop.commands.export import export, import_
 from haploop.commands.files import recover, show, verify
 from haploop.commands.map import map_command
 from haploop.commands.recalibrate import recalibrate
@@ -50,6 +50,7 @@ for command in (
     recalibrate,
     calibrations,
     export,
+    import_,
     doctor,
     log,
     reset,

@@ -19,8 +19,8 @@ def new_file(path: Path) -> None:
     check_target(path)
 
 
-def new_picture(path: Path) -> None:
-    """As `new_file`, for a PNG: a recording must not become a picture."""
-    if path.suffix.lower() != ".png":
-        raise ConfigurationError(f"{path} is no name for a picture: it must end with .png.")
+def new_picture(path: Path, suffix: str = ".png") -> None:
+    """As `new_file`, for a picture: a recording must not become one."""
+    if path.suffix.lower() != suffix:
+        raise ConfigurationError(f"{path} is no name for a picture: it must end with {suffix}.")
     new_file(path)

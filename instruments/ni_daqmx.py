@@ -16,12 +16,10 @@ from functools import partial
 from typing import Annotated, Any, Literal, Self
 
 import grpc
-import nidaqmx
 import numpy as np
 from nidaqmx.constants import AcquisitionType, ProductCategory, TerminalConfiguration
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
-from nidaqmx.system import System
 from pydantic import BaseModel, ConfigDict, Field
 
 from instruments.arrays import FloatArray
@@ -30,6 +28,7 @@ from instruments.daq import Block, Daq, Stream
 from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.ni_errors import translated
+from instruments.ni_sessions import Sessions
 
 __all__ = ["NiDaq"]
 
@@ -107,12 +106,16 @@ class NiDaq(Daq):
         buffer_s: Positive = 10.0
         """Seconds of samples that the host keeps for a reader that is late."""
 
-    def __init__(self, settings: Settings, session: dict[str, Any], channel: Any) -> None:
+    def __init__(self, settings: Settings, sessions: Sessions) -> None:
         self._settings = settings
-        self._session = session
-        self._channel = channel
+        self._sessions = sessions
         self._streams: list[_NiStream] = []
         self._cards = self._find_cards()
+        sessions.clear_left(
+            f"{name} {purpose}"
+            for name in {name for card in self._cards.values() for name in (card.name, card.home)}
+            for purpose in ("input", "output", "zero")
+        )
         self.simulated = any(card.simulated for card in self._cards.values())
         self.identity = " + ".join(
             f"{card.product} ({card.name}, serial {card.serial:X})" for card in self._cards.values()
@@ -133,7 +136,7 @@ class NiDaq(Daq):
         ConfigurationError when a card is not the product that the rig file says.
         """
         if settings.server is None:
-            return cls(settings, {}, None)
+            return cls(settings, Sessions(None))
         plain = grpc.insecure_channel(
             settings.server,
             options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)],
@@ -147,7 +150,7 @@ class NiDaq(Daq):
                 f"No NI device server answers at {settings.server}: start it, or correct server in [daq]."
             ) from None
         try:
-            return cls(settings, {"grpc_options": nidaqmx.GrpcSessionOptions(channel, "")}, channel)
+            return cls(settings, Sessions(channel))
         except BaseException:
             channel.close()
             raise
@@ -185,7 +188,7 @@ class NiDaq(Daq):
             raise InstrumentError(" ".join(str(error) for error in failures)) from failures[0]
 
     def _write_zero(self, device: str, terminals: Sequence[str]) -> None:
-        with self.talking_to(device), self.task() as task:
+        with self.talking_to(device), self.task(f"{device} zero") as task:
             for terminal in terminals:
                 task.ao_channels.add_ao_voltage_chan(terminal)
             task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
@@ -194,15 +197,13 @@ class NiDaq(Daq):
         """See `Daq.close`."""
         for stream in list(self._streams):
             stream.release()
-        if self._channel is not None:
-            self._channel.close()
-            self._channel = None
+        self._sessions.close()
 
     # For streams
 
-    def task(self) -> Any:
-        """A new task of this driver or server; a context that clears it."""
-        return nidaqmx.Task(**self._session)
+    def task(self, purpose: str) -> Any:
+        """See `Sessions.task`."""
+        return self._sessions.task(purpose)
 
     def forget(self, stream: _NiStream) -> None:
         """A stream has let go of its tasks."""
@@ -224,7 +225,7 @@ class NiDaq(Daq):
         cards = {}
         for name in _devices(self._settings):
             with self.talking_to(name):
-                system = System.remote(**self._session) if self._session else System.local()
+                system = self._sessions.system()
                 present = system.devices.device_names
                 found = next((p for p in present if p.lower() == name.lower()), None)
                 if found is None:
@@ -380,7 +381,7 @@ class _NiStream(Stream):
 
     def _input(self, home: str, names: tuple[str, ...], rate_hz: float) -> Any:
         settings = self._daq.settings
-        task = self._daq.task()
+        task = self._daq.task(f"{home} input")
         self._inputs.append(task)
         for name in names:
             channel = settings.channels[name]
@@ -412,7 +413,7 @@ class _NiStream(Stream):
         length = max(2, *(len(volts) for volts in play.values()))
         rows = np.array([np.pad(v, (0, length - len(v)), mode="edge") for v in play.values()], np.float64)
         with self._daq.talking_to(output):
-            task = self._player = self._daq.task()
+            task = self._player = self._daq.task(f"{self._plan.output} output")
             for name in play:
                 reach = settings.outputs[name].range
                 task.ao_channels.add_ao_voltage_chan(

@@ -35,6 +35,7 @@ __all__ = ["map_command"]
 @click.option(
     "--one-by-one", is_flag=True, help="One patch at a time, though the amplifier has a channel for each."
 )
+@click.option("--gif", type=PATH, metavar="FILE", help="Draw the largest vibration, in slow motion.")
 @RIG
 @SIMULATE
 @JSON
@@ -46,6 +47,7 @@ def map_command(
     patches: str | None,
     level: float | None,
     one_by_one: bool,
+    gif: Path | None,
     rig: str,
     simulate: Mode | None,
     as_json: bool,
@@ -54,7 +56,10 @@ def map_command(
     from calibration.mapping import map_plan, measure_map  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps, note  # noqa: PLC0415
+    from haploop.targets import new_picture  # noqa: PLC0415
 
+    if gif is not None:
+        new_picture(gif, ".gif")
     chosen = None if points is None else _numbers(points)
     names = None if patches is None else [name.strip() for name in patches.split(",")]
     with (
@@ -74,7 +79,18 @@ def map_command(
     for point, reason in folder.skipped().items():
         note(f"Point {point} was left out. {reason} Run the same command again to measure it.")
     display.show(out, as_json)
+    if gif is not None:
+        _animate(out, gif)
     return 0
+
+
+def _animate(out: Path, gif: Path) -> None:
+    from calibration.map import VibrationMap  # noqa: PLC0415
+    from haploop.console import note  # noqa: PLC0415
+    from haploop.show_map import animate  # noqa: PLC0415
+
+    animate(VibrationMap.load(out), gif)
+    note(f"Animation: {gif}")
 
 
 def _numbers(text: str) -> list[int]:

@@ -110,9 +110,16 @@ def test_a_rig_that_nobody_closes_is_closed_when_the_program_ends(monkeypatch: p
     assert safe(rig) and not late
 
 
+@pytest.fixture
+def no_other_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if no rig were open that another test of this run keeps."""
+    monkeypatch.setattr("instruments.signals._orderly", 0)
+
+
 @pytest.mark.parametrize(
     "kind", [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
 )
+@pytest.mark.usefixtures("no_other_rig")
 def test_what_ends_a_program_leaves_a_users_script_in_order(kind: signal.Signals) -> None:
     before = signal.getsignal(kind)
     signal.signal(kind, signal.SIG_DFL)
@@ -136,6 +143,7 @@ def test_what_a_program_has_arranged_for_a_signal_stays() -> None:
     assert seen == [signal.SIGTERM]
 
 
+@pytest.mark.usefixtures("no_other_rig")
 def test_two_rigs_may_be_closed_in_any_order() -> None:
     before = signal.signal(signal.SIGTERM, signal.SIG_DFL)
     try:
