@@ -7,6 +7,7 @@ linear; `commanded` takes a strain back to the volts that make it.
 from __future__ import annotations
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.ndimage import uniform_filter1d
 
 from calibration.model import Model
@@ -27,6 +28,9 @@ __all__ = [
     "room",
 ]
 
+_SETTLED = 0.2
+"""Seconds in which what a coupling capacitor adds to the end of a drive has gone."""
+
 _SMOOTH_HZ = 2.5
 _LEAST_COHERENCE = 0.8
 
@@ -39,10 +43,7 @@ def gain(calibration: Calibration, f: FloatArray) -> ComplexArray:
     hysteresis; its delay may stay, because hysteresis does not depend on time.
     """
     response = calibration.response
-    path = np.interp(f, response.frequencies, response.path.real) + 1j * np.interp(
-        f, response.frequencies, response.path.imag
-    )
-    path /= path_gain(calibration) * calibration.hysteresis.gain(response.level)
+    path = _path(response, f) / (path_gain(calibration) * calibration.hysteresis.gain(response.level))
     return np.asarray(calibration.model.velocity(f) * 2j * np.pi * f * path)
 
 
@@ -119,10 +120,10 @@ def binding(calibration: Calibration, volts: FloatArray, limits: Limits) -> str:
 
 
 def _shares(calibration: Calibration, volts: FloatArray, limits: Limits) -> list[tuple[float, str]]:
-    rate_hz, path = calibration.rate_hz, path_gain(calibration)
+    rate_hz = calibration.rate_hz
     shares = []
     # Limits hold for the volts commanded and for those that reach the patch.
-    for there in (volts, volts * path):
+    for there in (volts, _arriving(calibration.response, volts, rate_hz)):
         steps = np.abs(np.diff(there, prepend=0.0, append=0.0)) * rate_hz
         current = limits.capacitance * steps
         for value, limit, what in (
@@ -138,3 +139,22 @@ def _shares(calibration: Calibration, volts: FloatArray, limits: Limits) -> list
             if value > 0:
                 shares.append((limit / value, what))
     return shares
+
+
+def _arriving(response: Response, volts: FloatArray, rate_hz: float) -> FloatArray:
+    """(samples,) V that reach the patch, by the measured path.
+
+    An output that is coupled by a capacitor, as a sound card's is, turns phases below 100 Hz, and may make
+    of the same amplitudes a higher peak.
+    """
+    length = next_fast_len(len(volts) + round(_SETTLED * rate_hz), real=True)
+    f = rfftfreq(length, 1 / rate_hz)
+    return np.asarray(irfft(rfft(volts, length) * _path(response, f), length)[: len(volts)])
+
+
+def _path(response: Response, f: FloatArray) -> ComplexArray:
+    """Measured volts at the patch per volt commanded, at `f` (Hz)."""
+    return np.asarray(
+        np.interp(f, response.frequencies, response.path.real)
+        + 1j * np.interp(f, response.frequencies, response.path.imag)
+    )

@@ -1,4 +1,4 @@
-"""A week: a calibration looked at every hour, people who record, faults by a schedule, a table that warms and cools.
+"""A week: a calibration looked at every hour, recordings, faults by a schedule, a table that warms and cools.
 
 One rig, one plant and one virtual clock from the first hour to the last; only what is wrong from the
 beginning (a dead patch, say) has a rig of its own for its hour, with the table as it is then. Whatever is
@@ -7,6 +7,7 @@ asked to go wrong must be named by the command that it befalls, nothing else may
 
 from __future__ import annotations
 
+import gc
 import os
 import random
 import re
@@ -18,13 +19,15 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
 
 from acquisition import Recording, record
-from calibration import build_button, calibrate
+from calibration import LinearSweep, build_button, calibrate
 from calibration.history import History
 from calibration.recalibration import adopt, calibrations_of, recalibrate
 from instruments import DataError, InstrumentError, Rig, open_rig
@@ -35,10 +38,16 @@ HOUR = 3600.0
 RECORDED = 1800.0
 """Seconds after the hour at which somebody records presses, every third hour."""
 LASTS = 600.0
-DAILY = 0.01
+"""Seconds of a spell: less than from a look to a recording."""
 ACCEPTED = 0.003
 """The rig file's threshold of a drift."""
 NEAR = 0.0003
+"""What lies so near the threshold may be called either."""
+GROWTH = 20.0
+"""MB that the program may have grown by from the first quarter to the last: a look that kept what it
+captured would take more than that in a day."""
+LOGGED = 25_000
+"""Bytes that an hour may add to the logs, buttons made anew included."""
 
 
 @dataclass(frozen=True)
@@ -65,24 +74,27 @@ class Trouble:
 
 TROUBLES = (
     Trouble("laser does not see the surface", {"kind": "laser-blocked", "duration": LASTS}),
-    Trouble("range", {"kind": "laser-dropout", "duration": 5e-3, "times": 100, "every": 0.2}),
-    Trouble("check the amplifier", {"kind": "amplifier-trip", "duration": LASTS}),
-    Trouble("range", {"kind": "sensor-saturated", "channel": "laser", "duration": LASTS}),
-    Trouble("accelerometer", {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS}),
-    Trouble("lost", {"kind": "daq-overrun", "times": 1}),
-    Trouble("lost", {"kind": "daq-overflow", "times": 1}),
+    Trouble("left its range", {"kind": "laser-dropout", "duration": 5e-3, "times": 100, "every": 0.2}),
+    Trouble("drive monitor shows", {"kind": "amplifier-trip", "duration": LASTS}),
+    Trouble("left its range", {"kind": "sensor-saturated", "channel": "laser", "duration": LASTS}),
+    Trouble(
+        "accelerometer is loose or turned",
+        {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS},
+    ),
+    Trouble("lost samples", {"kind": "daq-overrun", "times": 1}),
+    Trouble("lost samples", {"kind": "daq-overflow", "times": 1}),
     Trouble("told to close but reads open", {"kind": "relay-lost", "times": 1}),
     Trouble("told to close but reads open", {"kind": "relay-stuck", "times": 1}),
-    Trouble("patch", {"kind": "relay-welded", "times": 1}),
+    Trouble("drive monitor shows", {"kind": "relay-welded", "times": 1}),
     Trouble("patch is dead or its wires are off", {"kind": "patch-dead"}),
     Trouble("laser is not connected", {"kind": "sensor-disconnected", "channel": "laser"}),
     Trouble("accelerometer is loose", {"kind": "sensor-disconnected", "channel": "acceleration_z"}),
     Trouble("accelerometer is loose or turned", {"kind": "accelerometer-inverted"}),
     Trouble("check that the laser still looks at the point", {"kind": "relay-swapped"}),
     Trouble("did not confirm the settings", {"kind": "vibrometer-range"}),
-    Trouble("amplifier", {"kind": "amplifier-gain"}),
-    Trouble("lost", {"kind": "daq-overrun", "times": 1}, recording=True),
-    Trouble("lost", {"kind": "daq-overflow", "times": 1}, recording=True),
+    Trouble("drive monitor shows 0.5 V for each volt", {"kind": "amplifier-gain"}),
+    Trouble("lost samples", {"kind": "daq-overrun", "times": 1}, recording=True),
+    Trouble("lost samples", {"kind": "daq-overflow", "times": 1}, recording=True),
     Trouble(
         "A sensor left its range",
         {"kind": "sensor-saturated", "channel": "acceleration_z", "duration": LASTS},
@@ -93,13 +105,9 @@ TROUBLES = (
 )
 
 
-def schedule(hours: int, each: int, r: random.Random) -> dict[int, Trouble]:
-    """By hour: every trouble `each` times; of the short form, one while looking and one while recording."""
+def schedule(hours: int, wanted: Iterable[Trouble], r: random.Random) -> dict[int, Trouble]:
+    """By hour: each of these troubles, in an hour of its own."""
     free = list(range(1, hours + 1))
-    wanted = [trouble for trouble in TROUBLES for _ in range(each)] or [
-        r.choice([trouble for trouble in TROUBLES if trouble.recording is recording and not trouble.apart])
-        for recording in (True, False)
-    ]
     chosen: dict[int, Trouble] = {}
     for trouble in sorted(wanted, key=lambda trouble: not trouble.recording):
         hour = r.choice([hour for hour in free if records(hour) or not trouble.recording])
@@ -112,7 +120,7 @@ def records(hour: int) -> bool:
     return hour % 3 == 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Size:
     """What must not grow, after an hour."""
 
@@ -135,6 +143,7 @@ class Week:
     rig: Rig
     history: History
     folder: Path
+    daily: float
     r: random.Random
     outcomes: Counter[str] = field(default_factory=Counter)
     sizes: list[Size] = field(default_factory=list)
@@ -146,6 +155,9 @@ class Week:
         self.outcomes[happened] += 1
         if records(hour):
             self.record(hour, trouble if trouble and trouble.recording else None)
+        if trouble:
+            # A closed rig is a ring of references: 25 MB until somebody looks for such rings.
+            gc.collect()
         quiet = happened == "unchanged" and not records(hour)
         logs = (*self.rig.audit.folder.glob("log-*.jsonl"), self.history.folder / "looks.jsonl")
         files = Path("/proc/self/fd")
@@ -170,7 +182,6 @@ class Week:
                 assert outcome.kind == "broken" and re.search(trouble.says, " ".join(outcome.sentences)), told
                 assert self.history.active() == before
             else:
-                # What lies so near the threshold may be called either.
                 if abs(off) > ACCEPTED + NEAR:
                     assert outcome.kind == "restored", f"{told} {off}"
                 elif abs(off) < ACCEPTED - NEAR:
@@ -205,7 +216,7 @@ class Week:
     def at(self, seconds: float, trouble: Trouble | None) -> Iterator[Rig]:
         """The rig when its clock has come to a moment, or one apart, at the same moment of the same table."""
         if trouble and trouble.apart:
-            with opened([trouble]) as rig:
+            with opened([trouble], self.daily) as rig:
                 rig.clock.sleep(seconds - rig.clock.now())
                 yield rig
                 assert rig.simulation.faults[0].fired
@@ -219,9 +230,9 @@ class Week:
         return float(rig.simulation.truth.resonance_hz / active.model.resonance_hz - 1)
 
 
-def opened(troubles: Iterable[Trouble]) -> Rig:
+def opened(troubles: Iterable[Trouble], daily: float) -> Rig:
     faults = [trouble.fault for trouble in troubles]
-    return open_rig("simulated", simulate="twin", simulation={"daily_drift": DAILY, "faults": faults})
+    return open_rig("simulated", simulate="twin", simulation={"daily_drift": daily, "faults": faults})
 
 
 def assert_safe(rig: Rig) -> None:
@@ -243,14 +254,19 @@ def resident() -> float:
 def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mode: str, full: bool) -> None:
     if mode != "twin":
         pytest.skip("a week passes in minutes on a virtual clock only, and on twins")
-    hours = 7 * 24 if full else 6
+    hours, daily = (7 * 24, 0.01) if full else (6, 0.005)
     r = random.Random(1)
-    troubles = schedule(hours, 2 if full else 0, r)
+    wanted = (
+        2 * TROUBLES if full else [r.choice([t for t in TROUBLES if t.recording is w]) for w in (True, False)]
+    )
+    troubles = schedule(hours, wanted, r)
     began = time.monotonic(), time.process_time()
     lasting = [trouble for trouble in troubles.values() if not trouble.apart]
-    with opened(lasting) as rig:
-        week = Week(rig, History(tmp_path / "calibrations"), tmp_path, r)
-        button = build_button(rig, make_press(), calibrate(rig), iterations=0)
+    with opened(lasting, daily) as rig:
+        week = Week(rig, History(tmp_path / "calibrations"), tmp_path, daily, r)
+        button = build_button(
+            rig, make_press(), calibrate(rig, excitation=LinearSweep(repeats=2)), iterations=0, plays=4
+        )
         adopt(week.history, [button], who="a test", reason="the week begins", when=START)
         assert rig.clock.now() < HOUR
         for hour in range(1, hours + 1):
@@ -259,6 +275,28 @@ def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mod
             begins = trouble.fault["after"]
             assert fault.fired, trouble
             assert all(begins <= at <= begins + LASTS for at in fault.at), trouble
-    wall, cpu = time.monotonic() - began[0], time.process_time() - began[1]
-    print(f"{hours} h in {wall:.0f} s ({cpu:.0f} s of processor), {len(troubles)} faults", file=sys.stderr)
-    print(dict(week.outcomes), *week.sizes, sep="\n", file=sys.stderr)
+    seconds = time.process_time() - began[1]
+    print(
+        f"{hours} h in {time.monotonic() - began[0]:.0f} s, {seconds:.0f} s of the processor;",
+        f"{len(troubles)} faults; {dict(week.outcomes)}; {week.sizes[0]} ... {week.sizes[-1]}",
+        file=sys.stderr,
+    )
+    assert week.outcomes["broken"] == sum(not trouble.recording for trouble in troubles.values())
+    assert week.outcomes["restored"] and week.outcomes["unchanged"]
+    assert seconds < 600
+    assert_flat(week.sizes)
+
+
+def assert_flat(sizes: list[Size]) -> None:
+    """From the first quarter to the last."""
+    first, last = sizes[: len(sizes) // 4], sizes[-(len(sizes) // 4) :]
+    assert max(size.threads for size in last) <= max(size.threads for size in first)
+    assert max(size.files for size in last) <= max(size.files for size in first)
+    assert max(size.memory for size in last) < max(size.memory for size in first) + GROWTH
+    added = {after: after.log - before.log for before, after in pairwise(sizes)}
+    assert max(added.values()) < LOGGED
+    quiet = [size for size in sizes[1:] if size.quiet]
+    half = (len(quiet) + 1) // 2
+    early, late = quiet[:half], quiet[-half:]
+    assert median(added[size] for size in late) < 1.05 * median(added[size] for size in early)
+    assert median(size.seconds for size in late) < 3 * median(size.seconds for size in early)
