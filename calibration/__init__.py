@@ -5,6 +5,8 @@ from calibration.check import Check, check
 from calibration.drive import Drive, drive_for, modulate
 from calibration.excitation import LinearSweep, Multisine, linear_sweep, plan_excitation
 from calibration.learning import Iteration, Learning, learn
+from calibration.map import VibrationMap
+from calibration.mapping import map_plan, measure_map
 from calibration.model import Model, Resonance, fit, fit_shared
 from calibration.paper_way import paper_drive
 from calibration.record import Calibration, calibrate
@@ -23,6 +25,7 @@ __all__ = [
     "Multisine",
     "Resonance",
     "Response",
+    "VibrationMap",
     "build_button",
     "calibrate",
     "check",
@@ -31,6 +34,8 @@ __all__ = [
     "fit_shared",
     "learn",
     "linear_sweep",
+    "map_plan",
+    "measure_map",
     "measure_response",
     "modulate",
     "paper_drive",

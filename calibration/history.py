@@ -281,7 +281,10 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def _append(path: Path, values: Mapping[str, Any]) -> None:
-    line = json.dumps(values, allow_nan=False).encode() + b"\n"
+    try:
+        line = json.dumps(values, allow_nan=False).encode() + b"\n"
+    except ValueError:
+        raise DataError(f"Nothing was added to {path}: a figure in it is no number. Measure again.") from None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a+b") as file:

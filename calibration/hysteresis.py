@@ -9,6 +9,7 @@ the rig.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.optimize import nnls
 from calibration.response import Response
 from instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Hysteresis", "fit_hysteresis"]
+__all__ = ["Hysteresis", "fit_hysteresis", "play"]
 
 _SHARES = np.array([0.0, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14, 0.2, 0.28, 0.39, 0.54, 0.75])
 """Radii that are fitted, over the largest level; 0 is the part without hysteresis."""
@@ -48,14 +49,14 @@ class Hysteresis:
 
     def strain(self, volts: FloatArray) -> FloatArray:
         """(samples,) V of strain that (samples,) V make, from rest."""
-        return _play(volts, self.radii, self.weights)
+        return _weighted(volts, self.radii, self.weights)
 
     def volts(self, strain: FloatArray) -> FloatArray:
         """(samples,) V that make a strain ((samples,) V) from rest: the inverse of `strain`."""
         slope = np.cumsum(self.weights)
         # Radii of the inverse are the strains at which each operator begins to move.
         radii = np.array([self.reach(r) for r in self.radii])
-        return _play(strain, radii, np.diff(1 / slope, prepend=0.0))
+        return _weighted(strain, radii, np.diff(1 / slope, prepend=0.0))
 
 
 def fit_hysteresis(response: Response) -> Hysteresis:
@@ -93,16 +94,25 @@ def _first_harmonic(radii: FloatArray, amplitude: float) -> ComplexArray:
     return np.asarray(real - 1j * (4 / np.pi) * share * (1 - share))
 
 
-def _play(signal: FloatArray, radii: FloatArray, weights: FloatArray) -> FloatArray:
-    """Weighted sum of play operators, from rest: exact between turning points, whatever the rate."""
+def play(signal: FloatArray, radii: FloatArray) -> Iterator[FloatArray]:
+    """What the play operator of each half-width makes of a signal, from rest; (samples,) each.
+
+    Exact between turning points, whatever the rate.
+    """
     steps = np.sign(np.diff(signal, prepend=0.0))
     moving = np.flatnonzero(steps)
     turns = moving[1:][np.diff(steps[moving]) != 0] if len(moving) else moving
-    out = np.empty(len(signal))
-    state = np.zeros((len(radii), 1))
-    for begin, end in zip([0, *turns], [*turns, len(signal)], strict=True):
-        piece = signal[begin:end]
-        moved = np.clip(state, piece - radii[:, None], piece + radii[:, None])
-        out[begin:end] = weights @ moved
-        state = moved[:, -1:]
+    lengths = np.diff(turns, prepend=0, append=len(signal))
+    # Between two turns an operator only follows or only rests: where it begins says all.
+    states = np.zeros((len(turns) + 1, len(radii)))
+    for state, last, moved in zip(states, signal[turns - 1], states[1:], strict=False):
+        np.minimum(np.maximum(state, last - radii), last + radii, out=moved)
+    for radius, begins in zip(radii, states.T, strict=True):
+        yield np.clip(np.repeat(begins, lengths), signal - radius, signal + radius)
+
+
+def _weighted(signal: FloatArray, radii: FloatArray, weights: FloatArray) -> FloatArray:
+    out = np.zeros(len(signal))
+    for weight, moved in zip(weights, play(signal, radii), strict=True):
+        out += weight * moved
     return out

@@ -54,9 +54,9 @@ _MOST = 40
 class Plays:
     """The same drives, played while the laser looked at several points.
 
-    `f` is (lines,) Hz: all lines of the band. `operators` is (patches, radii, lines): for each patch
-    that played, the spectrum of its volts, and of the volts after play operators of rising half-width.
-    `velocity` is (lines, points) m/s.
+    `f` is (lines,) Hz: all lines of the band. `operators` is (patches, operators, lines): for each patch
+    that played, the spectrum of its volts and, where strain is more than these, of the volts after play
+    operators of rising half-width, and last of their square. `velocity` is (lines, points) m/s.
     """
 
     f: FloatArray
@@ -67,7 +67,10 @@ class Plays:
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Shared poles (rad/s), and the weights (patches, radii) of each patch's play operators."""
+    """Shared poles (rad/s), and the weights (patches, operators) of which each patch's strain is made.
+
+    No play operator has a negative weight; the square, which bends the loop, may have.
+    """
 
     poles: ComplexArray
     weights: FloatArray
@@ -201,7 +204,7 @@ def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
 
 
 def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: float) -> Modes:
-    """One Gauss-Newton step, bounded: weights stay positive, logarithms move a little."""
+    """One Gauss-Newton step, bounded: a play operator's weight stays positive, logarithms move a little."""
     p, w = modes.poles, modes.weights
     count = 2 * len(p)
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-12 * np.diag(normal).max()))
@@ -209,12 +212,15 @@ def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: fl
     sizes = np.sqrt(np.maximum(values, 0.0) + damping + 1e-9)
     root = sizes[:, None] * vectors.T
     wanted = (vectors.T @ (gradient / scale)) / sizes
-    low = np.concatenate([np.full(count, -_FARTHEST), -w[:, 1:].ravel() - 1e-9])
+    lowest = -w[:, 1:] - 1e-9
+    lowest[:, -1:] = -1.0
+    low = np.concatenate([np.full(count, -_FARTHEST), lowest.ravel()])
     high = np.concatenate([np.full(count, _FARTHEST), np.ones(w[:, 1:].size)])
     step = np.clip(lsq_linear(root, wanted, (low * scale, high * scale)).x / scale, low, high)
     decay = -p.real * np.exp(step[: len(p)])
     turn = p.imag * np.exp(step[len(p) : count])
-    further = np.maximum(w[:, 1:] + step[count:].reshape(len(w), -1), 0.0)
+    further = w[:, 1:] + step[count:].reshape(len(w), -1)
+    further[:, :-1] = np.maximum(further[:, :-1], 0.0)
     # The law's scale is free: of the volts themselves there is one part.
     return Modes(-decay + 1j * turn, np.concatenate([w[:, :1], further], axis=1))
 

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from rich.box import SIMPLE
@@ -23,6 +25,7 @@ __all__ = ["animate", "contents", "figure"]
 _SHAPES = 5
 """Modes whose shapes are drawn."""
 _FRAMES = 24
+_COLOURS = 63
 _SQUARE = 0.7
 """Height of the table over its width, as drawn (the paper does not say it)."""
 _MICRO = 1e6
@@ -136,7 +139,9 @@ def animate(found: VibrationMap, path: Path) -> None:
         def frame(number: int) -> FloatArray:
             return found.grid(np.real(motion * np.exp(2j * np.pi * number / _FRAMES)))
 
-        image = _surface(axes, found, np.real(motion), "RdBu_r", -top, top)
+        # Few enough colours for a GIF to have them all: it makes up a palette for each frame.
+        colours = colormaps["RdBu_r"].resampled(_COLOURS)
+        image = _surface(axes, found, np.real(motion), colours, -top, top)
         axes.set_title(f"Patch {best.patch}, {best.frequency_hz:.1f} Hz, in slow motion")
         drawn.colorbar(image, ax=axes, label="µm per V", fraction=0.05)
         if found.plan.simulated:
@@ -164,7 +169,7 @@ def _sentence(patch: str, point: str, hz: float, displacement: float) -> str:
 
 
 def _surface(
-    axes: Axes, found: VibrationMap, values: FloatArray, colours: str, low: float, high: float
+    axes: Axes, found: VibrationMap, values: FloatArray, colours: str | Colormap, low: float, high: float
 ) -> AxesImage:
     """(points,) on the table's grid, smoothly between its points."""
     axes.set_xticks([])

@@ -48,6 +48,7 @@ MAIN_VELOCITY = 5.0e-3 / 50
 AMPLIFIER_POLE_HZ = 5000.0
 _REMEMBERED = 30.0
 _CACHED = 16
+_GONE = 1e-30
 _DAY = 86_400.0
 _STEP_EVERY, _STEP = 3 * 3600.0, 0.1
 """A door, a window, a heater: as often (s), and of this share of the day's course at most (estimates)."""
@@ -154,6 +155,8 @@ class Table:
         zero = np.zeros(1)
         rest = dict.fromkeys(plate.patches, zero)
         begin = {patch: np.zeros(len(self._poles), complex) for patch in plate.patches}
+        self._decays = (np.zeros(0, complex), np.zeros((0, 0), complex))
+        """What `_left` gave last, and poles times period that it is for."""
         self._stretches = deque([_Stretch(plate, self._poles, 0.0, np.inf, rest, rest, begin)])
 
     @property
@@ -284,15 +287,29 @@ class Table:
             begin, poles = stretch.begin[patch], stretch.poles
             states = np.empty((len(poles), stretch.steps), complex)
             states[:, 0] = begin
-            if stretch.steps > 1:
+            strain, volts = stretch.strain[patch], stretch.volts[patch]
+            if stretch.steps > 1 and not (np.ptp(strain) or np.ptp(volts)):
+                # Nothing changes: it rings out to where these hold it.
+                end = -np.append(np.full(len(poles) - 1, strain[0]), volts[0]) / poles
+                states[:, :] = end[:, None] + (begin - end)[:, None] * self._left(stretch)
+            elif stretch.steps > 1:
                 decay = np.exp(poles * stretch.period)
                 push = (decay - 1) / poles
-                strain, volts = stretch.strain[patch][:-1], stretch.volts[patch][:-1]
                 for k, (d, p) in enumerate(zip(decay, push, strict=True)):
                     held = volts if k == len(decay) - 1 else strain
-                    states[k, 1:], _ = lfilter([p], [1.0, -d], held, zi=[d * begin[k]])
+                    states[k, 1:], _ = lfilter([p], [1.0, -d], held[:-1], zi=[d * begin[k]])
             stretch.states[patch] = states
         return stretch.states[patch]
+
+    def _left(self, stretch: _Stretch) -> ComplexArray:
+        """(poles, steps): the share of a state that is left at each step, were nothing to hold it."""
+        by_step, found = self._decays
+        own = stretch.poles * stretch.period
+        if found.shape[1] != stretch.steps or not np.array_equal(own, by_step):
+            found = np.exp(own[:, None] * np.arange(stretch.steps))
+            found[np.abs(found) < _GONE] = 0.0
+            self._decays = (own, found)
+        return found
 
 
 def _poles(plate: Plate) -> ComplexArray:
@@ -303,4 +320,4 @@ def _poles(plate: Plate) -> ComplexArray:
 
 def _settled(state: ComplexArray) -> ComplexArray:
     """A state that has died away is rest: denormal numbers would cost a hundred times the time."""
-    return state if np.abs(state).max() > 1e-30 else np.zeros_like(state)
+    return state if np.abs(state).max() > _GONE else np.zeros_like(state)

@@ -16,7 +16,9 @@ from instruments import ConfigurationError, DataError, Rig
 from mocks.hysteresis import Hysteresis
 from tests.conftest import OpenRig
 
-POINTS = (0, 14, 29, 45, 58, 76)
+POINTS = (0, 14, 45, 76)
+PERIOD = 1.0
+"""Half of what a map takes, in a fifth of the time."""
 FULL_NOISE = {"vibrometer_noise_scale": 11.2}
 """37 dB: what one patch makes of the table over the vibrometer's noise, both within 15 to 625 Hz, rms
 over the map (measured)."""
@@ -65,21 +67,21 @@ def mapped(
     simulated(rigs)
     folder = tmp_path_factory.mktemp("map") / "one"
     with rigs.open(request.node, None, {}) as rig:
-        measure_map(rig, folder, map_plan(rig, points=POINTS, patches=("A", "B")))
+        measure_map(rig, folder, map_plan(rig, points=POINTS, patches=("A", "B"), period=PERIOD))
         yield Mapped(rig, VibrationMap.load(folder), folder)
 
 
 def test_a_map_is_the_plates_own(mapped: Mapped) -> None:
     assert error(mapped) < 0.013
     assert mapped.found.configurations == ("A", "B", "all")
-    assert mapped.found.table_seconds < 16 * 2.4
+    assert mapped.found.table_seconds < 12 * 1.4
     assert mapped.found.skipped == ()
     assert np.abs(mapped.found.drift).max() < 2e-4
 
 
 def test_superposition_is_tested_where_it_is_used(mapped: Mapped) -> None:
     tested = dict(mapped.found.superposition)
-    assert set(tested) == {"0", "29", "76"} or len(tested) == 3
+    assert len(tested) == 3
     # Hysteresis in parallel is each patch's own, so that nothing but noise and the fit are left.
     assert max(tested.values()) < 0.02
 
@@ -198,13 +200,13 @@ def test_what_a_map_needs_is_asked_for(open: OpenRig) -> None:
 def test_all_patches_at_once(rigs: Rigs, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     simulated(rigs)
     with rigs.open(request.node, "four-channel", {}) as rig:
-        plan = map_plan(rig, points=POINTS)
+        plan = map_plan(rig, points=POINTS, patches=("A", "B"), period=PERIOD)
         assert plan.together
         measure_map(rig, tmp_path / "map", plan)
         assert error(Mapped(rig, VibrationMap.load(tmp_path / "map"), tmp_path)) < 0.013
 
 
-@pytest.mark.parametrize(("name", "most", "minutes"), [("simulated", 0.013, 21), ("four-channel", 0.005, 5)])
+@pytest.mark.parametrize(("name", "most", "minutes"), [("simulated", 0.013, 21), ("four-channel", 0.0035, 5)])
 def test_whole_maps(
     name: str,
     most: float,

@@ -10,8 +10,8 @@ from calibration.modes import Modes, Plays, fit_modes
 
 HZ = np.array([66.0, 134.0, 236.0, 263.5, 410.0, 590.0])
 POLES = 2 * np.pi * HZ * (1j - 0.008)
-PERIOD = 2.05
-LINES = np.arange(31, 1281)
+PERIOD = 1.0
+LINES = np.arange(15, 626)
 F = LINES / PERIOD
 
 
@@ -50,7 +50,7 @@ def test_modes_are_found_though_the_table_still_rings(together: bool) -> None:
         shares, left = modes.shares(plays)
         found = modes.velocity(np.swapaxes(shares, 1, 2), F)
         assert np.linalg.norm(found - true) / np.linalg.norm(true) < 0.006
-        assert np.all(left < 0.03)
+        assert np.all(left < 0.04)
 
 
 def test_no_pole_is_unstable() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
@@ -78,6 +79,16 @@ def bursts(record: list[Fed]) -> list[Burst]:
                 charge=float((total - np.concatenate([[0.0], total])[second_before]).max()),
             )
         )
+    return found
+
+
+def of_patch(record: list[Fed], patch: str) -> list[Fed]:
+    """What one patch got of a record in which several amplifiers put something out at the same times."""
+    found = []
+    for _, together in groupby(record, key=lambda fed: (fed.start, fed.period, len(fed.volts))):
+        first, *others = together
+        own = [fed for fed in (first, *others) if patch in fed.closed]
+        found.append(replace(own[0] if own else first, closed=frozenset({patch} if own else ())))
     return found
 
 

@@ -26,12 +26,12 @@ from instruments import (
 from instruments.arrays import FloatArray
 from instruments.rig_file import Device, DriveLimits
 from mocks.plant import AMPLIFIER_GAIN_ERROR
-from tests.instruments.at_the_patch import Burst, bursts, busiest_minute
+from tests.instruments.at_the_patch import Burst, bursts, busiest_minute, of_patch
 
 CODE = 0.5 * 50 * 20 / 2**16
 """V at the patch of half a code of the card's output."""
 SIZES = st.sampled_from((0.2, 0.6, 0.8, 0.9, 0.95, 0.999, 1.0, 1.001, 1.02, 1.5))
-WIRED = ("daq", "generator", "player")
+WIRED = ("daq", "each", "generator", "player")
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ class Held:
                 ("slew", burst.slew, own.slew, 2 * CODE / 20e-6),
                 ("current", farads * burst.slew, amplifier["current_peak"], farads * 2 * CODE / 20e-6),
                 ("average", farads * burst.charge / 2, amplifier["current_average"], farads * CODE * 5e4),
-                ("burst", burst.seconds, own.burst, 1e-4 if self.source == "daq" else 0.03),
+                ("burst", burst.seconds, own.burst, 1e-4 if self.source in ("daq", "each") else 0.03),
             )
             # No generator fades out what it switches off, nor does it know of a mean.
             if self.source != "generator":
                 rows += (("cut", burst.cut, own.slew, 2 * CODE / 20e-6),)
-            if self.source == "daq":
+            if self.source in ("daq", "each"):
                 rows += (("mean", abs(burst.mean), own.mean, CODE),)
             broken += [
                 f"{name} {value} > {most}" for name, value, most, code in rows if value > most * share + code
@@ -80,7 +80,7 @@ class Held:
 @st.composite
 def files(draw: Callable[..., Any], source: str) -> RigFile:
     """A simulated rig with limits that a drive may break in every way."""
-    file = load_rig_file("simulated")
+    file = load_rig_file("four-channel" if source == "each" else "simulated")
     assert file.amplifier and file.relay and file.table
 
     def near(loose: float, *tight: float) -> float:
@@ -99,7 +99,7 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
         end=near(2.0, 0.01, 0.3),
     )
     amplifier = file.amplifier.settings | {
-        "input": "amplifier" if source == "daq" else "source",
+        "input": file.amplifier.settings["input"] if source in ("daq", "each") else "source",
         "current_peak": near(0.1, 0.03, 0.3),
         "current_average": near(0.05, 0.003, 0.1),
     }
@@ -180,6 +180,11 @@ class Attempt:
         match self.way:
             case "excite":
                 rig.excite(drive, self.patches, ["drive"])
+            case "each":
+                # Whichever comes first, another may be the largest.
+                shares = np.linspace(1, -0.5, len(self.patches))[::-1]
+                of = dict(zip(sorted(self.patches), shares, strict=True))
+                rig.excite_each({patch: of[patch] * drive for patch in self.patches}, ["drive"])
             case "sweep":
                 rig.sweep(sweep, self.patches, ["drive"])
             case "stream":
@@ -221,6 +226,7 @@ class Attempt:
 def attempts(draw: Callable[..., Any], source: str) -> Attempt:
     ways = {
         "daq": ("excite", "excite", "excite", "excite", "stream", "meddle"),
+        "each": ("each", "each", "each", "each", "excite", "stream", "meddle"),
         "generator": ("sweep", "sweep", "sweep", "generator", "stream"),
         "player": ("excite", "excite", "excite", "player", "stream", "meddle"),
     }
@@ -228,7 +234,7 @@ def attempts(draw: Callable[..., Any], source: str) -> Attempt:
     return Attempt(
         way=draw(st.sampled_from(ways[source])),
         wave=draw(waves()),
-        patches=draw(st.sampled_from((("A",), ("B",), ("A", "C"), ("A", "B", "C", "D")))),
+        patches=draw(st.sampled_from((("A",), ("B",), ("A", "C"), ("D", "A"), ("A", "B", "C", "D")))),
         sweep=Sweep(start, start + draw(st.floats(5, 2000)), draw(st.floats(0.05, 0.6)), draw(SIZES)),
         pause=draw(st.sampled_from((0.0, 0.0, 3.0, 30.0))),
     )
@@ -255,7 +261,7 @@ def test_nothing_beyond_a_limit_reaches_a_patch(source: str, full: bool) -> None
             for attempt in tries:
                 try:
                     attempt.at(rig)
-                    outcomes["played"] += attempt.way in ("excite", "sweep", "meddle")
+                    outcomes["played"] += attempt.way in ("excite", "each", "sweep", "meddle")
                 except InstrumentError as error:
                     # A player's odd waveform is not found again in what was measured of it.
                     assert source == "player" and "was stopped" not in str(error)
@@ -265,9 +271,10 @@ def test_nothing_beyond_a_limit_reaches_a_patch(source: str, full: bool) -> None
                     outcomes["refused"] += 1
                 rig.make_safe()
                 rig.clock.sleep(attempt.pause)
-        found = bursts(record)
-        assert not Held.of(rig, source).by(found)
-        outcomes["bursts"] += len(found)
+        of_each = [of_patch(record, p) for p in rig.table.patches] if source == "each" else [record]
+        for found in map(bursts, of_each):
+            assert not Held.of(rig, source).by(found)
+            outcomes["bursts"] += len(found)
 
     holds()
     # Limits that let nothing pass would prove nothing.
