@@ -1,8 +1,8 @@
 """The paper's way to a drive beside ours, played on simulated tables: `python benchmarks/drives.py`.
 
-Prints a table in Markdown: every way on the same press, calibration and plant, measured by the same check.
-The paper's way is run at every even order from 2 to 32, and shown at the order that its own prediction
-likes best and at a typical one. See README.md.
+Prints one table in Markdown: every way on the same press, calibrations and plants, measured by the same
+check. The paper's way is run at every even order from 2 to 32, and played at the order that its own
+prediction likes best. See README.md.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,65 +24,64 @@ from calibration.drive import Method
 from calibration.paper_way import ORDERS
 from instruments import Rig, open_rig
 
-TYPICAL = 12
-"""Poles: about two for each resonance within the band."""
 STALE = 0.03
 WORLDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "patch beside the point": ({}, {}),
-    "patch under the point": ({"collocated": True}, {}),
-    "beside, table drifted 3 %": ({}, {"mode_drift": STALE}),
+    "beside": ({}, {}),
+    "under": ({"collocated": True}, {}),
+    "under, no hysteresis": ({"collocated": True, "hysteresis": 0.0}, {}),
+    "beside, drifted 3 %": ({}, {"mode_drift": STALE}),
 }
-"""The plant as it is calibrated, and what it changes into."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """What one way came to."""
-
-    way: str
-    check: Check
+"""Where the patch is to the point: the plant as it is calibrated, and what it changes into."""
+METHODS: tuple[Method, ...] = ("modulated", "broadband")
+Found = dict[str, list[Check]]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=301, help="which table")
+    parser.add_argument("--seeds", type=int, default=2, help="how many tables")
+    parser.add_argument("--first", type=int, default=301, help="seed of the first")
     parser.add_argument("--plays", type=int, default=8)
     parser.add_argument("--noise", type=float, default=0.5, help="of the vibrometer, over the PDV-100's")
-    parser.add_argument("--iterations", type=int, default=10)
-    parser.add_argument("--only", choices=list(WORLDS), help="one of the tables")
+    parser.add_argument("--only", choices=list(WORLDS), help="one kind of table")
     options = parser.parse_args()
-    plant = {"seed": options.seed, "vibrometer_noise_scale": options.noise}
-    for world, (as_calibrated, change) in WORLDS.items():
-        if options.only in (None, world):
-            with open_rig("simulated", simulation={**plant, **as_calibrated}) as rig:
+    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    print(f"Simulated; {options.seeds} tables from seed {options.first}{load}\n")
+    print("| patch | target | way | error | floor | correlation | envelope | third octaves | scale |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for world in [options.only] if options.only else WORLDS:
+        found: dict[Method, Found] = {method: {} for method in METHODS}
+        for seed in range(options.first, options.first + options.seeds):
+            as_calibrated, change = WORLDS[world]
+            plant = {"seed": seed, "vibrometer_noise_scale": options.noise, **as_calibrated}
+            with open_rig("simulated", simulation=plant) as rig:
                 calibration = calibrate(rig)
-            with open_rig("simulated", simulation={**plant, **as_calibrated, **change}) as rig:
-                for method in ("modulated", "broadband"):
-                    tell(world, method, rows(rig, calibration, method, options.plays, options.iterations))
+            with open_rig("simulated", simulation={**plant, **change}) as rig:
+                for method in METHODS:
+                    for way, result in ways(rig, calibration, method, options.plays):
+                        found[method].setdefault(way, []).append(result)
+        for method in METHODS:
+            tell(world, method, found[method])
 
 
-def rows(rig: Rig, calibration: Calibration, method: Method, plays: int, iterations: int) -> list[Row]:
+def ways(rig: Rig, calibration: Calibration, method: Method, plays: int) -> list[tuple[str, Check]]:
     """Every way on one table."""
     press, limits = snap(), rig.limits
     paper = [paper_drive(press, calibration, limits, order, method=method) for order in ORDERS]
-    best = min(range(len(ORDERS)), key=lambda number: paper[number].predicted_error)
-    typical = ORDERS.index(TYPICAL)
     planned = drive_for(press, calibration, limits, method=method)
+    learning = learn(rig, planned, calibration, iterations=5, plays=plays)
 
-    def played(way: str, drive: Drive) -> Row:
-        return Row(way, check(rig, drive, plays=plays))
-
-    found = [
-        played(f"paper's, best order ({ORDERS[best]})", paper[best]),
-        played(f"paper's, order {TYPICAL}", paper[typical]),
-        played("regularised", drive_for(press, calibration, limits, method=method, inversion="regularised")),
-        played("optimised", planned),
-    ]
-    learning = learn(rig, planned, calibration, iterations=iterations, plays=plays)
-    for count in sorted({3, iterations}):
+    def learnt(count: int) -> Drive:
         kept = [i for i in learning.iterations[: count + 1] if i.kept]
-        found.append(played(f"+ learning, {count} at most", replace(planned, volts=kept[-1].volts)))
-    return found
+        return replace(planned, volts=kept[-1].volts)
+
+    drives = {
+        "paper's, best order": min(paper, key=lambda drive: drive.predicted_error),
+        "regularised": drive_for(press, calibration, limits, method=method, inversion="regularised"),
+        "optimised": planned,
+        "+ learning, 3": learnt(3),
+        "+ learning, 5": learnt(5),
+    }
+    return [(way, check(rig, drive, plays=plays)) for way, drive in drives.items()]
 
 
 def snap() -> Representative:
@@ -109,17 +108,19 @@ def snap() -> Representative:
     )
 
 
-def tell(world: str, method: str, found: list[Row]) -> None:
-    """One table in Markdown."""
-    load = f"; load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    print(f"\n{world}, {method} (simulated{load})\n")
-    print("| way | error | floor | correlation | envelope | third octaves | scale |")
-    print("|---|---|---|---|---|---|---|")
-    for row in found:
-        c = row.check
+def tell(world: str, method: str, found: Found) -> None:
+    """Rows in Markdown: the mean over the tables, and the worst error."""
+    for way, results in found.items():
+        mean = {
+            name: float(np.mean([getattr(result, name) for result in results]))
+            for name in ("nrmse", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
+        }
+        worst = max(result.nrmse for result in results)
         print(
-            f"| {row.way} | {c.nrmse:.1%} | {c.floor:.1%} | {c.correlation:.3f} | "
-            f"{c.envelope_correlation:.3f} | {c.third_octave_error_db:.1f} dB | {c.drive.scale:.3f} |",
+            f"| {world} | {method} | {way} | {mean['nrmse']:.1%} ({worst:.1%}) | {mean['floor']:.1%} | "
+            f"{mean['correlation']:.3f} | {mean['envelope_correlation']:.3f} | "
+            f"{mean['third_octave_error_db']:.1f} dB | "
+            f"{np.mean([result.drive.scale for result in results]):.3f} |",
             flush=True,
         )
 

@@ -9,19 +9,16 @@ point differ, has none; and it takes the patch's hysteresis for a lag.
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
-from skrf import Frequency, Network
-from skrf.vectorFitting import VectorFitting
 from threadpoolctl import threadpool_limits
 
 from acquisition import Representative
 from calibration import actuation
-from calibration.drive import BAND, Drive, Method, wanted_of
+from calibration.drive import BAND, FADE, Drive, Method, wanted_of
 from calibration.record import Calibration
-from calibration.spectra import resample
+from calibration.spectra import fade, resample
 from instruments import Limits
 from instruments.arrays import ComplexArray, FloatArray
 
@@ -30,6 +27,7 @@ __all__ = ["ORDERS", "paper_drive"]
 ORDERS = tuple(range(2, 34, 2))
 """Numbers of poles that are worth trying: the paper names none."""
 _LINES = 600
+_RELOCATIONS = 30
 
 
 def paper_drive(
@@ -51,16 +49,16 @@ def paper_drive(
     band = actuation.measured_well(calibration.response, band)
     target, in_band = wanted.within(band)
     poles, residues, constant = _inverse(calibration, order, band)
-    acceleration = wanted.on_drive(target)
-    volts = _simulated(poles, residues, constant, acceleration, calibration.rate_hz)
-    smooth = wanted.smooth
-    volts *= np.minimum(1.0, smooth / 0.05)
+    # As long as the table rings: a causal inverse moves after the press, and cannot before it.
+    acceleration = resample(target, len(target) * wanted.oversampling)
+    edge = round(FADE * calibration.rate_hz)
+    smooth = fade(len(acceleration), edge, edge)
+    volts = smooth * _simulated(poles, residues, constant, acceleration, calibration.rate_hz)
     volts -= smooth * (volts.sum() / smooth.sum())
     scale = actuation.room(calibration, volts, limits) * (1 - 1e-9)
     volts *= scale
 
-    grid = len(wanted.window)
-    played = resample(np.pad(volts / scale, (0, grid * wanted.oversampling - len(volts))), grid)
+    played = resample(volts / scale, len(target))
     missed = np.fft.rfft(target) - actuation.gain(calibration, wanted.frequencies) * np.fft.rfft(played)
     inside = (wanted.frequencies >= band[0]) & (wanted.frequencies <= band[1])
     return Drive(
@@ -69,7 +67,7 @@ def paper_drive(
         point=calibration.response.point,
         rate_hz=calibration.rate_hz,
         volts=volts,
-        target=scale * wanted.on_drive(target),
+        target=scale * acceleration,
         scale=scale,
         method=f"the paper's, order {order}, {method}",
         carrier_hz=wanted.carrier_hz,
@@ -91,38 +89,81 @@ def _inverse(
     response = calibration.response
     f = np.linspace(*band, _LINES)
     # The measured response itself, as the paper's, less its noise between the lines that are kept.
-    measured = np.interp(f, response.frequencies, response.acceleration.real) + 1j * np.interp(
-        f, response.frequencies, response.acceleration.imag
+    # Of the volts commanded: the amplifier's lag is a part of what is inverted.
+    known = response.acceleration * response.path
+    measured = np.interp(f, response.frequencies, known.real) + 1j * np.interp(
+        f, response.frequencies, known.imag
     )
-    inverse = 1 / measured
-    size = float(np.median(np.abs(inverse)))
-    fitting = VectorFitting(
-        Network(frequency=Frequency.from_f(f, unit="hz"), s=(inverse / size)[:, None, None])
-    )
-    with threadpool_limits(1), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        fitting.vector_fit(
-            n_poles_real=0,
-            n_poles_cmplx=order // 2,
-            init_pole_spacing="lin",
-            fit_constant=True,
-            fit_proportional=False,
-            enforce_dc=False,
-        )
-    poles = np.asarray(fitting.poles, dtype=np.complex128)
-    poles = -np.abs(poles.real) + 1j * poles.imag
-    residues = np.asarray(fitting.residues, dtype=np.complex128).reshape(-1, len(poles))[0]
-    return poles, residues * size, float(np.ravel(fitting.constant_coeff)[0]) * size
+    with threadpool_limits(1):
+        return _vector_fit(f, 1 / measured, order)
+
+
+def _vector_fit(f: FloatArray, wanted: ComplexArray, order: int) -> tuple[ComplexArray, ComplexArray, float]:
+    """Stable poles (rad/s), residues and constant that are closest to `wanted` (lines,), relatively.
+
+    Vector fitting (Gustavsen and Semlyen, IEEE Transactions on Power Delivery 14, 1999). Absolute errors
+    would leave the antiresonances of the table, where its inverse is largest, all the say.
+    """
+    unit = 2 * np.pi * float(f[-1])
+    s = 2j * np.pi * f / unit
+    weight = 1 / np.abs(wanted)
+    places = np.linspace(f[0], f[-1], order // 2) / f[-1]
+    poles = (-0.01 + 1j) * places
+    for _ in range(_RELOCATIONS):
+        basis = _columns(poles, s)
+        rows = np.hstack([basis, -wanted[:, None] * basis[:, :-1]]) * weight[:, None]
+        shift = _least_squares(rows, wanted * weight)[basis.shape[1] :]
+        moved = np.linalg.eigvals(_companion(poles, shift))
+        # `lsim` needs a stable system: a mirrored pole has the same magnitude.
+        moved = -np.abs(moved.real) + 1j * moved.imag
+        poles = np.concatenate([moved[moved.imag > 0], moved[moved.imag == 0]])
+    found = _least_squares(_columns(poles, s) * weight[:, None], wanted * weight)
+    residues = np.zeros(len(poles), dtype=np.complex128)
+    column = 0
+    for number, pole in enumerate(poles):
+        residues[number] = found[column] + (1j * found[column + 1] if pole.imag else 0)
+        column += 2 if pole.imag else 1
+    return poles * unit, residues * unit, float(found[-1])
+
+
+def _columns(poles: ComplexArray, s: ComplexArray) -> ComplexArray:
+    """Basis (lines, unknowns): two for each pole pair, one for each real pole, and a constant."""
+    columns = []
+    for pole in poles:
+        near, mirror = 1 / (s - pole), 1 / (s - np.conj(pole))
+        columns += [near + mirror, 1j * (near - mirror)] if pole.imag else [near]
+    return np.array([*columns, np.ones_like(s)]).T
+
+
+def _companion(poles: ComplexArray, shift: FloatArray) -> FloatArray:
+    """Matrix whose eigenvalues are the zeros of one plus `shift` over the poles."""
+    blocks, inputs = [], []
+    for pole in poles:
+        blocks.append([[pole.real, pole.imag], [-pole.imag, pole.real]] if pole.imag else [[pole.real]])
+        inputs += [2.0, 0.0] if pole.imag else [1.0]
+    return np.asarray(block_diag(*blocks) - np.outer(inputs, shift))
+
+
+def _least_squares(rows: ComplexArray, wanted: ComplexArray) -> FloatArray:
+    real = np.concatenate([rows.real, rows.imag])
+    size = np.maximum(np.linalg.norm(real, axis=0), 1e-30)
+    solution = np.linalg.lstsq(real / size, np.concatenate([wanted.real, wanted.imag]), rcond=None)[0]
+    return np.asarray(solution / size)
 
 
 def _simulated(
     poles: ComplexArray, residues: ComplexArray, constant: float, signal: FloatArray, rate_hz: float
 ) -> FloatArray:
-    """(samples,): what the system makes of a staircase, pole by pole and exactly."""
+    """(samples,): what the system makes of straight lines between samples, pole by pole and exactly.
+
+    As `lsim` does with a smooth signal: a staircase would come half a sample late.
+    """
     out = constant * signal
     for pole, residue in zip(poles, residues, strict=True):
-        decay = np.exp(pole / rate_hz)
-        push = residue * (decay - 1) / pole
-        state = lfilter([0, push], [1, -decay], signal.astype(np.complex128))
+        z = pole / rate_hz
+        decay = np.exp(z)
+        last = (np.expm1(z) - z) / (pole * z)
+        first = np.expm1(z) / pole - last
+        state = lfilter(residue * np.array([last, first]), [1, -decay], signal.astype(np.complex128))
         out = out + (2 if pole.imag > 0 else 1) * state.real
     return np.asarray(out)

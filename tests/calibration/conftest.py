@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition import Representative
-from calibration import Calibration, calibrate
+from calibration import Calibration, Drive, calibrate, drive_for
 from haploop.pytest_plugin import Rigs
 from instruments import Capture, Rig
 
@@ -24,6 +24,12 @@ def calibrated(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[Calibrate
     """One calibration for all tests: it takes a minute of the table's time."""
     with rigs.open(request.node) as rig:
         yield Calibrated(rig, calibrate(rig))
+
+
+@pytest.fixture(scope="session")
+def drive(calibrated: Calibrated) -> Drive:
+    """The drive of `make_press()`, modulated: it takes seconds of the processor's time."""
+    return drive_for(make_press(), calibrated.calibration, calibrated.rig.limits)
 
 
 @pytest.fixture

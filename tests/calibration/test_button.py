@@ -18,7 +18,7 @@ def button(calibrated: Calibrated) -> DigitalButton:
         calibrated.rig,
         make_press(),
         calibrated.calibration,
-        iterations=1,
+        iterations=0,
         plays=3,
         progress=lambda *step: seen.append(step),
     )

