@@ -118,7 +118,7 @@ class Representative:
                 raise DataError(f"{path} is an HDF5 file, but not a representative press of haploop.")
             if file.attrs["format_version"] != _VERSION:
                 raise DataError(
-                    f"{path} has the format {file.attrs['format_version']} of representative presses, and this "
+                    f"{path} has format {file.attrs['format_version']} of representative presses, and this "
                     f"haploop reads {_VERSION}: make it again from its recordings."
                 )
             a = file.attrs

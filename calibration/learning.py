@@ -33,9 +33,9 @@ __all__ = ["Iteration", "Learning", "learn"]
 FLOORS = 1.2
 """The error over the floor at which the floor is reached: a third of the error's power, at most, is
 then anything but noise."""
-_SURE = 1.0
-"""Standard deviations by which a correction must have helped to be kept. Few, because what is kept is
-played again in the end beside the first: with three, a press in noise was not learnt at all."""
+_SURE = 3.0
+"""Standard deviations by which a correction must have helped to be kept. With one, chance passed where a
+laser was blocked, also beside the plays that confirm."""
 _LEAST_STEP = 0.25
 _DISTORTION = 0.02
 """Share of the motion that a response does not describe even when it is right: a patch's hysteresis,

@@ -95,7 +95,7 @@ def _inverse(
         f, response.frequencies, known.imag
     )
     with threadpool_limits(1):
-        return _vector_fit(f, 1 / measured, order)
+        return _vector_fit(f, np.asarray(1 / measured, dtype=np.complex128), order)
 
 
 def _vector_fit(f: FloatArray, wanted: ComplexArray, order: int) -> tuple[ComplexArray, ComplexArray, float]:
@@ -105,15 +105,15 @@ def _vector_fit(f: FloatArray, wanted: ComplexArray, order: int) -> tuple[Comple
     would leave the antiresonances of the table, where its inverse is largest, all the say.
     """
     unit = 2 * np.pi * float(f[-1])
-    s = 2j * np.pi * f / unit
+    s = np.asarray(2j * np.pi * f / unit, dtype=np.complex128)
     weight = 1 / np.abs(wanted)
     places = np.linspace(f[0], f[-1], order // 2) / f[-1]
-    poles = (-0.01 + 1j) * places
+    poles = np.asarray((-0.01 + 1j) * places, dtype=np.complex128)
     for _ in range(_RELOCATIONS):
         basis = _columns(poles, s)
         rows = np.hstack([basis, -wanted[:, None] * basis[:, :-1]]) * weight[:, None]
         shift = _least_squares(rows, wanted * weight)[basis.shape[1] :]
-        moved = np.linalg.eigvals(_companion(poles, shift))
+        moved = np.asarray(np.linalg.eigvals(_companion(poles, shift)), dtype=np.complex128)
         # `lsim` needs a stable system: a mirrored pole has the same magnitude.
         moved = -np.abs(moved.real) + 1j * moved.imag
         poles = np.concatenate([moved[moved.imag > 0], moved[moved.imag == 0]])
@@ -139,7 +139,8 @@ def _companion(poles: ComplexArray, shift: FloatArray) -> FloatArray:
     """Matrix whose eigenvalues are the zeros of one plus `shift` over the poles."""
     blocks, inputs = [], []
     for pole in poles:
-        blocks.append([[pole.real, pole.imag], [-pole.imag, pole.real]] if pole.imag else [[pole.real]])
+        rows = [[pole.real, pole.imag], [-pole.imag, pole.real]] if pole.imag else [[pole.real]]
+        blocks.append(np.array(rows, dtype=np.float64))
         inputs += [2.0, 0.0] if pole.imag else [1.0]
     return np.asarray(block_diag(*blocks) - np.outer(inputs, shift))
 

@@ -28,7 +28,7 @@ class VisaLine(TextLine):
             except Exception as error:  # pyvisa-py raises bare Exceptions too
                 reason = " ".join(str(error).split())
                 raise ConnectionError(
-                    f"{reason}; correct 'resource', switch it on, or install a VISA library, such as pyvisa-py"
+                    f"{reason}; correct 'resource', switch it on, or install a VISA library (pyvisa-py)"
                 ) from None
             return _Session(session)
 

@@ -26,6 +26,20 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     return None
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """The mark of what would take minutes through the wire, and shows nothing there that others do not."""
+    config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves `many_plays` to the twin, unless everything is asked for."""
+    if config.getoption("--rig") != "wire" or config.getoption("--full"):
+        return
+    for item in items:
+        if item.get_closest_marker("many_plays"):
+            item.add_marker(pytest.mark.skip(reason="many plays: on the wire with --full only"))
+
+
 @pytest.fixture(scope="session")
 def full(request: pytest.FixtureRequest) -> bool:
     """Whether a long experiment is to run at its full size, and not only far enough to see it work."""

@@ -19,6 +19,8 @@ from instruments.arrays import FloatArray
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 
+pytestmark = pytest.mark.many_plays
+
 QUIET = 0.5
 """Of the vibrometer's noise: eight plays then have a floor of about 1 %."""
 WORLDS: tuple[dict[str, Any], ...] = (

@@ -16,6 +16,8 @@ from instruments import ConfigurationError, DataError, Rig
 from mocks.hysteresis import Hysteresis
 from tests.conftest import OpenRig
 
+pytestmark = pytest.mark.many_plays
+
 POINTS = (0, 14, 45, 76)
 PERIOD = 1.0
 """Half of what a map takes, in a fifth of the time."""

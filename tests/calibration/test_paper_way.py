@@ -8,6 +8,8 @@ from calibration.paper_way import ORDERS
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig
 
+pytestmark = pytest.mark.many_plays
+
 
 def test_where_patch_and_point_differ_no_order_inverts(calibrated: Calibrated, drive: Drive) -> None:
     """The stable inverse of a response with zeros in the right half plane does not exist."""

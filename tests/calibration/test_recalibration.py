@@ -35,6 +35,8 @@ from tests.calibration.conftest import Calibrated, make_press
 from tests.calibration.killing import Victims
 from tests.conftest import OpenRig
 
+pytestmark = pytest.mark.many_plays
+
 WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
 
 
