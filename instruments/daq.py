@@ -151,6 +151,12 @@ class Daq(Gated, ABC):
     ) -> Stream:
         """See `stream`: what the driver does for it."""
 
+    def clear_left(self) -> None:
+        """Let go of what a program that was killed has left in the cards, if anything can stay there.
+
+        For whoever holds the hardware's lock, and so knows that no living program uses it.
+        """
+
     @abstractmethod
     def zero(self) -> None:
         """Write zero volts to every output. Idempotent. Raises InstrumentError."""

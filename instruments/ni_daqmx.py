@@ -111,11 +111,6 @@ class NiDaq(Daq):
         self._sessions = sessions
         self._streams: list[_NiStream] = []
         self._cards = self._find_cards()
-        sessions.clear_left(
-            f"{name} {purpose}"
-            for name in {name for card in self._cards.values() for name in (card.name, card.home)}
-            for purpose in ("input", "output", "zero")
-        )
         self.simulated = any(card.simulated for card in self._cards.values())
         self.identity = " + ".join(
             f"{card.product} ({card.name}, serial {card.serial:X})" for card in self._cards.values()
@@ -169,6 +164,11 @@ class NiDaq(Daq):
         stream = _NiStream(self, plan, tuple(channels), rate_hz, block, samples, dict(play))
         self._streams.append(stream)
         return stream
+
+    def clear_left(self) -> None:
+        """See `Daq.clear_left`."""
+        names = {name for card in self._cards.values() for name in (card.name, card.home)}
+        self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in ("input", "output", "zero"))
 
     def zero(self) -> None:
         """See `Daq.zero`. Stops what plays first: a task that plays holds its outputs reserved."""
@@ -450,13 +450,16 @@ class _NiStream(Stream):
 
     def _refuse_drift(self) -> None:
         """Two cards on one clock have sampled equally often."""
+        # The master is asked before and after the others: the calls may lie a second apart.
+        asked = [*self._inputs, self._inputs[0]]
         with self._daq.talking_to(self._plan.master):
-            counts = [int(task.in_stream.total_samp_per_chan_acquired) for task in self._inputs]
-        for (home, _), count in zip(self._plan.inputs[1:], counts[1:], strict=True):
-            if abs(count - counts[0]) > max(_APART * self.rate_hz, 2 * self._block):
+            before, *counts, after = [int(task.in_stream.total_samp_per_chan_acquired) for task in asked]
+        apart = max(_APART * self.rate_hz, 2 * self._block)
+        for (home, _), count in zip(self._plan.inputs[1:], counts, strict=True):
+            if not before - apart <= count <= after + apart:
                 raise InstrumentError(
-                    f"{home} has taken {count} samples and {self._plan.master} {counts[0]}: they do not "
-                    "run on one clock. Check the RTSI cable."
+                    f"{home} has taken {count} samples and {self._plan.master} {before} to {after}: they do "
+                    "not run on one clock. Check the RTSI cable."
                 )
 
 

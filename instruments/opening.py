@@ -10,6 +10,7 @@ from typing import Any
 
 import instruments
 from instruments.clock import RealClock
+from instruments.daq import Daq
 from instruments.driver import Driver, Mode, Simulation, hardware_of
 from instruments.errors import ConfigurationError
 from instruments.lock import hold
@@ -84,6 +85,9 @@ def _connect(rig: Rig) -> None:
         if not isinstance(instrument, ROLES[role]):
             raise ConfigurationError(f"The driver {device.driver!r} is not for the role {role!r}.")
         rig.adopt(role, instrument)
+        if isinstance(instrument, Daq) and not rig.simulation:
+            # The lock says that no living program of this computer's has it.
+            instrument.clear_left()
     rig.complete()
 
 

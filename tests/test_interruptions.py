@@ -155,7 +155,7 @@ def test_no_way_out_leaves_voltage(
     r = random.Random(6)
     names = list(ready.seconds)
     codes = []
-    for number in range(300 if full else 10):
+    for number in range(300 if full else 8):
         name, way = names[number % len(names)], WAYS[number % len(WAYS)]
         out = tmp_path / str(number)
         out.mkdir()
