@@ -148,7 +148,7 @@ DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
     "AI_VOLTAGE_INT_EXCIT_RANGE_VALS": lambda i, d: [],
 }
 SYSTEM_FACTS: dict[str, Callable[[NiSystem], Any]] = {
-    # From 24.5 on, clients ask for internal properties: findings.md.
+    # From 24.5 on, clients ask for internal properties (seen in nidaqmx 1.7).
     "NIDAQ_MAJOR_VERSION": lambda s: 24,
     "NIDAQ_MINOR_VERSION": lambda s: 0,
     "NIDAQ_UPDATE_VERSION": lambda s: 0,

@@ -175,7 +175,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         except DaqmxError as error:
             _abort(context, error)
             return
-        # The client waits for this before it goes on: findings.md.
+        # The client waits for this before it goes on, or hangs (measured).
         context.send_initial_metadata(())
         yield from self._events.stream(listener, context.is_active)
 

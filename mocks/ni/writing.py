@@ -29,7 +29,7 @@ def space(system: NiSystem, task: Task) -> int:
 
 
 def _capacity(task: Task) -> int:
-    """Samples per channel that the host buffer and the card's own hold together (findings.md)."""
+    """Samples per channel that the host buffer and the card's own hold together."""
     return task.buffer_size + task.device.product.ao_fifo
 
 
