@@ -213,7 +213,7 @@ def test_cut_off_at_any_moment(known: Path, tmp_path: Path, full: bool, mode: st
     if mode != "twin":
         pytest.skip("it serves wires of its own")
     r = random.Random(7)
-    count = 200 if full else 3
+    count = 200 if full else 2
     ended: dict[str, int] = {}
     for number in range(count):
         out = tmp_path / str(number)

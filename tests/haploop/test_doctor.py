@@ -38,6 +38,7 @@ def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, seed: int) -> None:
     assert_safe(rig)
 
 
+@pytest.mark.many_plays
 @pytest.mark.parametrize(
     ("fault", "instrument", "says"),
     [
