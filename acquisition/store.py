@@ -37,7 +37,7 @@ from acquisition.layout import (
 )
 from instruments import Block, ConfigurationError, DataError, InstrumentError
 
-__all__ = ["Writer", "check_target", "fresh_file"]
+__all__ = ["Writer", "check_target", "fresh_file", "sync_folder"]
 
 _COMMIT_PERIOD = 0.05
 """Seconds between two requests to the disk (measured: 50 to 100 ms costs nothing)."""
@@ -77,7 +77,7 @@ def fresh_file(path: Path, replace: bool = False) -> Iterator[Path]:
             temporary.replace(path)
         else:
             _move(temporary, path)
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -319,7 +319,7 @@ def _link(source: Path, target: Path) -> None:
         source.rename(target)
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Bring the new name to the disk, where a folder can be opened (not on Windows)."""
     if os.name == "nt":
         return

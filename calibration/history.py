@@ -23,6 +23,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol
 
+from acquisition.store import sync_folder
 from calibration.files import why
 from instruments import DataError
 from instruments.lock import hold
@@ -227,9 +228,9 @@ class History:
                 file.flush()
                 os.fsync(file.fileno())
             for folder in {part, *((part / name).parent for name in parts)}:
-                _sync(folder)
+                sync_folder(folder)
             part.rename(target)
-            _sync(self.folder)
+            sync_folder(self.folder)
         except OSError as error:
             raise DataError(f"The calibration {target.name} cannot be written: {why(error)}.") from None
         finally:
@@ -293,17 +294,6 @@ def _append(path: Path, values: Mapping[str, Any]) -> None:
             file.write(line)
             file.flush()
             os.fsync(file.fileno())
-        _sync(path.parent)
+        sync_folder(path.parent)
     except OSError as error:
         raise DataError(f"{path} cannot be written: {why(error)}.") from None
-
-
-def _sync(folder: Path) -> None:
-    """Bring new names to the disk, where a folder can be opened (not on Windows)."""
-    if os.name == "nt":
-        return
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

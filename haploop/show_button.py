@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from calibration import DigitalButton
+from haploop.cells import number
 from haploop.plotting import active, colour, legend_above, letter, new_figure, style
 
 __all__ = ["contents", "figure"]
@@ -31,23 +31,23 @@ def contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         "patch": drive.patch,
         "point": drive.point,
         "method": drive.method,
-        "carrier_hz": _number(drive.carrier_hz),
-        "band_hz": [_number(edge) for edge in drive.band],
-        "in_band": _number(drive.in_band),
-        "scale": _number(drive.scale),
-        "drive_peak_v": _number(drive.peak),
+        "carrier_hz": number(drive.carrier_hz),
+        "band_hz": [number(edge) for edge in drive.band],
+        "in_band": number(drive.in_band),
+        "scale": number(drive.scale),
+        "drive_peak_v": number(drive.peak),
         "unreached": drive.unreached,
-        "nrmse": _number(check.nrmse),
-        "floor": _number(check.floor),
-        "beyond_noise": _number(check.beyond_noise),
-        "correlation": _number(check.correlation),
-        "envelope_correlation": _number(check.envelope_correlation),
-        "third_octave_error_db": _number(check.third_octave_error_db),
+        "nrmse": number(check.nrmse),
+        "floor": number(check.floor),
+        "beyond_noise": number(check.beyond_noise),
+        "correlation": number(check.correlation),
+        "envelope_correlation": number(check.envelope_correlation),
+        "third_octave_error_db": number(check.third_octave_error_db),
         "plays": check.plays,
         "iterations": [
             {
-                "nrmse": _number(i.nrmse),
-                "floor": _number(i.floor),
+                "nrmse": number(i.nrmse),
+                "floor": number(i.floor),
                 "kept": bool(i.kept),
                 "why": i.why,
             }
@@ -89,11 +89,11 @@ def contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
     )
     if drive.unreached:
         table.add_row("Not reached", drive.unreached)
-    for number, iteration in enumerate(learning.iterations):
+    for index, iteration in enumerate(learning.iterations):
         kept = "kept" if iteration.kept else "not kept"
         table.add_row(
-            "Learning" if number == 0 else "",
-            f"{number}: {iteration.nrmse:.1%}, {kept}: {iteration.why}",
+            "Learning" if index == 0 else "",
+            f"{index}: {iteration.nrmse:.1%}, {kept}: {iteration.why}",
         )
     table.add_row("", learning.stopped)
     table.add_row("Calibration", f"{response.created}, SHA-256 {drive.calibration}")
@@ -140,7 +140,3 @@ def _learning(axes: Axes, button: DigitalButton) -> None:
     axes.set_ylabel("Error (%)")
     axes.set_xticks(numbers)
     legend_above(axes, 2)
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
