@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from types import FrameType
 
 __all__ = ["main"]
@@ -17,6 +18,9 @@ def main() -> None:
     signal.signal(signal.SIGINT, before)
     try:
         run()
+    except KeyboardInterrupt:
+        # It came while the one before was being dealt with, and all is done.
+        sys.exit(130)
     finally:
         # Whoever is impatient now would see a traceback of Python's own leaving.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 import click
 
 from instruments import HaploopError
-from instruments.signals import STOPPING
+from instruments.signals import STOPPING, uninterrupted
 
 __all__ = ["Commands", "Session"]
 
@@ -88,8 +88,10 @@ class Commands(click.Group):
 
     @staticmethod
     def _fail(sentence: str, code: int) -> NoReturn:
-        click.echo("Error: " + " ".join(sentence.split()), err=True)
-        sys.exit(code)
+        # One more Ctrl-C keeps nobody from reading how it ended.
+        with uninterrupted():
+            click.echo("Error: " + " ".join(sentence.split()), err=True)
+            sys.exit(code)
 
 
 @contextmanager

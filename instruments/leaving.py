@@ -9,7 +9,6 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import TypeVar
 
 from instruments.errors import InstrumentError
-from instruments.signals import uninterrupted
 
 __all__ = ["in_time", "left_in_time"]
 
@@ -47,18 +46,16 @@ def in_time(what: str, action: Callable[[], object]) -> None:
 
 @contextmanager
 def left_in_time(what: str, context: AbstractContextManager[Value]) -> Iterator[Value]:
-    """`context`, whose exit no signal interrupts and whose hanging is an InstrumentError."""
+    """`context`, whose exit's hanging is an InstrumentError."""
     value = context.__enter__()
     try:
         yield value
     except BaseException as error:
         raised = error
-        with uninterrupted():
-            _exit(what, lambda: context.__exit__(type(raised), raised, raised.__traceback__))
+        _exit(what, lambda: context.__exit__(type(raised), raised, raised.__traceback__))
         raise
     else:
-        with uninterrupted():
-            _exit(what, lambda: context.__exit__(None, None, None))
+        _exit(what, lambda: context.__exit__(None, None, None))
 
 
 def _exit(what: str, leave: Callable[[], object]) -> None:

@@ -28,7 +28,7 @@ from instruments.operator import ConfirmSettings
 from instruments.rig_file import RigFile
 from instruments.roles import Instruments
 from instruments.safe_state import SafeState
-from instruments.signals import at_console_close, ending_in_order, uninterrupted
+from instruments.signals import at_console_close, deliver, ending_in_order, uninterrupted
 from instruments.watch import Watch, trip
 
 __all__ = ["Rig"]
@@ -146,9 +146,10 @@ class Rig(Instruments):
         if not self._wired("player"):
             return self._played({self.amplifier.input: drive}, patches, channels, tail, progress)
         output, rendered = self.player.output, self.player.rendered
-        with self._limiter.permit(
+        permitted = self._limiter.permit(
             {output: drive}, rate_hz, frozenset(patches), self.amplifier, rendered
-        ) as volts:
+        )
+        with uninterrupted(), permitted as volts:
             count = len(drive) + max(1, round(tail * rate_hz))
             return self._excite_by_player(drive, volts[output], patches, channels, count, progress)
 
@@ -203,9 +204,10 @@ class Rig(Instruments):
                 f"The generator of the rig {self.name!r} is wired to {self.generator.output!r}, and its "
                 f"amplifier's input is {self.amplifier.input!r}: give both the same name in the rig file."
             )
-        with self._limiter.permit_sweep(
+        permitted = self._limiter.permit_sweep(
             self.generator.output, sweep, _SLACK, frozenset(patches), self.amplifier
-        ) as at_output:
+        )
+        with uninterrupted(), permitted as at_output:
             return self._swept(at_output, patches, channels, tail, progress)
 
     def make_safe(self) -> None:
@@ -253,7 +255,8 @@ class Rig(Instruments):
     ) -> Capture:
         """Drives (V at the patch) played on the DAQ's outputs."""
         rate_hz = self.table.rate_hz
-        with self._limiter.permit(drives, rate_hz, frozenset(patches), self.amplifier) as volts:
+        permitted = self._limiter.permit(drives, rate_hz, frozenset(patches), self.amplifier)
+        with uninterrupted(), permitted as volts:
             samples = len(next(iter(volts.values())))
             count = samples + max(1, round(tail * rate_hz))
             padded = {output: np.pad(v, (0, count - samples)) for output, v in volts.items()}
@@ -358,8 +361,7 @@ class Rig(Instruments):
             yield
         finally:
             # Zero first: the relay switches without voltage, and a patch is left without charge.
-            with uninterrupted():
-                self.make_safe()
+            self.make_safe()
 
     @contextmanager
     def _watched(
@@ -368,7 +370,8 @@ class Rig(Instruments):
         """What to record, with what is watched among it, and what is done with every block.
 
         The relay's dead man, and who waits, are told; a block that trips a limit is an
-        InstrumentError, whoever plays, and latches the rig once the safe state has been tried.
+        InstrumentError, whoever plays, and latches the rig once the safe state has been tried. From
+        before the first volt until the safe state signals are held back; here they may end the play.
         """
         laser = self.vibrometer if "vibrometer" in self._roles else None
         watch = Watch(self.file.abort, self.sensors, laser, self.limits_for(len(frozenset(patches))))
@@ -378,14 +381,14 @@ class Rig(Instruments):
             self.relay.renew()
             watch.look(block, recorded)
             progress(block.volts.shape[1] / self.table.rate_hz)
+            deliver()
 
         try:
             yield recorded, each
         finally:
             if watch.tripped is not None:
-                with uninterrupted():
-                    rate_hz = self.table.rate_hz
-                    self._latched = trip(self.audit, self.hardware, watch, recorded, rate_hz)
+                rate_hz = self.table.rate_hz
+                self._latched = trip(self.audit, self.hardware, watch, recorded, rate_hz)
 
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:

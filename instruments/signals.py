@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["STOPPING", "at_console_close", "ending_in_order", "uninterrupted"]
+__all__ = ["STOPPING", "at_console_close", "deliver", "ending_in_order", "uninterrupted"]
 
 STOPPING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
@@ -23,31 +23,38 @@ STOPPING = tuple(
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let no signal cut short what brings the rig to its safe state.
+    """Hold back what asks the program to stop: nothing inside is cut short by it.
 
-    A signal that arrives meanwhile is delivered once at the end, unless an error comes out: that the
-    safe state was not reached matters more than that somebody was impatient. Only the main thread
-    sees signals; in any other thread this does nothing.
+    What arrives meanwhile is delivered once at the end, or where `deliver` is called, unless an error
+    comes out: that the safe state was not reached matters more than that somebody was impatient. Only
+    the main thread sees signals; in any other thread this does nothing.
     """
+    global _held  # noqa: PLW0603  as below
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    arrived: list[int] = []
-    before = {kind: signal.getsignal(kind) for kind in STOPPING}
-    for kind in STOPPING:
+    with ending_in_order():
+        if not _held:
+            _arrived.clear()
+        _held += 1
         try:
-            signal.signal(kind, lambda number, _frame: arrived.append(number))
-        except KeyboardInterrupt:
-            # One more, just before it was held back: what must be done comes first all the same.
-            signal.signal(kind, lambda number, _frame: arrived.append(number))
-            arrived.append(signal.SIGINT)
-    try:
-        yield
-    finally:
-        for kind, handler in before.items():
-            signal.signal(kind, handler)
-    if arrived:
-        signal.raise_signal(arrived[0])
+            yield
+        except BaseException:
+            if _held == 1:
+                _arrived.clear()
+            raise
+        finally:
+            _held -= 1
+        if not _held:
+            deliver()
+
+
+def deliver() -> None:
+    """Let what is held back stop the program here: between two blocks of a play, say."""
+    if _arrived and threading.current_thread() is threading.main_thread():
+        first = _arrived[0]
+        _arrived.clear()
+        _act(first, None)
 
 
 @contextmanager
@@ -55,31 +62,56 @@ def ending_in_order() -> Iterator[None]:
     """While it lasts, SIGTERM and its kind leave the program through every context, by SystemExit.
 
     Left to themselves they end it where it stands, with the output on. What a program has arranged
-    for them is left alone; so is everything when this is not the main thread.
+    for them is done as ever; where this is not the main thread, nothing is changed.
     """
     global _orderly  # noqa: PLW0603  handlers belong to the process, and so does who counts on them
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     _orderly += 1
-    for kind in STOPPING:
-        if signal.getsignal(kind) is signal.SIG_DFL:
-            signal.signal(kind, _end)
     try:
+        for kind in STOPPING:
+            before = signal.getsignal(kind)
+            if before not in (_handle, signal.SIG_IGN, None):
+                _before[kind] = before
+                signal.signal(kind, _handle)
         yield
     finally:
         _orderly -= 1
         if not _orderly and threading.current_thread() is threading.main_thread():
             for kind in STOPPING:
-                if signal.getsignal(kind) is _end:
-                    signal.signal(kind, signal.SIG_DFL)
+                if signal.getsignal(kind) is _handle:
+                    signal.signal(kind, _before[kind])
 
 
 _orderly = 0
+_held = 0
+_arrived: list[int] = []
+_before: dict[int, Any] = {}
+"""What was arranged for a signal before ours."""
 
 
-def _end(number: int, _frame: FrameType | None) -> None:
-    raise SystemExit(128 + number)
+def _handle(number: int, frame: FrameType | None) -> None:
+    """The one handler, which stays in place all the while.
+
+    To hold signals back is to count, then, and no moment lies between two handlers. It is harmless
+    where it is left behind: it does what was arranged before.
+    """
+    if _held:
+        _arrived.append(number)
+    else:
+        _act(number, frame)
+
+
+def _act(number: int, frame: FrameType | None) -> None:
+    before = _before[number]
+    if callable(before):
+        before(number, frame)
+    elif _orderly:
+        raise SystemExit(128 + number)
+    else:
+        signal.signal(number, before)
+        signal.raise_signal(number)
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from mocks.simulation import Simulation
 from tests.instruments.at_the_patch import bursts
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
+TraceFunction = Callable[[FrameType, str, Any], Any]
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals to another program are POSIX")
 
 
@@ -184,6 +186,43 @@ def test_closing_the_console_on_windows_waits_for_the_safe_state(monkeypatch: py
     assert not handlers
     with at_console_close(lambda: 1 / 0):
         assert handlers[0](6) == 0
+
+
+def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full: bool) -> None:
+    """One stops the play, and one more comes at a random line of what follows: the play leaves no volts."""
+    rng = random.Random(4)
+    passed = second = 0
+
+    def line(_frame: FrameType, event: str, _argument: object) -> TraceFunction:
+        nonlocal passed
+        if event == "line":
+            passed += 1
+            if passed == second:
+                signal.raise_signal(signal.SIGINT)
+        return line
+
+    def first(_seconds: float) -> None:
+        sys.settrace(lambda *_: line)
+        signal.raise_signal(signal.SIGINT)
+
+    def interrupted(rig: Rig, at: int) -> None:
+        nonlocal passed, second
+        passed, second = 0, at
+        try:
+            rig.excite(DRIVE[:15_000] / 4, ["A"], ["drive"], progress=first)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.settrace(None)
+
+    with open_rig("simulated") as rig:
+        interrupted(rig, sys.maxsize)
+        lines = range(passed)
+        assert len(lines) > 100
+        for at in lines if full else rng.sample(lines, 4):
+            interrupted(rig, at)
+            assert safe(rig), at
+        rig.excite(DRIVE, ["A"], ["drive"])
 
 
 @POSIX
