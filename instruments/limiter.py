@@ -22,7 +22,7 @@ from instruments.audit import Audit
 from instruments.clock import Clock
 from instruments.errors import LimitError
 from instruments.generator import Sweep
-from instruments.latch import Latch
+from instruments.latch import Latch, latch_of
 from instruments.limits import Limits, sounding
 
 __all__ = ["Limiter", "Ratings"]
@@ -49,28 +49,28 @@ class _Permit:
 
 
 class Limiter:
-    """See `instruments.gate.Gate`. Safe to ask from any thread; one permit lasts at a time."""
+    """See `instruments.gate.Gate`. Safe to ask from any thread; one permit lasts at a time.
 
-    def __init__(
-        self,
-        clock: Clock,
-        audit: Audit,
-        ratings: Callable[[int], Ratings],
-        latched: Callable[[], Latch | None],
-    ) -> None:
+    It knows no rig: every instrument of the rig knows it, and a rig that is closed would otherwise stay
+    in memory with all that was in it.
+    """
+
+    def __init__(self, clock: Clock, audit: Audit, hardware: Collection[str]) -> None:
+        self.latched: Latch | None = None
+        """What tripped while the rig was open; None when nothing has."""
         self._clock = clock
         self._audit = audit
-        self._ratings = ratings
-        self._latched = latched
+        self._hardware = hardware
         self._lock = threading.Lock()
         self._permit: _Permit | None = None
         self._playing: set[str] = set()
         """Outputs that have begun: each begins once, for to begin again is to break off."""
         self._played: deque[tuple[float, float]] = deque()
 
-    def limits(self, patches: int) -> Limits:
-        """The strictest of all ratings, with `patches` patches in parallel."""
-        return reduce(Limits.within, self._ratings(patches).values())
+    @property
+    def latch(self) -> Latch | None:
+        """Why nothing is let through until `haploop reset`; None when drives are."""
+        return self.latched or latch_of(self._audit.folder, self._hardware)
 
     # What a rig asks for
 
@@ -81,24 +81,26 @@ class Limiter:
         rate_hz: float,
         patches: Collection[str],
         amplifier: Amplifier,
+        ratings: Callable[[int], Ratings],
         rendered: Rendered | None = None,
     ) -> Iterator[dict[str, FloatArray]]:
         """While the context lasts each drive ((samples,) V at the patch) may be played on its output.
 
-        One drive is for all patches in parallel; several are for a patch each. Gives each as (samples,)
-        V at its output. `rendered` says what an output makes of a waveform that does not play it
-        sample by sample. Raises LimitError, and then nothing was written.
+        One drive is for all patches in parallel; several are for a patch each. `ratings` are what so
+        many patches in parallel are held to. `rendered` says what an output makes of a waveform that
+        does not play it sample by sample. Gives each drive as (samples,) V at its output. Raises
+        LimitError, and then nothing was written.
         """
-        parallel = len(patches) if len(drives) == 1 else 1
+        held_to = ratings(len(patches) if len(drives) == 1 else 1)
         own = {output: np.array(drive) for output, drive in drives.items()}
         with self._refusals_noted():
             for drive in own.values():
-                self._check(drive, rate_hz, parallel)
+                self._check(drive, rate_hz, held_to)
             if len({len(drive) for drive in own.values()}) > 1:
                 raise LimitError("Drives that are played at once must be of one length.")
             spans = [sounding(drive) for drive in own.values() if drive.any()]
             seconds = (max(s for _, s in spans) - min(f for f, _ in spans)) / rate_hz if spans else 0.0
-            self._check_duty(seconds, parallel)
+            self._check_duty(seconds, held_to)
             volts = {output: amplifier.to_input(drive) for output, drive in own.items()}
             if rendered is not None:
                 gain = 1 / float(amplifier.to_input(np.ones(1))[0])
@@ -106,7 +108,7 @@ class Limiter:
                 free = {"end": np.inf, "mean": np.inf, "burst": np.inf}
                 for at_output in volts.values():
                     made, made_hz = rendered(at_output, rate_hz)
-                    self._check(gain * made, made_hz, parallel, **free)
+                    self._check(gain * made, made_hz, held_to, **free)
         peak = max(float(np.abs(drive).max()) for drive in own.values())
         digest = hashlib.sha256(b"".join(drive.tobytes() for drive in own.values())).hexdigest()
         permit = _Permit(frozenset(patches), rate_hz, volts, {})
@@ -116,13 +118,20 @@ class Limiter:
 
     @contextmanager
     def permit_sweep(
-        self, output: str, sweep: Sweep, rest: float, patches: Collection[str], amplifier: Amplifier
+        self,
+        output: str,
+        sweep: Sweep,
+        rest: float,
+        patches: Collection[str],
+        amplifier: Amplifier,
+        ratings: Callable[[int], Ratings],
     ) -> Iterator[Sweep]:
         """While the context lasts a generator at `output` may sweep; V peak at the patch in `sweep`.
 
         Gives it with the volts at that output. `rest` seconds after the sweep it goes on at most
         until it is switched off. Raises LimitError, and then nothing was set.
         """
+        held_to = ratings(len(patches))
         with self._refusals_noted():
             rate_hz = _FINE * sweep.stop_hz
             t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
@@ -132,8 +141,8 @@ class Limiter:
             # with its last whole half wave.
             crossed = np.flatnonzero(np.diff(np.signbit(volts)))
             whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
-            self._check(whole, rate_hz, len(patches), longer=rest, end=np.inf, mean=np.inf)
-            self._check_duty(sweep.duration + rest, len(patches))
+            self._check(whole, rate_hz, held_to, longer=rest, end=np.inf, mean=np.inf)
+            self._check_duty(sweep.duration + rest, held_to)
         peak = float(amplifier.to_input(np.array([sweep.amplitude]))[0])
         at_output = replace(sweep, amplitude=peak)
         permit = _Permit(frozenset(patches), 0.0, {}, {output: at_output})
@@ -198,12 +207,11 @@ class Limiter:
     # Checks
 
     def _check(
-        self, drive: FloatArray, rate_hz: float, patches: int, longer: float = 0.0, **lifted: float
+        self, drive: FloatArray, rate_hz: float, ratings: Ratings, longer: float = 0.0, **lifted: float
     ) -> None:
-        latch = self._latched()
+        latch = self.latch
         if latch is not None:
             raise LimitError(latch.sentence)
-        ratings = self._ratings(patches)
         strictest = reduce(Limits.within, ratings.values())
         try:
             replace(strictest, **{"burst": strictest.burst - longer, **lifted}).check(drive, rate_hz)
@@ -218,9 +226,9 @@ class Limiter:
                         raise named from None
             raise
 
-    def _check_duty(self, seconds: float, patches: int) -> None:
+    def _check_duty(self, seconds: float, ratings: Ratings) -> None:
         """Of the minute that ends with this drive, no more than the duty is played."""
-        duty, now = self.limits(patches).duty, self._clock.now()
+        duty, now = reduce(Limits.within, ratings.values()).duty, self._clock.now()
         begin = now + seconds - _MINUTE
         while self._played and self._played[0][1] <= now - _MINUTE:
             self._played.popleft()

@@ -6,6 +6,7 @@ import atexit
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
+from functools import reduce
 from types import TracebackType
 from typing import Any, Self
 
@@ -20,7 +21,7 @@ from instruments.driver import Mode, Simulation
 from instruments.errors import ConfigurationError, InstrumentError
 from instruments.gate import Gated
 from instruments.generator import Sweep
-from instruments.latch import Latch, latch_of
+from instruments.latch import Latch
 from instruments.leaving import left_in_time
 from instruments.limiter import Limiter
 from instruments.limits import Limits
@@ -55,8 +56,7 @@ class Rig(Instruments):
         self.hardware = frozenset(hardware)
         """What no second rig may use at once, and what a latch hangs on."""
         self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
-        self._limiter = Limiter(clock, self.audit, self._ratings, lambda: self.latch)
-        self._latched: Latch | None = None
+        self._limiter = Limiter(clock, self.audit, self.hardware)
         self._confirmed: set[str] = set()
         self._safe = SafeState(self._roles, clock, self.audit)
         self._stack = ExitStack()
@@ -95,12 +95,12 @@ class Rig(Instruments):
 
     def limits_for(self, patches: int) -> Limits:
         """As `limits`, with `patches` patches in parallel."""
-        return self._limiter.limits(patches)
+        return reduce(Limits.within, self._ratings(patches).values())
 
     @property
     def latch(self) -> Latch | None:
         """Why nothing is played until `haploop reset`; None when drives are played."""
-        return self._latched or latch_of(self.audit.folder, self.hardware)
+        return self._limiter.latch
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
@@ -147,7 +147,7 @@ class Rig(Instruments):
             return self._played({self.amplifier.input: drive}, patches, channels, tail, progress)
         output, rendered = self.player.output, self.player.rendered
         permitted = self._limiter.permit(
-            {output: drive}, rate_hz, frozenset(patches), self.amplifier, rendered
+            {output: drive}, rate_hz, frozenset(patches), self.amplifier, self._ratings, rendered
         )
         with uninterrupted(), permitted as volts:
             count = len(drive) + max(1, round(tail * rate_hz))
@@ -205,7 +205,7 @@ class Rig(Instruments):
                 f"amplifier's input is {self.amplifier.input!r}: give both the same name in the rig file."
             )
         permitted = self._limiter.permit_sweep(
-            self.generator.output, sweep, _SLACK, frozenset(patches), self.amplifier
+            self.generator.output, sweep, _SLACK, frozenset(patches), self.amplifier, self._ratings
         )
         with uninterrupted(), permitted as at_output:
             return self._swept(at_output, patches, channels, tail, progress)
@@ -255,7 +255,7 @@ class Rig(Instruments):
     ) -> Capture:
         """Drives (V at the patch) played on the DAQ's outputs."""
         rate_hz = self.table.rate_hz
-        permitted = self._limiter.permit(drives, rate_hz, frozenset(patches), self.amplifier)
+        permitted = self._limiter.permit(drives, rate_hz, frozenset(patches), self.amplifier, self._ratings)
         with uninterrupted(), permitted as volts:
             samples = len(next(iter(volts.values())))
             count = samples + max(1, round(tail * rate_hz))
@@ -388,7 +388,7 @@ class Rig(Instruments):
         finally:
             if watch.tripped is not None:
                 rate_hz = self.table.rate_hz
-                self._latched = trip(self.audit, self.hardware, watch, recorded, rate_hz)
+                self._limiter.latched = trip(self.audit, self.hardware, watch, recorded, rate_hz)
 
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:

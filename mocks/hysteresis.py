@@ -39,18 +39,17 @@ class Hysteresis:
         """(steps,) volts to (steps,) volts of strain; remembers where it ends."""
         if not self._weights.any():
             return volts
+        if np.all(volts == self._last):
+            return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
         path = np.concatenate([[self._last], volts])
         slope = np.sign(np.diff(path))
         # Flat pieces belong to the piece before them, so that only real turns end a piece.
         moving = np.flatnonzero(slope)
-        if not len(moving):
-            return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
         turns = moving[np.flatnonzero(np.diff(slope[moving])) + 1]
         starts = np.concatenate([[0], turns])
         rising = slope[np.concatenate([[moving[0]], turns])] > 0
         ends = path[np.concatenate([turns, [len(path) - 1]])]
         lengths = np.diff(np.concatenate([starts, [len(volts)]]))
-        up = np.repeat(rising, lengths)
         out = np.asarray(self._linear * volts)
         for i, (radius, weight) in enumerate(zip(_RADII, self._weights, strict=True)):
             at = float(self._play[i])
@@ -59,9 +58,7 @@ class Hysteresis:
                 begin[k] = at
                 at = max(at, end - radius) if rises else min(at, end + radius)
             from_here = np.repeat(begin, lengths)
-            out += weight * np.where(
-                up, np.maximum(from_here, volts - radius), np.minimum(from_here, volts + radius)
-            )
+            out += weight * np.minimum(np.maximum(from_here, volts - radius), volts + radius)
             self._play[i] = at
         self._last = float(volts[-1])
         return _bent(out)

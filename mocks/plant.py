@@ -10,8 +10,8 @@ from __future__ import annotations
 import threading
 import zlib
 from bisect import insort
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -21,19 +21,14 @@ from instruments.clock import Clock
 from instruments.operator import Press
 from instruments.rig_file import RigFile
 from instruments.rig_file import Table as TableSection
-from instruments.sensors import low_pass
-from mocks.buttons import FLAWS, ButtonPress, Finger, Flaw, button_named, latest, press_button
+from mocks.buttons import FLAWS, ButtonPress, Finger, Flaw, button_named, press_button
 from mocks.faults import (
-    AccelerometerInverted,
     AmplifierGain,
     AmplifierTrip,
     ClockDrift,
     DaqOverflow,
     DaqOverrun,
     Faults,
-    ForceCalibration,
-    LaserBlocked,
-    LaserDropout,
     PatchDead,
     RelaySwapped,
     RtsiMissing,
@@ -43,56 +38,22 @@ from mocks.faults import (
     box_faults,
 )
 from mocks.nodes import Run, Source
-from mocks.relay import BoxFault
+from mocks.relay import BoxFault, RelayBox
+from mocks.sensed import GRAVITY, LaserHead, laser, wired
 from mocks.table import Plate, Table, make_plate, warmed
 from mocks.truth import Fed, Truth
 
 __all__ = ["LaserHead", "Plant"]
 
-GRAVITY = 9.80665
 AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01
 AMPLIFIER_LOW, AMPLIFIER_HIGH = -100.0, 400.0
-FORCE_NOISE = 0.03
-"""N sd of Fz: measured on a real Mini40 (found; hardware.md, section 6)."""
-FORCE_DRIFT = 0.05 / 60
-"""N/s (estimate; hardware.md, section 13)."""
-FORCE_WARM = 3600.0
-"""Seconds after which the sensor is warm and drifts no further (estimate)."""
-WEIGHT = 4.0
-"""N: the box on the force sensor (estimate)."""
-ACCELEROMETER_NOISE = 300e-6 * GRAVITY
-"""m/s^2 per sqrt(Hz) of the z axis (estimate; hardware.md, section 7)."""
-ACCELEROMETER_CLIP = 3.6 * GRAVITY
-CONTACT = 5.0
-"""V across a closed contact."""
-VIBROMETER_NOISE = 0.02e-6
-"""m/s per sqrt(Hz) of the 20 mm/s range (estimate; hardware.md, section 5a)."""
 RAIL = 15.0
 """V of a saturated sensor's output: its supply, beyond every converter's range (estimate)."""
 _NOWHERE = (0.0, 0.0)
 """The pane's corner, where no mode has curvature: a patch there moves nothing."""
-_SHAKEN = 8
-"""Presses whose filtered vibration is kept."""
-_RING = 0.2
-"""Seconds for which a click can be felt after the finger has left."""
 _TUNED = 10.0
 """Seconds after which the table's modes are made anew for the warmth that it has become: at 1 % a day they
 have moved by less than a millionth."""
-
-
-@dataclass
-class LaserHead:
-    """The optics and the decoder of a vibrometer as they really are, whatever a rig file says."""
-
-    range: float
-    """Full scale (m/s): the output clips there."""
-    sensitivity: float
-    """m/s per V at the output."""
-    bandwidth_hz: float
-    delay: float
-    """Seconds by which the output is late."""
-    level: float = 1.0
-    """Share of the light that comes back, 0 to 1; without light there is only noise."""
 
 
 class Plant:
@@ -105,21 +66,21 @@ class Plant:
         self.closed: set[str] = set()
         self.peak = 0.0
         self.fed: list[Fed] | None = None
-        self._file = file
-        self._section = file.table or TableSection(
+        self.file = file
+        self.section = file.table or TableSection(
             button_point=20, patch_capacitance=90e-9, patch_low=-100, patch_high=400
         )
         self.faults = Faults.of_file(file)
         self._lock = threading.RLock()
-        self._aim = "button"
+        self.aimed = "button"
         self._switched: list[tuple[float, int, str, bool]] = []
-        self._callbacks: list[Callable[[float], None]] = []
+        self._boxes: list[RelayBox] = []
         self._sources: dict[str, Source] = {}
         self._now = clock.now()
         self._fed_by = self._feeding_nodes()
         self._inputs = dict.fromkeys(self._fed_by.values(), 0.0)
         self._heads: list[tuple[LaserHead, LaserHead]] = []
-        self._loads: list[tuple[float, float]] = []
+        self.loads: list[tuple[float, float]] = []
         self._pane = self._make_plate()
         self._tuned = -np.inf
         self.table = Table(self._pane, self.settings.hysteresis)
@@ -130,8 +91,8 @@ class Plant:
             for node, channel in file.daq.settings.get("channels", {}).items()
             if isinstance(channel, dict) and "terminal" in channel
         }
-        self._nodes = self._named_nodes()
-        self._shaken: dict[tuple[float, float], tuple[FloatArray, FloatArray]] = {}
+        self._nodes = wired(self)
+        self.shaken: dict[tuple[float, float], tuple[FloatArray, FloatArray]] = {}
         self._noise = {node: self.rng(f"noise of {node}") for node in self._nodes}
 
     def rng(self, name: str) -> np.random.Generator:
@@ -150,9 +111,9 @@ class Plant:
 
     def place(self, point: str) -> tuple[float, float]:
         """Where a point of the table lies, as fractions of its width and height."""
-        index = self._section.button_point if point == "button" else int(point)
-        row, column = divmod(index, self._section.columns)
-        return (column + 0.5) / self._section.columns, (row + 0.5) / self._section.rows
+        index = self.section.button_point if point == "button" else int(point)
+        row, column = divmod(index, self.section.columns)
+        return (column + 0.5) / self.section.columns, (row + 0.5) / self.section.rows
 
     # What people and instruments do to the plant
 
@@ -163,7 +124,7 @@ class Plant:
             head.sensitivity *= fault.settings.range / head.range
             head.range = fault.settings.range
         self.table.laser_pole_hz = head.bandwidth_hz
-        self._nodes[node] = partial(self._laser, head)
+        self._nodes[node] = partial(laser, head=head)
         self._noise[node] = self.rng(f"noise of {node}")
 
     def press(self, request: Press) -> None:
@@ -190,7 +151,7 @@ class Plant:
         """Aim the laser at a point of the table."""
         with self._lock:
             self.place(point)
-            self._aim = point
+            self.aimed = point
 
     @property
     def set_as_filed(self) -> bool:
@@ -204,7 +165,7 @@ class Plant:
     def put(self, mass: float) -> None:
         """Leave nothing but `mass` (kg) on the force sensor, from now on."""
         with self._lock:
-            self._loads.append((self.clock.now(), mass * GRAVITY))
+            self.loads.append((self.clock.now(), mass * GRAVITY))
 
     def box_faults(self, patches: Mapping[str, int]) -> list[BoxFault]:
         """The faults of a relay box whose channels are wired to patches as given."""
@@ -227,9 +188,9 @@ class Plant:
                     patch = other if patch == one else one
             insort(self._switched, (max(at, self._now), len(self._switched), patch, closed))
 
-    def every(self, callback: Callable[[float], None]) -> None:
-        """Call `callback(until)` before the plant steps to `until` (s)."""
-        self._callbacks.append(callback)
+    def wire(self, box: RelayBox) -> None:
+        """See `mocks.relay.Contacts.wire`."""
+        self._boxes.append(box)
 
     def drive(self, node: str, source: Source) -> None:
         """See `mocks.nodes.Nodes.drive`. Only the amplifier's inputs reach anything."""
@@ -248,7 +209,7 @@ class Plant:
             self.advance(float(times[-1]))
             times = self._as_clocked(node, times)
             quantity = self._nodes.get(node)
-            volts = quantity(times, self._noise[node]) if quantity else np.zeros(len(times))
+            volts = quantity(self, times, self._noise[node]) if quantity else np.zeros(len(times))
             return self._as_wired(node, volts, times)
 
     def advance(self, until: float) -> None:
@@ -256,8 +217,9 @@ class Plant:
         with self._lock:
             if until <= self._now:
                 return
-            for callback in self._callbacks:
-                callback(until)
+            for box in self._boxes:
+                for patch, closed, at in box.take(until):
+                    self.switch(patch, closed, at)
             while self._switched and self._switched[0][0] <= until:
                 at, _, patch, closed = self._switched.pop(0)
                 self._step_to(at)
@@ -321,10 +283,10 @@ class Plant:
 
     def _feeding_nodes(self) -> dict[str, str]:
         """By patch, the amplifier's input that feeds it."""
-        named = self._file.amplifier.settings.get("input") if self._file.amplifier else None
+        named = self.file.amplifier.settings.get("input") if self.file.amplifier else None
         if isinstance(named, dict):
             return {str(patch): str(node) for patch, node in named.items()}
-        return dict.fromkeys(self._section.patches, str(named)) if named else {}
+        return dict.fromkeys(self.section.patches, str(named)) if named else {}
 
     def _make_plate(self) -> Plate:
         s = self.settings
@@ -363,9 +325,9 @@ class Plant:
 
     def _drifting(self, named: str | None) -> str | None:
         """The card that a clock drift befalls: the one that is named, else the first without outputs."""
-        outputs = self._file.daq.settings.get("outputs", {}).values()
+        outputs = self.file.daq.settings.get("outputs", {}).values()
         owners = {str(output["terminal"]).split("/")[0] for output in outputs}
-        devices = self._file.daq.settings.get("devices", {})
+        devices = self.file.daq.settings.get("devices", {})
         return named or next((device for device in devices if device not in owners), None)
 
     def _as_wired(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
@@ -377,120 +339,6 @@ class Plant:
             if fault.settings.channel == node:
                 volts = np.where(fault.lasts(times), RAIL, volts)
         return volts
-
-    # Nodes
-
-    def _named_nodes(self) -> dict[str, Callable[[FloatArray, np.random.Generator], FloatArray]]:
-        sensors = self._file.sensors
-        nodes: dict[str, Callable[[FloatArray, np.random.Generator], FloatArray]] = {}
-        if sensors.force:
-            gauges = self._loaded_gauges(np.linalg.inv(np.array(sensors.force.matrix)))
-            rest = self.rng("gauges").normal(0, 0.3, 6)
-            # Fz is the sum of the gauges' noise through the matrix's third row.
-            noise = FORCE_NOISE / float(np.linalg.norm(sensors.force.matrix[2]))
-            for i, node in enumerate(sensors.force.channels):
-                nodes[node] = partial(self._gauge, gauges[i], float(rest[i]), noise)
-        if sensors.acceleration:
-            tilt = np.array([0.04, -0.03, 1.0])
-            if self.faults.of(AccelerometerInverted):
-                tilt[1:] *= -1
-            zero = self.rng("accelerometer").normal(0, 0.03, 3) * GRAVITY
-            for i, node in enumerate(sensors.acceleration.channels):
-                nodes[node] = partial(self._axis, float(tilt[i]), float(zero[i]))
-        if sensors.activation:
-            nodes[sensors.activation.channels[0]] = self._contact
-        if sensors.drive:
-            one, *more = sensors.drive.channels
-            patches = self.table.plate.patches
-            nodes[one] = partial(self._monitor, tuple(patches) if not more else self._section.patches[:1])
-            for patch, node in zip(self._section.patches[1:], more, strict=False):
-                nodes[node] = partial(self._monitor, (patch,))
-        return nodes
-
-    def _loaded_gauges(self, gauges: FloatArray) -> FloatArray:
-        """(6, 6) V per N and N m of the sensor that is really there, from what the file's matrix says."""
-        for fault in self.faults.of(ForceCalibration):
-            mixing = fault.settings.crosstalk * self.rng("force sensor").standard_normal((6, 6))
-            np.fill_diagonal(mixing, fault.settings.gain)
-            gauges = mixing @ gauges
-        return np.asarray(gauges)
-
-    def _gauge(
-        self, row: FloatArray, rest: float, noise: float, times: FloatArray, rng: np.random.Generator
-    ) -> FloatArray:
-        force = np.zeros((6, len(times)))
-        force[2] = WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
-        if self._loads:
-            since = np.searchsorted([at for at, _ in self._loads], times, side="right")
-            force[2] += np.array([0.0, *(weight for _, weight in self._loads)])[since]
-        for fault in self.faults.of(ForceCalibration):
-            fault.notes(float(times[-1]))
-        for press in latest(self.presses, times[0], times[-1], 0.0):
-            pressed = press.force(times)
-            force[0] += 0.05 * pressed
-            force[1] -= 0.03 * pressed
-            force[2] += pressed
-        return np.asarray(rest + row @ force + noise * rng.standard_normal(len(times)))
-
-    def _axis(self, tilt: float, zero: float, times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        sensor = self._file.sensors.acceleration
-        assert sensor is not None
-        for fault in self.faults.of(AccelerometerInverted):
-            fault.notes(float(times[-1]))
-        motion = tilt * GRAVITY + zero + np.zeros(len(times))
-        for press in latest(self.presses, times[0], times[-1], _RING):
-            motion += tilt * self._filtered(press, sensor.bandwidth_hz, times)
-        density = ACCELEROMETER_NOISE * np.sqrt(np.pi / 2 * sensor.bandwidth_hz)
-        motion += density * rng.standard_normal(len(times))
-        clipped = np.clip(motion, -ACCELEROMETER_CLIP, ACCELEROMETER_CLIP)
-        return np.asarray(sensor.zero + sensor.sensitivity * clipped)
-
-    def _filtered(self, press: ButtonPress, pole_hz: float, times: FloatArray) -> FloatArray:
-        # A press is shaken once, as a whole, through the board's pole: the axes share it, and a
-        # block's first sample needs no history.
-        key = (press.start, pole_hz)
-        if key not in self._shaken:
-            rate_hz, lead = 50_000.0, 0.05
-            count = round((press.stop - press.start + _RING + 2 * lead) * rate_hz)
-            grid = press.start - lead + np.arange(count) / rate_hz
-            spectrum = np.fft.rfft(press.acceleration(grid))
-            passed = spectrum * low_pass(
-                np.asarray(np.fft.rfftfreq(count, 1 / rate_hz), dtype=np.float64), pole_hz
-            )
-            # Whoever asks for what is long past has it made again; a study would fill the memory.
-            while len(self._shaken) >= _SHAKEN:
-                del self._shaken[next(iter(self._shaken))]
-            self._shaken[key] = (grid, np.fft.irfft(passed, count))
-        grid, shaken = self._shaken[key]
-        return np.asarray(np.interp(times, grid, shaken, left=0.0, right=0.0))
-
-    def _contact(self, times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        flips = np.sort(np.concatenate([p.flips for p in self.presses] or [np.zeros(0)]))
-        closed = np.searchsorted(flips, times, side="right") % 2
-        return np.asarray(CONTACT * closed + 0.01 * rng.standard_normal(len(times)))
-
-    def _monitor(self, patches: tuple[str, ...], times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        sensor = self._file.sensors.drive
-        assert sensor is not None
-        # A divider on the bus behind the relay sees whichever patches are connected.
-        volts = [self.table.voltage(p, times) for p in patches]
-        return np.asarray(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
-
-    def _laser(self, head: LaserHead, times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        level = np.full(len(times), head.level)
-        for blocked in self.faults.of(LaserBlocked):
-            level[blocked.lasts(times)] = 0.0
-        velocity = self.table.velocity(self.place(self._aim), times - head.delay) * (level > 0)
-        rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
-        density = VIBROMETER_NOISE * self.settings.vibrometer_noise_scale
-        # Noise grows as the light fades (an estimate: with the root of its share, and tenfold at most).
-        density = density / np.sqrt(np.maximum(level, 0.01))
-        velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
-        velocity = np.clip(velocity, -head.range, head.range)
-        for dropout in self.faults.of(LaserDropout):
-            lost = dropout.lasts(times)
-            velocity[lost] = 1.2 * head.range * rng.choice([-1.0, 1.0], int(lost.sum()))
-        return np.asarray(velocity / head.sensitivity)
 
 
 def _lost(device: str, overrun: bool) -> Exception:

@@ -21,6 +21,9 @@ _LATENCY = (3e-3, 10e-3)
 _OPERATE = 1e-3
 """Seconds from there to the contact (estimate; hardware.md, section 13)."""
 
+Switched = tuple[str, bool, float]
+"""A patch, whether its contact closed, and when (s)."""
+
 
 class Contacts(Protocol):
     """What a box asks of the plant."""
@@ -32,11 +35,8 @@ class Contacts(Protocol):
     def rng(self, name: str) -> np.random.Generator:
         """The plant's seeded randomness for one of its parts."""
 
-    def switch(self, patch: str, closed: bool, at: float) -> None:
-        """A patch's contact closes or opens at `at` (s). Called only from within `every`'s callback."""
-
-    def every(self, callback: Callable[[float], None]) -> None:
-        """Have `callback(until)` called before the plant steps to `until` (s)."""
+    def wire(self, box: RelayBox) -> None:
+        """Have a box's contacts switch patches: `box.take(until)` is asked before every step to `until`."""
 
     def box_faults(self, patches: Mapping[str, int]) -> Sequence[BoxFault]:
         """The faults of a box whose channels are wired to patches as given."""
@@ -87,27 +87,26 @@ class RelayBox:
     `channels` says which patch each wired channel switches, `numbers` which channels there are.
     Commands arrive late and in order, and questions queue behind them, so that what is read back is
     never older than what was sent; the contacts follow in time. What has happened is worked out
-    when somebody asks. Contacts are reported by `advance` alone, so a plant may call it while it
-    holds its own lock. Safe to share between threads. Times are in seconds of `clock`.
+    when somebody asks. Contacts are reported by `take` alone, so a plant may call it while it
+    holds its own lock; the box knows no plant. Safe to share between threads. Times are in seconds
+    of `clock`.
     """
 
     def __init__(
         self,
         channels: Mapping[int, str],
-        switch: Callable[[str, bool, float], None],
         clock: Clock,
         rng: np.random.Generator,
         numbers: Iterable[int] = range(1, 9),
     ) -> None:
         self.faults: list[BoxFault] = []
         self._patches = dict(channels)
-        self._switch = switch
         self._clock = clock
         self._rng = rng
         self._lock = threading.Lock()
         self._channels = {number: _Channel() for number in numbers}
         self._arriving: list[tuple[float, Callable[[float], None]]] = []
-        self._switched: list[tuple[str, bool, float]] = []
+        self._switched: list[Switched] = []
         self._latest = -math.inf
 
     def set_state(self, channel: int, closed: bool) -> None:
@@ -156,13 +155,12 @@ class RelayBox:
             now = self._arrive()
             return {n: c.delayed - now for n, c in self._channels.items()}
 
-    def advance(self, until: float) -> None:
-        """Report to the plant every contact that switches because of what happened by `until` (s)."""
+    def take(self, until: float) -> list[Switched]:
+        """Every contact that switches because of what happened by `until` (s), once."""
         with self._lock:
             self._run(until)
             switched, self._switched = self._switched, []
-        for patch, closed, at in switched:
-            self._switch(patch, closed, at)
+        return switched
 
     def _send(self, channel: int, command: Callable[[float], None]) -> None:
         with self._lock:
@@ -220,9 +218,9 @@ class RelayBox:
 def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] = range(1, 9)) -> RelayBox:
     """A box wired to a plant: each patch on its channel."""
     wiring = {channel: patch for patch, channel in patches.items()}
-    box = RelayBox(wiring, plant.switch, plant.clock, plant.rng("relay"), numbers)
+    box = RelayBox(wiring, plant.clock, plant.rng("relay"), numbers)
     box.faults.extend(plant.box_faults(patches))
-    plant.every(box.advance)
+    plant.wire(box)
     return box
 
 

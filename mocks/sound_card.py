@@ -17,7 +17,7 @@ from instruments.sound_card import SoundCard
 from mocks.nodes import Run
 from mocks.plant import Plant
 
-__all__ = ["Card", "twin"]
+__all__ = ["Card", "Jack", "twin"]
 
 FULL_SCALE = 1.4
 """V peak (estimate, as all of these; hardware.md, section 13)."""
@@ -56,14 +56,10 @@ class Flags:
     output_underflow: bool = False
 
 
-class Card:
-    """A two-channel card, one channel of which is wired to the plant's `node`."""
+class Jack:
+    """One channel's output as the plant sees it (a `mocks.nodes.Source`), which knows no plant."""
 
-    CallbackStop: type[Exception] = CallbackStop
-    CallbackAbort: type[Exception] = CallbackAbort
-    PortAudioError: type[Exception] = PortAudioError
-
-    def __init__(self, plant: Plant, node: str, channel: int) -> None:
+    def __init__(self, channel: int, chance: np.random.Generator) -> None:
         self.full_scale = FULL_SCALE
         """V peak: what the operating system's volume makes of digital full scale."""
         self.drift = DRIFT
@@ -72,30 +68,18 @@ class Card:
         """The sample before which the computer is late, once: 10 ms of silence, and a flag."""
         self.begun: list[float] = []
         """When each stream's first sample came out (s)."""
-        self.plant = plant
         self._channel = channel
-        self._chance = plant.rng("sound card")
+        self._chance = chance
         self._stream: _Stream | None = None
         self._start, self._period, self._given = 0.0, np.inf, 0
         self._ready = np.zeros(0)
         self._left = 0
         self._before = self._output = 0.0
-        plant.drive(node, self)
 
-    def query_devices(self, device: int | str | None, kind: str) -> dict[str, object]:
-        """As `sounddevice.query_devices`."""
-        return {"name": "Sound card (twin)", "max_output_channels": 2}
-
-    def OutputStream(self, **settings: Any) -> _Stream:  # noqa: N802  as sounddevice calls it
-        """As `sounddevice.OutputStream`."""
-        return _Stream(self, **settings)
-
-    def begin(self, stream: _Stream) -> None:
-        """Ask `stream` for samples from now on; they come out after a while."""
+    def begin(self, stream: _Stream, now: float) -> None:
+        """Ask `stream` for samples from `now` (s) on; they come out after a while."""
         if self._stream is not None:
             raise PortAudioError("Device unavailable [PaErrorCode -9985]")
-        now = self.plant.clock.now()
-        self.plant.advance(now)
         late = float(self._chance.uniform(*LATENCY))
         self._start, self._given = now, 0
         self._period = 1 / (stream.rate_hz * (1 + self.drift))
@@ -106,11 +90,8 @@ class Card:
 
     def end(self, stream: _Stream) -> None:
         """Drop what waits; from now on the output is silent."""
-        if self._stream is not stream:
-            return
-        now = self.plant.clock.now()
-        self.plant.advance(now)
-        self._silence()
+        if self._stream is stream:
+            self._silence()
 
     def take(self, until: float) -> Sequence[Run]:
         """See `mocks.nodes.Source.take`."""
@@ -161,6 +142,33 @@ class Card:
         return np.asarray(passed)
 
 
+class Card:
+    """A two-channel card, one channel of which is wired to the plant's `node`."""
+
+    CallbackStop: type[Exception] = CallbackStop
+    CallbackAbort: type[Exception] = CallbackAbort
+    PortAudioError: type[Exception] = PortAudioError
+
+    def __init__(self, plant: Plant, node: str, channel: int) -> None:
+        self.jack = Jack(channel, plant.rng("sound card"))
+        self._plant = plant
+        plant.drive(node, self.jack)
+
+    def query_devices(self, device: int | str | None, kind: str) -> dict[str, object]:
+        """As `sounddevice.query_devices`."""
+        return {"name": "Sound card (twin)", "max_output_channels": 2}
+
+    def OutputStream(self, **settings: Any) -> _Stream:  # noqa: N802  as sounddevice calls it
+        """As `sounddevice.OutputStream`."""
+        return _Stream(self, **settings)
+
+    def now(self) -> float:
+        """The time (s), until which everything has happened."""
+        now = self._plant.clock.now()
+        self._plant.advance(now)
+        return now
+
+
 class _Stream:
     """As `sounddevice.OutputStream`, as far as the driver uses it."""
 
@@ -186,11 +194,12 @@ class _Stream:
 
     def start(self) -> None:
         """As sounddevice's."""
-        self._card.begin(self)
+        self._card.jack.begin(self, self._card.now())
 
     def close(self, ignore_errors: bool = True) -> None:
         """As sounddevice's."""
-        self._card.end(self)
+        self._card.now()
+        self._card.jack.end(self)
 
     def ask(self, count: int) -> Any:
         """The next samples, (count, channels)."""

@@ -12,15 +12,14 @@ glass, 0.50 x 0.35 m, of the thickness that puts its (2, 2) mode at the paper's 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from instruments.arrays import ComplexArray, FloatArray
 from mocks.hysteresis import Hysteresis
+from mocks.poles import Poles, Stretch
 
 __all__ = ["Plate", "Table", "make_plate", "warmed"]
 
@@ -47,8 +46,6 @@ MAIN_VELOCITY = 5.0e-3 / 50
 """m/s per V at the main mode's antinode: 3 um of displacement at 50 V, an estimate."""
 AMPLIFIER_POLE_HZ = 5000.0
 _REMEMBERED = 30.0
-_CACHED = 16
-_GONE = 1e-30
 _DAY = 86_400.0
 _STEP_EVERY, _STEP = 3 * 3600.0, 0.1
 """A door, a window, a heater: as often (s), and of this share of the day's course at most (estimates)."""
@@ -117,26 +114,56 @@ def warmed(plate: Plate, time: float, daily: float, seed: int) -> Plate:
     return replace(plate, natural_hz=plate.natural_hz * (1 + shift))
 
 
-@dataclass(eq=False)
-class _Stretch:
-    """Steps at `start + k * period`; per patch the voltage before and after hysteresis."""
+@dataclass(frozen=True, eq=False)
+class _Pane:
+    """A plate between amplifier and laser, as poles that the strains and the volts of all patches push.
+
+    The poles are those of the modes; for each patch's strain the amplifier's and the laser's; and for each
+    patch's volts the amplifier's.
+    """
 
     plate: Plate
-    poles: ComplexArray
-    """(poles,) of the plate, the laser and the amplifier."""
+    poles: Poles
+    amplifier: float
+    laser: float
+    """Poles (rad/s)."""
+    _weights: dict[tuple[float, float], ComplexArray] = field(default_factory=dict)
 
-    start: float
-    period: float
-    volts: dict[str, FloatArray]
-    strain: dict[str, FloatArray]
-    begin: dict[str, ComplexArray]
-    """Per patch, the state (poles,) at `start`; the last pole is the amplifier's, fed by `volts`."""
-    states: dict[str, ComplexArray] = field(default_factory=dict)
-    """Per patch (poles, steps), computed when asked for and dropped when old."""
+    @classmethod
+    def of(cls, plate: Plate, amplifier: float, laser: float) -> _Pane:
+        w, zeta = 2 * np.pi * plate.natural_hz, plate.damping
+        modes = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
+        count, patches = len(modes), len(plate.patches)
+        poles = np.concatenate([modes, [-amplifier, -laser] * patches, [-amplifier] * patches])
+        inputs = np.zeros((len(poles), 2 * patches))
+        for i, patch in enumerate(plate.patches):
+            inputs[:count, i] = plate.coupling(patch)
+            inputs[count + 2 * i : count + 2 * i + 2, i] = 1.0
+            inputs[count + 2 * patches + i, patches + i] = 1.0
+        return cls(plate, Poles(poles, inputs), amplifier, laser)
 
-    @property
-    def steps(self) -> int:
-        return len(next(iter(self.volts.values())))
+    def velocity(self, place: tuple[float, float]) -> ComplexArray:
+        """(poles,): partial fractions of amplifier x plate x laser; doubled where a pole has a conjugate,
+        so that the real part of the sum is the velocity.
+        """
+        if place not in self._weights:
+            a, c, plate = self.amplifier, self.laser, self.plate
+            shape = plate.shape(place)
+            w, count, patches = 2 * np.pi * plate.natural_hz, len(shape), len(plate.patches)
+            s = self.poles.poles[:count]
+            own = np.zeros(len(self.poles.poles), dtype=np.complex128)
+            own[:count] = shape * s / (1j * s.imag) * a / (s + a) * c / (s + c)
+            for at, share in ((-a, a * c / (c - a)), (-c, c * a / (a - c))):
+                modal = shape * at / (at**2 + 2 * plate.damping * w * at + w**2)
+                own[count + (at == -c) : -patches : 2] = share * (modal @ self.poles.inputs[:count, :patches])
+            self._weights[place] = own
+        return self._weights[place]
+
+    def voltage(self, patch: str) -> ComplexArray:
+        """(poles,): of a patch's voltage."""
+        own = np.zeros(len(self.poles.poles), dtype=np.complex128)
+        own[list(self.plate.patches).index(patch) - len(self.plate.patches)] = self.amplifier
+        return own
 
 
 class Table:
@@ -147,177 +174,63 @@ class Table:
     """
 
     def __init__(self, plate: Plate, hysteresis: float, laser_pole_hz: float = 5000.0) -> None:
-        self.plate = plate
-        self._amplifier = 2 * np.pi * AMPLIFIER_POLE_HZ
-        self._poles = np.concatenate([_poles(plate), [-self._amplifier, 0.0, -self._amplifier]])
-        self.laser_pole_hz = laser_pole_hz
+        self._laser_pole_hz = laser_pole_hz
         self._hysteresis = {patch: Hysteresis(hysteresis) for patch in plate.patches}
-        zero = np.zeros(1)
-        rest = dict.fromkeys(plate.patches, zero)
-        begin = {patch: np.zeros(len(self._poles), complex) for patch in plate.patches}
-        self._decays = (np.zeros(0, complex), np.zeros((0, 0), complex))
-        """What `_left` gave last, and poles times period that it is for."""
-        self._stretches = deque([_Stretch(plate, self._poles, 0.0, np.inf, rest, rest, begin)])
+        self.tune(plate)
+        rest = np.zeros((2 * len(plate.patches), 1))
+        self._stretches = deque([(self._pane, Stretch(self._pane.poles, 0.0, np.inf, rest))])
+
+    @property
+    def plate(self) -> Plate:
+        """As it is from the next step on."""
+        return self._pane.plate
 
     @property
     def laser_pole_hz(self) -> float:
-        """The pole of the laser's output; to be set before the table has moved."""
-        return self._laser / 2 / np.pi
+        """The pole of the laser's output."""
+        return self._laser_pole_hz
 
     @laser_pole_hz.setter
     def laser_pole_hz(self, value: float) -> None:
-        # Two equal poles would need another formula; a ten-thousandth apart they do not.
-        self._laser = 2 * np.pi * value * (1.0001 if value == AMPLIFIER_POLE_HZ else 1.0)
-        self._poles[-2] = -self._laser
+        self._laser_pole_hz = value
+        self.tune(self.plate)
 
     def tune(self, plate: Plate) -> None:
         """From the next step on the pane has the modes of this one."""
-        self.plate = plate
-        self._poles = np.concatenate([_poles(plate), self._poles[-3:]])
+        # Two equal poles would need another formula; a ten-thousandth apart they do not.
+        apart = 1.0001 if self._laser_pole_hz == AMPLIFIER_POLE_HZ else 1.0
+        self._pane = _Pane.of(plate, 2 * np.pi * AMPLIFIER_POLE_HZ, 2 * np.pi * self._laser_pole_hz * apart)
 
     def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
         """From `start` on, the amplifier's output at each patch ((steps,) V, all alike in length).
 
         Each step is held for `period`, the last until the next call; `start` never goes back.
         """
-        before = self._stretches[-1]
-        rest = np.zeros(len(self._poles), complex)
-        begin = {
-            p: _settled(self._entering(before, p, start)) if self._moving(before, p) else rest
-            for p in self.plate.patches
-        }
-        strain = {p: self._hysteresis[p].follow(v) for p, v in volts.items()}
-        self._stretches.append(_Stretch(self.plate, self._poles, start, period, dict(volts), strain, begin))
-        if len(self._stretches) > _CACHED:
-            self._stretches[-_CACHED].states.clear()
-        while len(self._stretches) > 1 and self._stretches[1].start < start - _REMEMBERED:
+        fed = [volts[patch] for patch in self.plate.patches]
+        strain = [self._hysteresis[p].follow(v) for p, v in zip(self.plate.patches, fed, strict=True)]
+        before = self._stretches[-1][1]
+        stretch = Stretch(self._pane.poles, start, period, np.array([*strain, *fed]), before)
+        self._stretches.append((self._pane, stretch))
+        while len(self._stretches) > 1 and self._stretches[1][1].start < start - _REMEMBERED:
             self._stretches.popleft()
 
     def velocity(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
         """(times,) m/s at a place through the laser's pole, at rising times (s)."""
-        out = np.zeros(len(times))
-        for stretch, part in self._parts(times):
-            for patch in self.plate.patches:
-                if self._moving(stretch, patch):
-                    residues = self._residues(stretch, patch, place)
-                    out[part] += self._seen(stretch, patch, times[part], slice(None, -1), residues)
-        return out
+        return self._seen(times, lambda pane: pane.velocity(place))
 
     def voltage(self, patch: str, times: FloatArray) -> FloatArray:
         """(times,) V across a patch at rising times (s)."""
-        out = np.zeros(len(times))
-        own = np.array([self._amplifier], dtype=np.complex128)
-        for stretch, part in self._parts(times):
-            if self._moving(stretch, patch):
-                out[part] = self._seen(stretch, patch, times[part], slice(-1, None), own)
+        return self._seen(times, lambda pane: pane.voltage(patch))
+
+    def _seen(self, times: FloatArray, weights: Callable[[_Pane], ComplexArray]) -> FloatArray:
+        out, end = np.zeros(len(times)), len(times)
+        for pane, stretch in reversed(self._stretches):
+            first = int(np.searchsorted(times, stretch.start - 1e-9))
+            if stretch is self._stretches[0][1]:
+                first = 0
+            if first < end:
+                out[first:end] = stretch.seen(times[first:end], weights(pane))
+                end = first
+            if not end:
+                break
         return out
-
-    def _parts(self, times: FloatArray) -> list[tuple[_Stretch, slice]]:
-        starts = np.array([s.start for s in self._stretches])
-        starts[0] = -np.inf
-        cuts = np.searchsorted(times, starts - 1e-9)
-        ends = np.append(cuts[1:], len(times))
-        return [(s, slice(a, b)) for s, a, b in zip(self._stretches, cuts, ends, strict=True) if b > a]
-
-    @staticmethod
-    def _moving(stretch: _Stretch, patch: str) -> bool:
-        return bool(np.any(stretch.begin[patch]) or np.any(stretch.volts[patch]))
-
-    def _residues(self, stretch: _Stretch, patch: str, place: tuple[float, float]) -> ComplexArray:
-        """(poles but the last,): partial fractions of amplifier x plate x laser; doubled where a pole has a
-        conjugate, so that the real part of the sum is the velocity.
-        """
-        a, c = self._amplifier, self._laser
-        pane = stretch.plate
-        strength = pane.shape(place) * pane.coupling(patch)
-        w, zeta = 2 * np.pi * pane.natural_hz, pane.damping
-
-        def plate(s: float) -> float:
-            return float((strength * s / (s**2 + 2 * zeta * w * s + w**2)).sum())
-
-        s = stretch.poles[: len(w)]
-        modal = strength * s / (1j * s.imag) * a / (s + a) * c / (s + c)
-        return np.concatenate([modal, [a * plate(-a) * c / (c - a), c * plate(-c) * a / (a - c)]])
-
-    def _since(self, stretch: _Stretch, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """The step of a stretch that each time is in, and the seconds since it began."""
-        if stretch.steps == 1:
-            return np.zeros(len(times), dtype=np.intp), np.maximum(times - stretch.start, 0.0)
-        # A sample on the very edge of a step belongs to it, whatever rounding says.
-        position = (times - stretch.start) / stretch.period + 1e-3
-        index = np.clip(position.astype(np.intp), 0, stretch.steps - 1)
-        return index, np.maximum(times - stretch.start - index * stretch.period, 0.0)
-
-    def _entering(self, before: _Stretch, patch: str, start: float) -> ComplexArray:
-        """(poles,): the state in which a stretch begins that follows `before`."""
-        index, since = self._since(before, np.array([start]))
-        poles = before.poles
-        decay = np.exp(poles * since)
-        held = np.full(len(poles), before.strain[patch][index])
-        held[-1] = before.volts[patch][index[0]]
-        state = decay * self._states(before, patch)[:, index[0]] + (decay - 1) / poles * held
-        if poles is not self._poles:
-            # Under the strain that a patch keeps, a pane at rest stays at rest while its modes change.
-            state += held / poles - held / self._poles
-        return np.asarray(state)
-
-    def _seen(
-        self, stretch: _Stretch, patch: str, times: FloatArray, part: slice, weights: ComplexArray
-    ) -> FloatArray:
-        """(times,): the weighted sum of a part of the states, at times within or after a stretch."""
-        index, since = self._since(stretch, times)
-        states, poles = self._states(stretch, patch)[part], stretch.poles[part]
-        held = (stretch.volts if part.start == -1 else stretch.strain)[patch]
-        if np.ptp(since) < 1e-9 and index[-1] - index[0] == len(index) - 1:
-            # One sample a step, always as late: the usual case.
-            steps = slice(int(index[0]), int(index[-1]) + 1)
-            decay = np.exp(poles * since[0])
-            push = (weights * (decay - 1) / poles).sum().real
-            # As real numbers: BLAS is a hundred times slower at a complex row times a matrix.
-            seen = weights * decay
-            both = np.array([seen.real, seen.imag]) @ states[:, steps].view(np.float64)
-            return np.asarray(both[0, ::2] - both[1, 1::2] + push * held[steps])
-        decay = np.exp(poles[:, None] * since)
-        push = (weights @ ((decay - 1) / poles[:, None])).real
-        return np.asarray((weights @ (decay * states[:, index])).real + push * held[index])
-
-    def _states(self, stretch: _Stretch, patch: str) -> ComplexArray:
-        """(poles, steps): the state at each step of a stretch."""
-        if patch not in stretch.states:
-            begin, poles = stretch.begin[patch], stretch.poles
-            states = np.empty((len(poles), stretch.steps), complex)
-            states[:, 0] = begin
-            strain, volts = stretch.strain[patch], stretch.volts[patch]
-            if stretch.steps > 1 and not (np.ptp(strain) or np.ptp(volts)):
-                # Nothing changes: it rings out to where these hold it.
-                end = -np.append(np.full(len(poles) - 1, strain[0]), volts[0]) / poles
-                states[:, :] = end[:, None] + (begin - end)[:, None] * self._left(stretch)
-            elif stretch.steps > 1:
-                decay = np.exp(poles * stretch.period)
-                push = (decay - 1) / poles
-                for k, (d, p) in enumerate(zip(decay, push, strict=True)):
-                    held = volts if k == len(decay) - 1 else strain
-                    states[k, 1:], _ = lfilter([p], [1.0, -d], held[:-1], zi=[d * begin[k]])
-            stretch.states[patch] = states
-        return stretch.states[patch]
-
-    def _left(self, stretch: _Stretch) -> ComplexArray:
-        """(poles, steps): the share of a state that is left at each step, were nothing to hold it."""
-        by_step, found = self._decays
-        own = stretch.poles * stretch.period
-        if found.shape[1] != stretch.steps or not np.array_equal(own, by_step):
-            found = np.exp(own[:, None] * np.arange(stretch.steps))
-            found[np.abs(found) < _GONE] = 0.0
-            self._decays = (own, found)
-        return found
-
-
-def _poles(plate: Plate) -> ComplexArray:
-    """(modes,): one of each pair."""
-    w = 2 * np.pi * plate.natural_hz
-    return np.asarray(w * (-plate.damping + 1j * np.sqrt(1 - plate.damping**2)))
-
-
-def _settled(state: ComplexArray) -> ComplexArray:
-    """A state that has died away is rest: denormal numbers would cost a hundred times the time."""
-    return state if np.abs(state).max() > _GONE else np.zeros_like(state)

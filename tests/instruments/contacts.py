@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from mocks.clock import VirtualClock
-from mocks.relay import BoxFault
+from mocks.relay import BoxFault, RelayBox
 
 
 class Contacts:
@@ -15,23 +15,20 @@ class Contacts:
         self.clock = VirtualClock()
         self.events: list[tuple[float, str, bool]] = []
         self._patches = tuple(patches)
-        self._callbacks: list[Callable[[float], None]] = []
+        self._boxes: list[RelayBox] = []
 
     def rng(self, name: str) -> np.random.Generator:
         return np.random.default_rng(7)
 
-    def every(self, callback: Callable[[float], None]) -> None:
-        self._callbacks.append(callback)
+    def wire(self, box: RelayBox) -> None:
+        self._boxes.append(box)
 
     def box_faults(self, patches: Mapping[str, int]) -> list[BoxFault]:
         return []
 
-    def switch(self, patch: str, closed: bool, at: float) -> None:
-        self.events.append((at, patch, closed))
-
     def closed(self) -> set[str]:
         """Which contacts are closed now."""
-        for callback in self._callbacks:
-            callback(self.clock.now())
+        for box in self._boxes:
+            self.events += [(at, patch, closed) for patch, closed, at in box.take(self.clock.now())]
         done = sorted(e for e in self.events if e[0] <= self.clock.now())
         return {p for p in self._patches if [c for _, q, c in done if q == p][-1:] == [True]}

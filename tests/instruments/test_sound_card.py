@@ -19,7 +19,7 @@ from instruments.conformance import let_play
 from instruments.sound_card import SoundCard, at_rate
 from mocks.clock import VirtualClock
 from mocks.plant import Plant
-from mocks.sound_card import DRIFT, Card, twin
+from mocks.sound_card import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press
 from tests.conftest import OpenRig
 
@@ -45,16 +45,16 @@ class Bench:
         let_play(self.driver)
         assert isinstance(self.driver.audio, Card)
         self.card = self.driver.audio
-        self.card.high_pass_hz = 0.0
+        self.card.jack.high_pass_hz = 0.0
         self.steps: list[tuple[float, FloatArray]] = []
-        take = self.card.take
+        take = self.card.jack.take
 
         def remember(until: float) -> list[object]:
             runs = take(until)
             self.steps += [(run.start, run.values) for run in runs]
             return list(runs)
 
-        self.card.take = remember  # type: ignore[assignment,method-assign]
+        self.card.jack.take = remember  # type: ignore[assignment,method-assign]
 
     def wait(self, duration: float) -> None:
         self.plant.clock.sleep(duration)
@@ -107,15 +107,15 @@ def test_what_cannot_be_played_as_it_is_is_refused(
     with pytest.raises(LimitError, match=says), bench.driver.play(wave, RATE):
         pass
     bench.wait(0.5)
-    assert not bench.card.begun and np.abs(bench.volts).max() == 0
+    assert not bench.card.jack.begun and np.abs(bench.volts).max() == 0
 
 
 def test_an_underflow_is_a_failed_play() -> None:
     bench = Bench()
-    bench.card.starves_at = 9600
+    bench.card.jack.starves_at = 9600
     with pytest.raises(InstrumentError, match="ran out of samples"), bench.driver.play(burst(0.9), RATE):
         bench.wait(1.0)
-    assert bench.card.starves_at is None
+    assert bench.card.jack.starves_at is None
     with bench.driver.play(burst(0.9), RATE):  # the next one is a new trial
         bench.wait(1.0)
 
@@ -185,9 +185,9 @@ def test_no_such_device_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None
 # On a rig
 
 
-def played(rig: Rig) -> Card:
+def played(rig: Rig) -> Jack:
     assert isinstance(rig.player, SoundCard) and isinstance(rig.player.audio, Card)
-    return rig.player.audio
+    return rig.player.audio.jack
 
 
 def test_a_capture_is_on_the_drives_clock(open: OpenRig, tmp_path: Path) -> None:
@@ -195,11 +195,11 @@ def test_a_capture_is_on_the_drives_clock(open: OpenRig, tmp_path: Path) -> None
     # Without coupling, so that both give the same.
     (tmp_path / "direct.toml").write_text('base = "sound-card"\n[player]\nhigh_pass_hz = 0\n')
     rig, wired = open(str(tmp_path / "direct.toml")), open("haptable")
-    card, drive = played(rig), burst(40)
-    card.high_pass_hz = 0.0
+    jack, drive = played(rig), burst(40)
+    jack.high_pass_hz = 0.0
     by_daq = wired.excite(drive, ["A"], ["laser", "drive"], tail=0.1)
     for drift in (DRIFT, -100e-6):
-        card.drift = drift
+        jack.drift = drift
         capture = rig.excite(drive, ["A"], ["laser", "drive"], tail=0.1)
         assert isinstance(capture, Aligned)
         assert capture.channels == by_daq.channels and capture.volts.shape == by_daq.volts.shape
@@ -222,15 +222,15 @@ def test_the_begin_does_not_depend_on_what_the_coupling_is_believed_to_be(
 ) -> None:
     """Declared as 5 Hz: a wrong corner must not pass for a delay."""
     rig = open("sound-card")
-    card, begun = played(rig), []
-    card.high_pass_hz = corner
+    jack, begun = played(rig), []
+    jack.high_pass_hz = corner
     stream = rig.daq.stream
     monkeypatch.setattr(
         rig.daq, "stream", lambda *a, **k: (begun.append(rig.clock.now()), stream(*a, **k))[1]
     )
     capture = rig.excite(made(), ["A"], ["drive"], tail=0.1)
     assert isinstance(capture, Aligned)
-    truth = card.begun[-1] + 0.05 / (1 + DRIFT) - begun[-1]
+    truth = jack.begun[-1] + 0.05 / (1 + DRIFT) - begun[-1]
     # The amplifier's pole (31.8 us) and half a step of the card (10.4 us) come after the begin.
     assert capture.timing.begin - truth == pytest.approx(42.2e-6, abs=2e-6 if corner == 5 else 15e-6)
 

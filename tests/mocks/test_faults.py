@@ -195,7 +195,7 @@ def test_an_answer_that_does_not_come_whole_is_an_error(
 ) -> None:
     if mode not in ("twin", "wire"):
         pytest.skip("of a simulated line")
-    monkeypatch.setattr("instruments.ni_daqmx._SILENCE", 0.5)
+    monkeypatch.setattr("instruments.ni_sessions._SILENCE", 0.5)
     fault = {"kind": "reply", "instrument": instrument, "how": how, "after": 0.5}
     with (
         pytest.raises(InstrumentError, match=r"hub|device server"),

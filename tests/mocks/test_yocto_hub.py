@@ -25,10 +25,7 @@ PURE_NOTIFY = b"GET /not.byn \r\n\r\n"
 class Bench:
     def __init__(self) -> None:
         self.clock = VirtualClock()
-        self.events: list[tuple[str, bool, float]] = []
-        self.box = RelayBox(
-            {1: "A", 3: "C"}, lambda *event: self.events.append(event), self.clock, np.random.default_rng(3)
-        )
+        self.box = RelayBox({1: "A", 3: "C"}, self.clock, np.random.default_rng(3))
         self.hub = YoctoHub(self.box)
 
     def link(self) -> socket.socket:
@@ -80,8 +77,7 @@ def test_the_libraries_short_form_sets_and_is_answered_shortly(bench: Bench) -> 
     assert bench.relay(3)["state"] == 1
     assert bench.relay(3)["advertisedValue"] == "B"
     assert bench.module("/api/relay3/state?state=0&.") == b"0K\r\n\r\n"
-    bench.box.advance(1)
-    assert [(patch, closed) for patch, closed, _ in bench.events] == [("C", True), ("C", False)]
+    assert [(patch, closed) for patch, closed, _ in bench.box.take(1)] == [("C", True), ("C", False)]
 
 
 def test_the_form_of_public_programs_sets_and_is_answered_in_http(bench: Bench) -> None:
@@ -101,8 +97,7 @@ def test_pulse_toggle_and_limit(bench: Bench) -> None:
     bench.clock.sleep(5)
     assert bench.relay(3)["state"] == 1, "a limit counts from the next closing"
     assert bench.relay(4)["state"] == 0
-    bench.box.advance(bench.clock.now())
-    (_, _, closed), (_, _, opened) = [e for e in bench.events if e[0] == "A"]
+    (_, _, closed), (_, _, opened) = [e for e in bench.box.take(bench.clock.now()) if e[0] == "A"]
     assert 0.103 <= closed <= 0.111, "100 ms after the command arrived, and the contact's own time"
     assert opened - closed == pytest.approx(0.02)
 
@@ -120,8 +115,7 @@ def test_pulse_toggle_and_limit(bench: Bench) -> None:
 )
 def test_what_the_module_does_not_know_is_refused_and_changes_nothing(bench: Bench, path: str) -> None:
     assert b" 404 " in bench.module(path).split(b"\r\n")[0]
-    bench.box.advance(1)
-    assert bench.events == []
+    assert bench.box.take(1) == []
     assert b" 404 " in bench.ask(b"GET /bySerial/RELAYLO1-B263A/api.json \r\n\r\n")
 
 
