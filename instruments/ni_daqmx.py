@@ -10,14 +10,12 @@ clock (hardware.md, section 1d), armed before it. That needs a RTSI cable that i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Annotated, Any, Literal, Self
 
-import grpc
 import numpy as np
-from nidaqmx.constants import AcquisitionType, ProductCategory, TerminalConfiguration
+from nidaqmx.constants import AcquisitionType, TerminalConfiguration
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
 from pydantic import BaseModel, ConfigDict, Field
@@ -27,7 +25,8 @@ from instruments.clock import Clock
 from instruments.daq import Block, Daq, Stream
 from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
-from instruments.ni_errors import translated
+from instruments.ni_cards import Plan, believed, device_of, find_cards
+from instruments.ni_errors import translated, understood
 from instruments.ni_sessions import Sessions
 
 __all__ = ["NiDaq"]
@@ -42,19 +41,10 @@ _CONFIGS = {
 }
 _LATE = 5.0
 """Seconds that a block may be late before it counts as lost."""
-_CONNECT = 10.0
-"""Seconds that a device server may take to answer."""
-_SILENCE = 15.0
-"""Seconds in which a device server must have answered a call; a read waits for its block as well."""
+_BEYOND = 2.0
+"""Times its range that no card reads; some read a twentieth beyond it."""
 _APART = 0.5
 """Seconds of samples by which two cards on one clock may seem apart: they hand over in portions."""
-
-
-class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
-    """nidaqmx sets no deadline on its calls: a server that falls silent would be waited for ever."""
-
-    def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
-        return continuation(details._replace(timeout=_SILENCE), request)
 
 
 class _Section(BaseModel):
@@ -78,19 +68,6 @@ class Output(_Section):
     """Largest voltage to put out, +- V."""
 
 
-@dataclass(frozen=True)
-class _Card:
-    """What a card says of itself."""
-
-    name: str
-    product: str
-    serial: int
-    simulated: bool
-    home: str
-    """Whose clocks its tasks run on: the card's own, or the chassis of a module."""
-    simultaneous: bool
-
-
 class NiDaq(Daq):
     """See `Daq`."""
 
@@ -110,7 +87,7 @@ class NiDaq(Daq):
         self._settings = settings
         self._sessions = sessions
         self._streams: list[_NiStream] = []
-        self._cards = self._find_cards()
+        self._cards = find_cards(_products(settings), sessions, settings.server)
         self.simulated = any(card.simulated for card in self._cards.values())
         self.identity = " + ".join(
             f"{card.product} ({card.name}, serial {card.serial:X})" for card in self._cards.values()
@@ -120,7 +97,7 @@ class NiDaq(Daq):
     def hardware(settings: Settings) -> tuple[str, ...]:
         """See `Driver.hardware`: each card."""
         return tuple(
-            f"{one_name(settings.server or 'this computer')} {name.lower()}" for name in _devices(settings)
+            f"{one_name(settings.server or 'this computer')} {name.lower()}" for name in _products(settings)
         )
 
     @classmethod
@@ -130,24 +107,11 @@ class NiDaq(Daq):
         Raises InstrumentError when the driver, the server, or a card is not there, and
         ConfigurationError when a card is not the product that the rig file says.
         """
-        if settings.server is None:
-            return cls(settings, Sessions(None))
-        plain = grpc.insecure_channel(
-            settings.server,
-            options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)],
-        )
-        channel = grpc.intercept_channel(plain, _Deadline())
+        sessions = Sessions.at(settings.server)
         try:
-            grpc.channel_ready_future(plain).result(timeout=_CONNECT)
-        except grpc.FutureTimeoutError:
-            channel.close()
-            raise InstrumentError(
-                f"No NI device server answers at {settings.server}: start it, or correct server in [daq]."
-            ) from None
-        try:
-            return cls(settings, Sessions(channel))
+            return cls(settings, sessions)
         except BaseException:
-            channel.close()
+            sessions.close()
             raise
 
     def _stream(
@@ -160,7 +124,12 @@ class NiDaq(Daq):
     ) -> Stream:
         play = play or {}
         self._refuse(channels, block, samples, play)
-        plan = self._plan(channels, play)
+        known, outputs = self._settings.channels, self._settings.outputs
+        plan = Plan.of(
+            {name: known[name].terminal for name in channels},
+            {name: outputs[name].terminal for name in play},
+            self._cards,
+        )
         stream = _NiStream(self, plan, tuple(channels), rate_hz, block, samples, dict(play))
         self._streams.append(stream)
         return stream
@@ -174,7 +143,7 @@ class NiDaq(Daq):
         """See `Daq.zero`. Stops what plays first: a task that plays holds its outputs reserved."""
         outputs: dict[str, list[str]] = {}
         for output in self._settings.outputs.values():
-            outputs.setdefault(_device(output.terminal), []).append(output.terminal)
+            outputs.setdefault(device_of(output.terminal), []).append(output.terminal)
         steps: list[Callable[[], None]] = [stream.stop_playing for stream in self._streams]
         steps += [partial(self._write_zero, device, names) for device, names in outputs.items()]
         failures = []
@@ -191,7 +160,9 @@ class NiDaq(Daq):
         with self.talking_to(device), self.task(f"{device} zero") as task:
             for terminal in terminals:
                 task.ao_channels.add_ao_voltage_chan(terminal)
-            task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
+            taken = task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
+        if taken != 1:
+            raise InstrumentError(f"{device} did not say that its outputs took zero: try again.")
 
     def close(self) -> None:
         """See `Daq.close`."""
@@ -215,32 +186,13 @@ class NiDaq(Daq):
         """What the rig file says."""
         return self._settings
 
-    def talking_to(self, device: str) -> AbstractContextManager[None]:
+    @contextmanager
+    def talking_to(self, device: str) -> Iterator[None]:
         """Turns whatever NI's library raises into one sentence about `device`."""
-        return translated(device, self._settings.server)
+        with understood(device), translated(device, self._settings.server):
+            yield
 
     # Checks
-
-    def _find_cards(self) -> dict[str, _Card]:
-        cards = {}
-        for name in _devices(self._settings):
-            with self.talking_to(name):
-                system = self._sessions.system()
-                present = system.devices.device_names
-                found = next((p for p in present if p.lower() == name.lower()), None)
-                if found is None:
-                    raise InstrumentError(
-                        f"There is no NI device {name!r}; the system lists "
-                        f"{', '.join(present) or 'none at all'}. Check its name in NI MAX."
-                    )
-                cards[name] = _card(system.devices[found], name)
-            wanted = self._settings.devices.get(name)
-            if wanted and wanted != cards[name].product:
-                raise ConfigurationError(
-                    f"{name} is a {cards[name].product}, and the rig file says {wanted}: correct devices "
-                    "in [daq], or the device's name in NI MAX."
-                )
-        return cards
 
     def _refuse(
         self, channels: Sequence[str], block: int, samples: int | None, play: Mapping[str, FloatArray]
@@ -266,35 +218,6 @@ class NiDaq(Daq):
                     f"+-{outputs[name].range:g} V."
                 )
 
-    def _plan(self, channels: Sequence[str], play: Mapping[str, FloatArray]) -> _Plan:
-        """Which card is master, and which channels and outputs each task has."""
-        homes: dict[str, list[str]] = {}
-        for name in channels:
-            device = _device(self._settings.channels[name].terminal)
-            homes.setdefault(self._cards[device].home, []).append(name)
-        outputs = [self._cards[_device(self._settings.outputs[name].terminal)].home for name in play]
-        if len(set(outputs)) > 1:
-            raise ConfigurationError(
-                f"The outputs {', '.join(play)} lie on several cards: one card must play them together."
-            )
-        preferred = outputs[0] if outputs else None
-        master = preferred if preferred in homes else next(iter(homes))
-        order = [master, *(home for home in homes if home != master)]
-        return _Plan(tuple((home, tuple(homes[home])) for home in order), preferred, self._cards)
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """The tasks of a stream: (whose clock, channel names), the master's first."""
-
-    inputs: tuple[tuple[str, tuple[str, ...]], ...]
-    output: str | None
-    cards: Mapping[str, _Card]
-
-    @property
-    def master(self) -> str:
-        return self.inputs[0][0]
-
 
 class _NiStream(Stream):
     """See `Stream`."""
@@ -302,7 +225,7 @@ class _NiStream(Stream):
     def __init__(
         self,
         daq: NiDaq,
-        plan: _Plan,
+        plan: Plan,
         channels: tuple[str, ...],
         rate_hz: float,
         block: int,
@@ -324,14 +247,28 @@ class _NiStream(Stream):
                 with daq.talking_to(home):
                     task = self._input(home, names, rate_hz)
                     self.rate_hz = float(task.timing.samp_clk_rate)
-                    delays += _delays(task, plan.cards)
-                    for channel in task.ai_channels:
-                        ranges.append(float(channel.ai_rng_high))
-                        widths.append(2 * float(channel.ai_rng_high) / 2.0 ** float(channel.ai_resolution))
+                    # Some cards have few rates, and take the one that is next.
+                    if not rate_hz / 2 < self.rate_hz < 2 * rate_hz:
+                        raise ConfigurationError(
+                            f"{home} would sample at {self.rate_hz:g} Hz, and {rate_hz:g} Hz were asked for: "
+                            "choose a rate that it has."
+                        )
+                    delays += plan.delays(task)
+                    listed = list(task.ai_channels)
+                    if len(listed) != len(names):
+                        raise InstrumentError(
+                            f"{home} lists {len(listed)} channels and was given {len(names)}: try again."
+                        )
+                    for channel in listed:
+                        high = believed(home, "range (V)", float(channel.ai_rng_high), 1e-3, 1e3)
+                        bits = believed(home, "resolution (bits)", float(channel.ai_resolution), 8, 32)
+                        ranges.append(high)
+                        widths.append(2 * high / 2.0**bits)
             self.delays = np.array(delays)[self._rows]
             self.full_scale = np.array(ranges)[self._rows]
             # One code from the end, in the middle between two codes.
             self._end = (np.array(ranges) - 1.5 * np.array(widths))[:, np.newaxis]
+            self._beyond = _BEYOND * np.array(ranges)[:, np.newaxis]
             self._readers = []
             for task in self._inputs:
                 reader = AnalogMultiChannelReader(task.in_stream)
@@ -350,7 +287,14 @@ class _NiStream(Stream):
         while self._open and (self._samples is None or first < self._samples):
             count = self._block if self._samples is None else min(self._block, self._samples - first)
             volts = self._read(first, count)
-            overload = np.any(np.abs(volts) >= self._end, axis=1)
+            size = np.abs(volts)
+            # Not a number compares as false with everything.
+            if not np.all(size <= self._beyond):
+                raise InstrumentError(
+                    f"{' and '.join(home for home, _ in self._plan.inputs)} delivered what cannot be volts "
+                    f"from sample {first} on: nothing of it is taken. Restart the driver or device server."
+                )
+            overload = np.any(size >= self._end, axis=1)
             yield Block(first, volts[self._rows], overload[self._rows])
             first += count
 
@@ -427,7 +371,11 @@ class _NiStream(Stream):
                 task.timing.cfg_samp_clk_timing(
                     self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length
                 )
-            AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
+            taken = AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
+            if taken != length:
+                raise InstrumentError(
+                    f"{output} took {taken} of a waveform's {length} samples; nothing was played."
+                )
             task.start()
 
     def _read(self, first: int, count: int) -> FloatArray:
@@ -435,7 +383,8 @@ class _NiStream(Stream):
         volts = []
         timeout = count / self.rate_hz + _LATE
         for (home, names), reader in zip(self._plan.inputs, self._readers, strict=True):
-            part = np.empty((len(names), count))
+            # Whatever is not written, though it was counted, is seen not to be a voltage.
+            part = np.full((len(names), count), np.nan)
             with self._daq.talking_to(home):
                 got = reader.read_many_sample(part, count, timeout)
             if got != count:
@@ -463,40 +412,9 @@ class _NiStream(Stream):
                 )
 
 
-def _device(terminal: str) -> str:
-    return terminal.partition("/")[0]
-
-
-def _devices(settings: NiDaq.Settings) -> tuple[str, ...]:
-    """Every card that a rig file names, once."""
+def _products(settings: NiDaq.Settings) -> dict[str, str | None]:
+    """Every card that a rig file names, and its product where the file says so."""
     used = [channel.terminal for channel in settings.channels.values()]
     used += [output.terminal for output in settings.outputs.values()]
-    return tuple(dict.fromkeys([*(_device(terminal) for terminal in used), *settings.devices]))
-
-
-def _card(device: Any, name: str) -> _Card:
-    module = device.product_category == ProductCategory.C_SERIES_MODULE
-    return _Card(
-        name=name,
-        product=str(device.product_type),
-        serial=int(device.serial_num),
-        simulated=bool(device.is_simulated),
-        home=str(device.compact_daq_chassis_device.name) if module else name,
-        simultaneous=bool(device.ai_simultaneous_sampling_supported),
-    )
-
-
-def _delays(task: Any, cards: Mapping[str, _Card]) -> list[float]:
-    """When each channel of a task is converted after the clock's edge (s), in the task's order."""
-    before: dict[str, int] = {}
-    delays = []
-    for channel in task.ai_channels:
-        name = _device(channel.physical_channel.name)
-        card = next(card for key, card in cards.items() if key.lower() == name.lower())
-        index = before[name] = before.get(name, -1) + 1
-        interval = 0.0
-        if index and not card.simultaneous:
-            timing = task.timing if card.home == card.name else task.timing[card.name]
-            interval = 1 / float(timing.ai_conv_rate)
-        delays.append(index * interval)
-    return delays
+    names = dict.fromkeys([*(device_of(terminal) for terminal in used), *settings.devices])
+    return {name: settings.devices.get(name) for name in names}

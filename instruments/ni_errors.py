@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqError, DaqNotFoundError, DaqNotSupportedError, RpcError
 
-from instruments.errors import ConfigurationError, InstrumentError
+from instruments.errors import ConfigurationError, HaploopError, InstrumentError
 
-__all__ = ["translated"]
+__all__ = ["translated", "understood"]
 
 
 @contextmanager
@@ -33,6 +33,26 @@ def translated(device: str, server: str | None) -> Iterator[None]:
         raise InstrumentError(
             f"The NI device server at {server} failed while {device} was used: "
             f"{_first_line(str(error))} Restart the server, and check the outputs."
+        ) from error
+
+
+@contextmanager
+def understood(device: str) -> Iterator[None]:
+    """Turn what NI's library stumbles over in an answer into one sentence about `device`.
+
+    An answer that is longer than was asked for, or that names what the library does not know, is no
+    error of NI's: it comes as whatever Python raises there. Raises InstrumentError. To be entered
+    before `translated`.
+    """
+    try:
+        yield
+    except HaploopError:
+        raise
+    except Exception as error:
+        said = _first_line(f"{type(error).__name__}: {error}".rstrip(": "))
+        raise InstrumentError(
+            f"{device} answered what NI's library cannot make sense of. {said} Restart the driver or device "
+            "server, and see that its version and the library's belong together."
         ) from error
 
 

@@ -29,6 +29,9 @@ from mocks.nodes import Nodes
 
 __all__ = ["NiServer"]
 
+Spoil = Callable[[str, bytes], bytes]
+"""What is sent instead of a reply: told the call's name and the reply."""
+
 _THREADS = 256
 """Each event stream and each blocked read holds one."""
 _SERVICE = pb.DESCRIPTOR.services_by_name["NiDAQmx"]
@@ -65,9 +68,8 @@ class NiServer:
             ("grpc.max_receive_message_length", -1),
             ("grpc.max_send_message_length", -1),
         ]
-        self._server = grpc.server(
-            self._pool, handlers=(_Service(self._system, self._events),), options=options
-        )
+        self._service = _Service(self._system, self._events)
+        self._server = grpc.server(self._pool, handlers=(self._service,), options=options)
         self.port: int = self._server.add_insecure_port(f"{HOST}:{port}")
         self.address = f"{HOST}:{self.port}"
         self._server.start()
@@ -81,6 +83,10 @@ class NiServer:
         """Make the next read on `device` fail with `code`, as a fault does."""
         with self._system.lock:
             self._system.inject(device, code)
+
+    def spoil(self, how: Spoil) -> None:
+        """From now on every reply is what `how(call, reply)` makes of it: any bytes, protobuf or not."""
+        self._service.spoil = how
 
     def output(self, terminal: str) -> float:
         """Volts (or 0 and 1) that an output terminal holds now."""
@@ -112,6 +118,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
     """Finds the handler of a call by its name: most of NI's 451 calls differ in nothing else."""
 
     def __init__(self, system: NiSystem, events: Events) -> None:
+        self.spoil: Spoil = lambda _call, reply: reply
         self._system = system
         self._events = events
 
@@ -120,7 +127,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         if service == _SERVICE.full_name and name in _SERVICE.methods_by_name:
             return self._daqmx(name)
         if service == _SESSIONS.full_name and name in _SESSIONS.methods_by_name:
-            return _unary(_SESSIONS.methods_by_name[name], self._session(name))
+            return self._unary(_SESSIONS.methods_by_name[name], self._session(name))
         return None
 
     def _daqmx(self, name: str) -> Any:
@@ -148,7 +155,17 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
             return reply() if answer is None else answer
 
         served = attribute is not None or name in CALLS or name.startswith("Unregister")
-        return _unary(method, self._guarded(run) if served else self._refuse(name))
+        return self._unary(method, self._guarded(run) if served else self._refuse(name))
+
+    def _unary(self, method: Any, handle: Callable[[Any, Any], Any]) -> Any:
+        def serialized(reply: Any) -> bytes:
+            return self.spoil(method.name, reply if isinstance(reply, bytes) else reply.SerializeToString())
+
+        return grpc.unary_unary_rpc_method_handler(
+            handle,
+            request_deserializer=message_factory.GetMessageClass(method.input_type).FromString,
+            response_serializer=serialized,
+        )
 
     def _guarded(self, run: Callable[[Any, Callable[[], bool]], Any]) -> Callable[[Any, Any], Any]:
         def handle(request: Any, context: Any) -> Any:
@@ -200,14 +217,6 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         if name in ("ResetServer", "EnumerateDevices"):
             return self._guarded(run)
         return self._refuse(name)
-
-
-def _unary(method: Any, handle: Callable[[Any, Any], Any]) -> Any:
-    return grpc.unary_unary_rpc_method_handler(
-        handle,
-        request_deserializer=message_factory.GetMessageClass(method.input_type).FromString,
-        response_serializer=lambda reply: reply if isinstance(reply, bytes) else reply.SerializeToString(),
-    )
 
 
 def _abort(context: Any, error: DaqmxError) -> None:

@@ -272,7 +272,7 @@ def test_server_that_dies(bench: Bench) -> None:
 
 
 def test_no_server(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instruments.ni_daqmx._CONNECT", 0.2)
+    monkeypatch.setattr("instruments.ni_sessions._CONNECT", 0.2)
     with pytest.raises(InstrumentError, match=r"No NI device server answers at 127\.0\.0\.1:9"):
         NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
 

@@ -258,6 +258,9 @@ def test_nothing_beyond_a_limit_reaches_a_patch(source: str, full: bool) -> None
     def holds(file: RigFile, tries: list[Attempt]) -> None:
         with open_rig(file) as rig:
             record = rig.simulation.truth.record()
+            if source == "player":
+                # As the file says. A coupling capacitor would go on emptying after every drive.
+                rig.player.audio.jack.high_pass_hz = 0.0  # type: ignore[attr-defined]
             for attempt in tries:
                 try:
                     attempt.at(rig)
@@ -277,5 +280,6 @@ def test_nothing_beyond_a_limit_reaches_a_patch(source: str, full: bool) -> None
             outcomes["bursts"] += len(found)
 
     holds()
+    print(source, dict(outcomes))
     # Limits that let nothing pass would prove nothing.
     assert outcomes["played"] and outcomes["bursts"] and outcomes["refused"], outcomes
