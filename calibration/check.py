@@ -31,6 +31,9 @@ CORRELATION = 0.97
 LEAST_IN_BAND = 0.25
 """Share of the modulated press's energy that the drive's band must hold: what matches less of a press
 than this is no match of it."""
+LEAST_MOVED = 0.3
+"""Motion over the motion that was wanted, below which nothing followed the drive."""
+UNSEEN = "the patch is not connected, or the laser does not see the surface"
 _TAIL = 0.1
 """Seconds recorded after the drive, so that the vibrometer's delay cuts nothing off."""
 _EXCESS = 1.02
@@ -252,11 +255,8 @@ def _reasons(result: Check, overload: str | None, peak: float) -> tuple[str, ...
             f"Only {drive.in_band:.1%} of the press's energy lies in the {drive.band[0]:.0f} to "
             f"{drive.band[1]:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
         )
-    if reasons and moved < 0.3:
-        reasons.append(
-            f"The surface moved {moved:.1%} of what was wanted: the patch is not connected, or the laser "
-            "does not see the surface."
-        )
+    if reasons and moved < LEAST_MOVED:
+        reasons.append(f"The surface moved {moved:.1%} of what was wanted: {UNSEEN}.")
     elif reasons and result.floor > TOLERANCE / FLOORS:
         reasons.append(
             f"The plays differ among themselves by {result.floor:.1%} of the target, as a mean of "

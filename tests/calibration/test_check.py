@@ -18,7 +18,8 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     seen: list[tuple[int, int]] = []
     result = check(calibrated.rig, drive, progress=lambda done, total: seen.append((done, total)))
     assert result.passed and result.reasons == ()
-    assert result.nrmse == pytest.approx(drive.predicted_error, abs=0.04)
+    # What comes on top of the expected is the hysteresis, which is known to some percent.
+    assert drive.predicted_error - 0.01 < result.nrmse < 0.10
     assert str(result).endswith(": pass")
     assert result.correlation > 0.99 and result.envelope_correlation > 0.99
     assert 0 < result.floor < 0.02 and result.tolerance == 0.20

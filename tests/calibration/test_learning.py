@@ -1,4 +1,4 @@
-"""Tuned on the tables of seeds 0, 3 and 5; the others here were not looked at while tuning."""
+"""Tuned on the tables of seeds 0, 3, 5 and 120 to 145; the others here were not looked at while tuning."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import pytest
 
 from calibration import Drive, Learning, calibrate, check, drive_for, learn
 from calibration import learning as learning_module
+from calibration.correction import Known
 from calibration.drive import Method
-from calibration.learning import _without_noise
+from calibration.learning import _in_common
 from haploop.pytest_plugin import Rigs
 from instruments import ConfigurationError
 from instruments.arrays import FloatArray
@@ -24,10 +25,10 @@ pytestmark = pytest.mark.many_plays
 QUIET = 0.5
 """Of the vibrometer's noise: eight plays then have a floor of about 1 %."""
 WORLDS: tuple[dict[str, Any], ...] = (
-    {},
+    {"vibrometer_noise_scale": QUIET},
     {"mode_drift": 0.03},
     {"hysteresis": 0.2},
-    {"vibrometer_noise_scale": 12.0},
+    {"vibrometer_noise_scale": 4.0},
 )
 """What the table is like after it was calibrated: as it was, drifted, with more hysteresis than was
 measured, and with a floor above what is asked for. All of them play at the voltage limit."""
@@ -47,71 +48,67 @@ def learnt(calibrated: Calibrated, rigs: Rigs, request: pytest.FixtureRequest, d
 
 @pytest.mark.requires("simulation")
 def test_two_iterations_bring_a_fresh_drive_near_the_floor(learnt: Learning) -> None:
-    near_the_floor(learnt, 0.10, 0.04)
+    near_the_floor(learnt, "modulated")
 
 
-@pytest.mark.requires("simulation")
-@pytest.mark.timeout(3600)
-@pytest.mark.parametrize(
-    ("method", "one_shot", "after_five"), [("modulated", 0.10, 0.04), ("broadband", 0.07, 0.02)]
-)
-def test_so_it_is_on_every_table(
-    open: OpenRig, method: Method, one_shot: float, after_five: float, full: bool
-) -> None:
-    if not full:
-        pytest.skip("calibrates other tables: runs with --full")
-    for seed in range(122, 130):
-        rig = open(seed=seed, vibrometer_noise_scale=QUIET)
-        calibration = calibrate(rig)
-        drive = drive_for(make_press(), calibration, rig.limits, method=method)
-        near_the_floor(learn(rig, drive, calibration), one_shot, after_five)
-
-
-def near_the_floor(learning: Learning, one_shot: float, learnt: float) -> None:
+def near_the_floor(learning: Learning, method: Method) -> None:
     first, best = learning.iterations[0], learning.iterations[learning.best]
-    print(f"{first.nrmse:.4f} -> {best.nrmse:.4f}, floor {best.floor:.4f}: {learning.stopped}")
+    one_shot, learnt = {"modulated": (0.10, 0.04), "broadband": (0.07, 0.02)}[method]
     assert first.nrmse <= one_shot
-    assert best.floor < 0.013
+    assert best.floor < 0.015
     assert best.nrmse <= learnt
     assert learning.best_again == pytest.approx(best.nrmse, abs=0.005)
 
 
 @pytest.mark.requires("simulation")
-@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("number", range(50))
 def test_learning_is_never_worse_than_its_first_play(
-    calibrated: Calibrated, open: OpenRig, full: bool
+    calibrated: Calibrated, open: OpenRig, full: bool, number: int
 ) -> None:
-    for number in range(50) if full else (1,):
-        world = dict(WORLDS[number % len(WORLDS)])
-        method: Method = "broadband" if number % 8 >= 4 else "modulated"
-        calibration = calibrated.calibration
-        if full:
-            world["seed"] = 200 + number
-            calibration = calibrate(open(seed=world["seed"]))
-        rig = open(**world)
-        drive = drive_for(make_press(), calibration, rig.limits, method=method)
-        learning = learn(rig, drive, calibration, iterations=5 if full else 1, plays=8 if full else 3)
-        before, after = true_error(open, drive, world), true_error(open, learning.drive, world)
-        print(f"{world} {method}: {before:.4f} -> {after:.4f}; {learning.stopped}")
-        # The patch remembers a little of what was played before: that is no error of the drive's.
-        assert after <= before + 2e-3
-        if "mode_drift" in world:
-            assert after < 0.7 * before
+    if not full and number != 1:
+        pytest.skip("calibrates another table: runs with --full")
+    world = dict(WORLDS[number % len(WORLDS)])
+    method: Method = "broadband" if number % 8 >= 4 else "modulated"
+    calibration = calibrated.calibration
+    if full:
+        world["seed"] = 300 + number
+        calibration = calibrate(open(seed=world["seed"]))
+    rig = open(**world)
+    drive = drive_for(make_press(), calibration, rig.limits, method=method)
+    learning = learn(rig, drive, calibration, iterations=5 if full else 1, plays=8 if full else 3)
+    before, after = true_error(open, drive, world), true_error(open, learning.drive, world)
+    first, best = learning.iterations[0], learning.iterations[learning.best]
+    print(
+        f"{world} {method}: {first.nrmse:.4f} -> {best.nrmse:.4f}, floor {best.floor:.4f}, "
+        f"without noise {before:.4f} -> {after:.4f}; {learning.stopped}"
+    )
+    # The patch remembers a little of what was played before: that is no error of the drive's.
+    assert after <= before + 2e-3
+    if "mode_drift" in world:
+        assert after < 0.7 * before
+    if world.get("vibrometer_noise_scale") == QUIET:
+        near_the_floor(learning, method)
 
 
 @pytest.mark.requires("simulation")
-@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("seed", range(160, 168))
 def test_a_noisy_vibrometer_does_not_write_its_noise_into_the_drive(
-    calibrated: Calibrated, open: OpenRig, drive: Drive, full: bool
+    calibrated: Calibrated, open: OpenRig, drive: Drive, full: bool, seed: int
 ) -> None:
-    for seed in range(122, 130) if full else (0,):
-        rig = open(seed=seed, vibrometer_noise_scale=8.0)
-        calibration = calibrate(rig) if full else calibrated.calibration
-        given = drive_for(make_press(), calibration, rig.limits) if full else drive
-        learning = learn(rig, given, calibration, iterations=5 if full else 1, plays=8 if full else 4)
-        best = learning.iterations[learning.best]
-        print(f"seed {seed}: {best.nrmse:.4f}, floor {best.floor:.4f}: {learning.stopped}")
-        assert best.nrmse <= 1.6 * best.floor
+    if not full and seed != 160:
+        pytest.skip("calibrates another table: runs with --full")
+    rig = open(vibrometer_noise_scale=8.0, **({"seed": seed} if full else {}))
+    calibration = calibrate(rig) if full else calibrated.calibration
+    given = drive_for(make_press(), calibration, rig.limits) if full else drive
+    learning = learn(rig, given, calibration, iterations=5 if full else 1, plays=8 if full else 4)
+    best = learning.iterations[learning.best]
+    print(f"seed {seed}: {best.nrmse:.4f}, floor {best.floor:.4f}: {learning.stopped}")
+    assert best.nrmse <= 1.6 * best.floor
+
+
+def quieter(_known: Known, volts: FloatArray, *_rest: object) -> tuple[FloatArray, float]:
+    """A correction that is none, and promises everything."""
+    return 0.9 * volts, 1.0
 
 
 @pytest.mark.requires("simulation")
@@ -120,10 +117,7 @@ def test_a_correction_that_makes_it_worse_is_not_kept(
 ) -> None:
     """Whatever a model that is wrong promises: what was measured decides."""
 
-    def wrong(*_args: object) -> tuple[FloatArray, float]:
-        return 0.9 * drive.volts, 0.0
-
-    monkeypatch.setattr(learning_module, "_correction", wrong)
+    monkeypatch.setattr(Known, "correction", quieter)
     rig = open(vibrometer_noise_scale=QUIET)
     learning = learn(rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert [iteration.kept for iteration in learning.iterations] == [True, False]
@@ -137,7 +131,7 @@ def test_what_was_better_by_chance_is_not_taken(
 ) -> None:
     """The plays that chose the best say that it is; those after them do not."""
     rig = open(vibrometer_noise_scale=QUIET)
-    monkeypatch.setattr(learning_module, "_correction", lambda *_args: (0.9 * drive.volts, 0.0))
+    monkeypatch.setattr(Known, "correction", quieter)
     monkeypatch.setattr(learning_module, "_SURE", -1e9)
     learning = learn(rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert learning.best == 0 and learning.drive is drive
@@ -170,13 +164,16 @@ def test_a_clipped_measurement_teaches_nothing(
     assert len(learning.iterations) == 1 and "left its range" in learning.stopped
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-2])
 def test_a_blocked_laser_teaches_nothing(
-    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch, noise: float
 ) -> None:
-    noise = np.random.default_rng(4)
-    tamper(calibrated.rig, monkeypatch, laser=lambda v: 1e-3 * noise.standard_normal(len(v)))
+    """Whatever it shows instead: nothing, or a noise that a step might seem to lessen."""
+    rng = np.random.default_rng(4)
+    tamper(calibrated.rig, monkeypatch, laser=lambda v: noise * rng.standard_normal(len(v)))
     learning = learn(calibrated.rig, drive, calibrated.calibration, iterations=1, plays=3)
-    assert learning.best == 0
+    assert len(learning.iterations) == 1 and learning.drive is drive
+    assert "does not see the surface" in learning.stopped
 
 
 def test_what_does_not_belong_together_is_refused(calibrated: Calibrated, drive: Drive) -> None:
@@ -192,7 +189,7 @@ def test_what_does_not_belong_together_is_refused(calibrated: Calibrated, drive:
 def test_the_error_without_noise_is_neither_above_nor_below_the_truth() -> None:
     rng = np.random.default_rng(1)
     truth = 0.05 * np.sin(np.arange(2000) / 7)
-    found = [_without_noise(truth + 0.2 * rng.standard_normal((6, 2000))) for _ in range(200)]
+    found = [_in_common(truth + 0.2 * rng.standard_normal((6, 2000))) for _ in range(200)]
     squared, deviation = np.array(found).T
     assert np.mean(squared) == pytest.approx(np.mean(truth**2), rel=0.05)
     # Of how far off it may be too much is said, rather than too little.
