@@ -112,8 +112,8 @@ def main() -> None:
             )
             undone = partial(measure_response, rig, excitation=quick, hysteresis=calibration.hysteresis)
             measured: dict[str, Callable[[], Response]] = {
-                "multisine from rest": partial(measure_response, rig, excitation=quick),
-                "the same, hysteresis of the calibration undone": undone,
+                "multisine from rest, hysteresis found": partial(measure_response, rig, excitation=quick),
+                "the same, hysteresis of an earlier calibration": undone,
             }
             for name, measure in measured.items():
                 response = measure()

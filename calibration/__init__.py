@@ -7,7 +7,7 @@ from calibration.excitation import LinearSweep, Multisine, linear_sweep, plan_ex
 from calibration.learning import Iteration, Learning, learn
 from calibration.map import VibrationMap
 from calibration.mapping import map_plan, measure_map
-from calibration.model import Model, Resonance, fit, fit_shared
+from calibration.model import Model, Resonance, fit
 from calibration.paper_way import paper_drive
 from calibration.record import Calibration, calibrate
 from calibration.response import Response, measure_response, quick_response
@@ -31,7 +31,6 @@ __all__ = [
     "check",
     "drive_for",
     "fit",
-    "fit_shared",
     "learn",
     "linear_sweep",
     "map_plan",

@@ -17,7 +17,7 @@ from scipy.fft import irfft, rfft
 from threadpoolctl import threadpool_limits
 
 from calibration import files
-from calibration.hysteresis import Hysteresis, play
+from calibration.hysteresis import HALF_WIDTHS, Hysteresis, operators
 from calibration.map_folder import MapFolder, MapPlan, PointRecord
 from calibration.modes import Modes, Plays, fit_modes
 from instruments import DataError
@@ -29,9 +29,6 @@ ALL = "all"
 """The configuration of all patches in parallel."""
 BAND = (30.0, 600.0)
 """Hz: where a map is compared and searched."""
-_HALF_WIDTHS = np.array([0.0, 0.02, 0.05, 0.09, 0.14, 0.2, 0.28, 0.38, 0.5, 0.65, 0.82])
-"""Of play operators over the map's level; the first is the volts themselves. Seven up to 0.65 of the level
-put gains 0.2 % off (measured)."""
 _FINE = 50
 """Samples per period of the highest frequency, on which hysteresis is followed."""
 
@@ -244,20 +241,16 @@ def _plays(plan: MapPlan, records: Sequence[PointRecord], name: str, f: FloatArr
     mean = own.mean(axis=0)
     gain = np.einsum("pkl,kl->p", own, mean.conj()) / (np.abs(mean) ** 2).sum()
     patches = plan.patches if name in ("each", ALL) else (name,)
-    operators = np.array([_operators(plan, drive, lines) for drive in mean])
+    strains = np.array([_operators(plan, drive, lines) for drive in mean])
     if name == ALL:
         # One patch of their sum, for what all do together.
-        patches, operators = plan.patches[:1], operators.mean(axis=0)[None]
+        patches, strains = plan.patches[:1], strains.mean(axis=0)[None]
     indices = tuple(plan.patches.index(patch) for patch in patches)
-    return Plays(f, indices, operators, (np.array(velocities) / gain[:, None]).T)
+    return Plays(f, indices, strains, (np.array(velocities) / gain[:, None]).T)
 
 
 def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexArray:
-    """(operators, lines): spectra of volts, plays and square of a drive that repeats, given by its lines.
-
-    A piezo strains more one way than the other: the square. Left out, it is taken for vibration,
-    because even distortion falls on other patches' lines.
-    """
+    """(operators, lines): spectra of what makes up the strain of a drive that repeats, given by its lines."""
     first, last = int(lines[0]), int(lines[-1])
     count = int(_FINE * plan.high * plan.period)
     coarse = plan.parallel.samples(plan.rate_hz)
@@ -265,14 +258,12 @@ def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexAr
     spectrum[first : last + 1] = drive
     volts = irfft(spectrum, count) * (count / coarse)
     # The second time operators begin where they ended the first.
-    moved = [twice[count:] for twice in play(np.tile(volts, 2), _HALF_WIDTHS[1:] * plan.level)]
-    signals = [volts, *moved, volts**2 / plan.level]
-    spectra = np.array([rfft(one)[first : last + 1] for one in signals], dtype=np.complex128)
-    return np.asarray(spectra * (coarse / count))
+    strained = operators(np.tile(volts, 2), plan.level)[:, count:]
+    return np.asarray(rfft(strained)[:, first : last + 1] * (coarse / count))
 
 
 def _gains(plan: MapPlan, modes: Modes) -> ComplexArray:
     """(patches,): strain per volt of a sine of the plan's level, with the law that was found."""
-    radii = _HALF_WIDTHS * plan.level
+    radii = HALF_WIDTHS * plan.level
     # A sine's square has no first harmonic.
     return np.array([Hysteresis(radii, own[:-1], plan.level).gain(plan.level) for own in modes.weights])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from calibration.response import Response
 from instruments import ConfigurationError, DataError
 from instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Model", "Resonance", "fit", "fit_shared"]
+__all__ = ["Model", "Resonance", "fit"]
 
 _FAST = 1000.0
 """The slope's corner in state space, over the band's upper end: s alone has no states."""
@@ -168,56 +167,29 @@ class Model:
 
 
 def fit(response: Response) -> Model:
-    """The model of one response: see `fit_shared`."""
-    return fit_shared((response,))[0]
+    """The model of a response; its order by the data.
 
-
-def fit_shared(responses: Sequence[Response]) -> tuple[Model, ...]:
-    """One model for each response, all with the same poles; the order by the data.
-
-    Patches and points of one table share its modes. Responses may have frequencies of their own:
-    what interleaved multisines leave out of one, the others show. Every response weighs by its
-    deviation, and all of its lines alike: noise is nearly the same on all. Vector fitting
-    (scikit-rf) begins, least squares end; poles are always stable. Raises DataError when no
-    resonance is found.
+    All lines weigh alike: noise is nearly the same on all. Vector fitting (scikit-rf) begins, least
+    squares end; poles are always stable. Raises DataError when no resonance is found.
     """
-    if not responses:
-        raise DataError("There is no response to fit a model to.")
-    groups: dict[bytes, list[int]] = {}
-    for index, response in enumerate(responses):
-        groups.setdefault(response.frequencies.tobytes(), []).append(index)
-    noises = [_noise(response) for response in responses]
-    lines = [
-        Lines(
-            responses[members[0]].frequencies,
-            np.stack([responses[i].velocity / noises[i] for i in members], axis=1),
-        )
-        for members in groups.values()
-    ]
+    noise, H = _noise(response), response.velocity
+    lines = Lines(response.frequencies, H / noise)
     poles = fit_poles(lines)
-    models: dict[int, Model] = {}
-    for members, group in zip(groups.values(), lines, strict=True):
-        solution, _ = residues(poles, group)
-        for column, index in enumerate(members):
-            own = solution[:, column] * noises[index]
-            model = Model(
-                poles=poles,
-                residues=complex_residues(poles, own),
-                constant=float(own[-2]),
-                slope=float(own[-1]),
-                band=(float(group.f[0]), float(group.f[-1])),
-                error=0.0,
-            )
-            H = responses[index].velocity
-            error = float(np.linalg.norm(model.velocity(group.f) - H) / np.linalg.norm(H))
-            models[index] = replace(model, error=error)
-    first = responses[0]
-    if not models[0].stable or not models[0].resonances:
+    found = noise * residues(poles, lines)[0]
+    model = Model(
+        poles=poles,
+        residues=complex_residues(poles, found),
+        constant=float(found[-2]),
+        slope=float(found[-1]),
+        band=(float(lines.f[0]), float(lines.f[-1])),
+        error=0.0,
+    )
+    if not model.stable or not model.resonances:
         raise DataError(
-            f"No resonance of patch {first.patch} at the {first.point} point could be fitted: "
+            f"No resonance of patch {response.patch} at the {response.point} point could be fitted: "
             "look at the measured response."
         )
-    return tuple(models[index] for index in range(len(responses)))
+    return replace(model, error=float(np.linalg.norm(model.velocity(lines.f) - H) / np.linalg.norm(H)))
 
 
 def _noise(response: Response) -> float:

@@ -19,8 +19,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
+from instruments import DataError
 from instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["Modes", "Plays", "fit_modes"]
@@ -48,6 +50,8 @@ _KEEP = 5.0
 """As `_PENALTY`, below which a pole that has been found is given up again: no chance is in it any more."""
 _MOST = 40
 """Poles."""
+_ALIKE = 1e-13
+"""Squared length that a column of unit length must have beside the others to be told from them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +107,7 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
     """Poles that all plays share and the law of each patch's hysteresis, up to its scale.
 
     It begins with nothing, and adds poles where they explain most of what is left, for as long as
-    that leaves clearly less.
+    that leaves clearly less. Raises DataError when nothing moved at all.
     """
     few = [_mixed(one, _FEW) for one in plays]
     weights = np.zeros((patches, plays[0].operators.shape[1]))
@@ -114,6 +118,8 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
     count = _AT_ONCE
     while len(modes.poles) < _MOST:
         added = _missing(modes, few)[:count]
+        if not len(added):
+            raise DataError("Nothing moved while it was played: check the laser's focus and aim.")
         grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, 3)
         if now > 0.5 * cost:
             # Near the end, what falls may be the law's doing and not the poles'.
@@ -144,7 +150,7 @@ def _losses(modes: Modes, plays: Plays) -> FloatArray:
     """(poles,): by how much the squared residual would grow without each, the others staying."""
     basis = _Basis.of(modes.poles, modes.weights, plays)
     found = basis.solution(_stack(plays.velocity))[0] * basis.norms[:, None]
-    inverse = np.linalg.pinv(basis.upper)
+    inverse = np.linalg.inv(basis.upper)
     n, each = len(modes.poles), basis.response.shape[1]
     starts = np.arange(len(plays.patches) + 1) * each
     losses = np.empty(n)
@@ -181,17 +187,17 @@ def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
     f = plays[0].f
     places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
     candidates = places * (1j - np.array(_DAMPINGS)[:, None])
-    shape = 1 / (2j * np.pi * f[:, None, None] - candidates)
-    explained = np.zeros(candidates.shape)
+    shape = 1 / (2j * np.pi * f[:, None] - candidates.ravel())
+    size = np.abs(shape) ** 2
+    explained: FloatArray = np.zeros(candidates.size)
     for one in plays:
         basis = _Basis.of(modes.poles, modes.weights, one)
         rest = basis.solution(_stack(one.velocity))[1]
         left = rest[: len(f)] + 1j * rest[len(f) :]
         for strain in basis.strain:
-            columns = strain[:, None, None] * shape
-            power = (np.abs(columns) ** 2).sum(axis=0)
-            found = np.tensordot(left.conj().T, columns, axes=1)
-            explained += (np.abs(found) ** 2).sum(axis=0) / power
+            found = (left.conj() * strain[:, None]).T @ shape
+            explained += (np.abs(found) ** 2).sum(axis=0) / (np.abs(strain) ** 2 @ size)
+    explained = explained.reshape(candidates.shape)
     best = explained.max(axis=0)
     poles: list[complex] = []
     while len(poles) < _AT_ONCE:
@@ -233,36 +239,38 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
     found, left = basis.solution(wanted)
     s = 2j * np.pi * plays.f[:, None]
     near, mirror = 1 / (s - p) ** 2, 1 / (s - np.conj(p)) ** 2
-    each, n = basis.response.shape[1], len(p)
-    parameters = 2 * n + patches * (modes.weights.shape[1] - 1)
-    normal, gradient = np.zeros((parameters, parameters)), np.zeros(parameters)
-    for own, rest in zip(found.T, left.T, strict=True):
-        drives = [*basis.strain, np.ones(len(plays.f))]
-        ranges = [own[k * each : k * each + 2 * n] for k in range(len(drives))]
-        one = sum(x[:, None] * (r[:n] + 1j * r[n:]) * near for x, r in zip(drives, ranges, strict=True))
-        other = sum(x[:, None] * (r[:n] - 1j * r[n:]) * mirror for x, r in zip(drives, ranges, strict=True))
+    each, n, weights = basis.response.shape[1], len(p), modes.weights.shape[1] - 1
+    normal = np.zeros((2 * n + patches * weights,) * 2)
+    gradient = np.zeros(len(normal))
+    # Only those of the patches that played.
+    laws = np.add.outer(2 * n + np.array(plays.patches) * weights, np.arange(weights))
+    own = np.concatenate([np.arange(2 * n), laws.ravel()])
+    drives = np.array([*basis.strain, np.ones(len(plays.f))]).T
+    for shares, rest in zip(found.T, left.T, strict=True):
+        ranges = np.array([shares[k * each : k * each + 2 * n] for k in range(drives.shape[1])])
+        one = (drives @ (ranges[:, :n] + 1j * ranges[:, n:])) * near
+        other = (drives @ (ranges[:, :n] - 1j * ranges[:, n:])) * mirror
         change = [(one + other) * p.real, 1j * (one - other) * p.imag]
-        for patch in range(patches):
-            if patch in plays.patches:
-                k = plays.patches.index(patch)
-                H = basis.response @ own[k * each : (k + 1) * each]
-                change.append((plays.operators[k, 1:] * H).T)
-            else:
-                change.append(np.zeros((len(plays.f), modes.weights.shape[1] - 1)))
+        for k, operators in enumerate(plays.operators):
+            change.append((operators[1:] * (basis.response @ shares[k * each : (k + 1) * each])).T)
         columns = _stack(np.concatenate(change, axis=1))
-        within = basis.q.T @ columns
-        normal += columns.T @ columns - within.T @ within
-        gradient += columns.T @ rest
+        within = basis.within(columns)
+        normal[np.ix_(own, own)] += columns.T @ columns - within.T @ within
+        gradient[own] += columns.T @ rest
     return normal, gradient, float((left**2).sum())
 
 
 @dataclass(frozen=True, eq=False)
 class _Basis:
-    """Columns for given poles and strains, orthonormal: patch by patch, then what rang."""
+    """Columns of unit length for given poles and strains, patch by patch, then what rang.
+
+    With the triangle of their normal equations, which are ten times as fast as orthogonal columns would
+    be; what they cost in digits one refinement gives back (Bjorck, Linear Algebra Appl. 88, 1987).
+    """
 
     strain: ComplexArray
     response: ComplexArray
-    q: FloatArray
+    columns: FloatArray
     upper: FloatArray
     norms: FloatArray
 
@@ -270,16 +278,23 @@ class _Basis:
     def of(cls, poles: ComplexArray, weights: FloatArray, plays: Plays) -> _Basis:
         response, ringing = _columns(poles, plays.f)
         strain = np.einsum("pr,prl->pl", weights[list(plays.patches)], plays.operators)
-        columns = np.concatenate([*(x[:, None] * response for x in strain), ringing], axis=1)
+        columns = _stack(np.concatenate([*(x[:, None] * response for x in strain), ringing], axis=1))
         norms = np.linalg.norm(columns, axis=0)
-        q, upper = np.linalg.qr(_stack(columns / norms))
-        return cls(strain, response, q, upper, norms)
+        columns /= norms
+        # Of columns that coincide, least squares of the least norm.
+        upper = cholesky(columns.T @ columns + _ALIKE * np.eye(len(norms)))
+        return cls(strain, response, columns, upper, norms)
+
+    def within(self, values: FloatArray) -> FloatArray:
+        """(columns, ...): what of `values` (rows, ...) the columns make, in coordinates of unit length."""
+        return np.asarray(solve_triangular(self.upper, self.columns.T @ values, trans="T"))
 
     def solution(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
-        seen = self.q.T @ wanted
-        # Columns that coincide get least squares of the least norm.
-        found = np.linalg.lstsq(self.upper, seen, rcond=1e-12)[0] / self.norms[:, None]
-        return found, wanted - self.q @ seen
+        found, left = np.zeros((len(self.norms), wanted.shape[1])), wanted
+        for _ in range(2):
+            found += solve_triangular(self.upper, self.within(left))
+            left = wanted - self.columns @ found
+        return found / self.norms[:, None], left
 
 
 def _columns(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:

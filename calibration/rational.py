@@ -1,10 +1,9 @@
-"""Rational functions with shared poles, fitted to many responses at once in the least-squares sense."""
+"""The poles of a response: rational functions fitted in the least-squares sense, their order by the data."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import fft, ifft
@@ -16,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Lines", "fit_poles", "residues"]
+__all__ = ["Lines", "complex_residues", "fit_poles", "residues"]
 
 _MOST_PAIRS = 40
 _ITERATIONS = 12
@@ -39,16 +38,12 @@ _ALIKE = 30
 _PLACES = 300
 """Frequencies at which they are looked for."""
 _ENOUGH = 1000
-"""Lines times responses beyond which neighbouring lines are put together."""
-_PORTS = 3
-"""Vector fitting begins with up to 3 x 3 of the strongest combinations of responses."""
-_COMBINATIONS = 16
-"""Of the responses on one set of lines that are fitted at most: more modes do not matter in a band."""
+"""Lines beyond which neighbouring ones are put together."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Responses on the same frequencies: `f` (lines,) Hz, `H` (rows, responses), of noise power one.
+    """A response: `f` (lines,) Hz, `H` (rows,), of noise power one.
 
     Rows are lines or, with a `block`, sums of so many over the root of their number.
     """
@@ -64,36 +59,35 @@ class Lines:
 
     def gathered(self, values: ComplexArray) -> ComplexArray:
         """Values (lines, columns) as the rows of `H` are made."""
-        return _blocks(values, self.block)
+        return np.asarray(values.reshape(-1, self.block, *values.shape[1:]).sum(axis=1) / np.sqrt(self.block))
 
 
-def fit_poles(groups: Sequence[Lines]) -> ComplexArray:
-    """Poles (rad/s), one of each conjugate pair, that all responses of all groups share.
+def fit_poles(lines: Lines) -> ComplexArray:
+    """Poles (rad/s), one of each conjugate pair.
 
-    Vector fitting (scikit-rf) of the strongest combinations begins with a pole pair for each peak. It
-    is refined to least squares over all; then a pair is added where it explains most of what is left,
-    for as long as that gains more than its parameters cost.
+    Vector fitting (scikit-rf) begins with a pole pair for each peak. It is refined to least squares; then
+    a pair is added where it explains most of what is left, for as long as that gains more than its
+    parameters cost.
     """
-    groups = [_averaged(_combined(group)) for group in groups]
-    first = max(groups, key=lambda group: group.H.size)
+    lines = _averaged(lines)
     with threadpool_limits(1):
-        best, *others = (_tried(_vector_fit(first, _peaks(first) + more), groups) for more in _STARTS)
+        best, *others = (_tried(_vector_fit(lines, _peaks(lines) + more), lines) for more in _STARTS)
         for other in others:
             best = other if other.gain_over(best) > 0 else best
         while len(best.poles) < _MOST_PAIRS:
             # One where most is left; when that is no gain, all of them anew.
             for start in (_with_missing, _anew):
-                found = _tried(start(best.poles, groups, first), groups)
+                found = _tried(start(best.poles, lines), lines)
                 if found.worth_over(best):
                     best = found
                     break
             else:
                 break
-        return _refine(_pruned(best, groups), groups, _LAST)
+        return _refine(_pruned(best, lines), lines, _LAST)
 
 
 def residues(poles: ComplexArray, lines: Lines) -> tuple[FloatArray, ComplexArray]:
-    """Real unknowns (unknowns, responses) for given poles, and what they leave (lines, responses).
+    """Real unknowns (unknowns,) for given poles, and what they leave (rows,).
 
     Unknowns are the residues' real parts, the imaginary parts of those of pole pairs, a constant
     and a slope.
@@ -103,7 +97,7 @@ def residues(poles: ComplexArray, lines: Lines) -> tuple[FloatArray, ComplexArra
 
 @dataclass(frozen=True, eq=False)
 class _Projection:
-    """The basis of some poles on some lines, real and orthonormal, and what it leaves (2 rows, responses)."""
+    """The basis of some poles on some lines, real and orthonormal, and what it leaves (2 rows,)."""
 
     poles: ComplexArray
     lines: Lines
@@ -124,24 +118,21 @@ class _Projection:
 
     def solution(self) -> tuple[FloatArray, ComplexArray]:
         # Two poles that coincide leave a corner of zeros: least squares of the least norm.
-        found = np.linalg.lstsq(self.upper, self.seen, rcond=None)[0] / self.norms[:, None]
+        found = np.linalg.lstsq(self.upper, self.seen, rcond=None)[0] / self.norms
         count = len(self.lines.H)
         return np.asarray(found), np.asarray(self.left[:count] + 1j * self.left[count:])
 
     def slope(self) -> FloatArray:
-        """Jacobian (2 lines x responses, parameters) of `left` by the parameters of `_refine`."""
+        """Jacobian (2 rows, parameters) of `left` by the parameters of `_refine`."""
         p = self.poles
         paired = p.imag > 0
         s = 2j * np.pi * self.lines.f[:, None]
         near, mirror = 1 / (s - p) ** 2, np.where(paired, 1 / (s - np.conj(p)) ** 2, 0)
-        rows = []
-        for own in complex_residues(p, self.solution()[0]).T:
-            one, other = own * near, np.conj(own) * mirror
-            by_decay, by_frequency = (one + other) * p.real, (1j * (one - other) * p.imag)[:, paired]
-            change = _stack(-self.lines.gathered(np.concatenate([by_decay, by_frequency], axis=1)))
-            rows.append(change - self.q @ (self.q.T @ change))
-        # What is left runs over lines first, then responses within each line.
-        return np.asarray(np.stack(rows, axis=1).reshape(-1, rows[0].shape[1]))
+        own = complex_residues(p, self.solution()[0])
+        one, other = own * near, np.conj(own) * mirror
+        by_decay, by_frequency = (one + other) * p.real, (1j * (one - other) * p.imag)[:, paired]
+        change = _stack(-self.lines.gathered(np.concatenate([by_decay, by_frequency], axis=1)))
+        return np.asarray(change - self.q @ (self.q.T @ change))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,17 +145,12 @@ class _Fit:
     parameters: int
 
     @classmethod
-    def of(cls, poles: ComplexArray, groups: Sequence[Lines]) -> _Fit:
-        power, products, count, parameters = 0.0, 0.0, 0, 2 * len(poles)
-        for group in groups:
-            left = residues(poles, group)[1]
-            own = float((np.abs(left) ** 2).sum())
-            spectrum = np.abs(fft(left, 2 * len(left), axis=0)) ** 2
-            alike = ifft(spectrum.sum(axis=1))[: len(left)] / own
-            products += left.size * float(1 + 2 * (np.abs(alike[1:_ALIKE]) ** 2).sum())
-            power, count = power + own, count + left.size
-            parameters += (2 * len(poles) + 2) * group.H.shape[1]
-        return cls(poles, power / count, count**2 / products, parameters)
+    def of(cls, poles: ComplexArray, lines: Lines) -> _Fit:
+        left = residues(poles, lines)[1]
+        count, power = len(left), float((np.abs(left) ** 2).sum())
+        alike = ifft(np.abs(fft(left, 2 * count)) ** 2)[1:_ALIKE] / power
+        independent = count / float(1 + 2 * (np.abs(alike) ** 2).sum())
+        return cls(poles, power / count, independent, 4 * len(poles) + 2)
 
     def gain_over(self, other: _Fit) -> float:
         """Twice the gain in log-likelihood, less what more parameters cost.
@@ -181,74 +167,49 @@ class _Fit:
         return self.gain_over(other) > 0 and self.power < max(_NOISY, 0.75 * other.power)
 
 
-def _anew(poles: ComplexArray, _groups: Sequence[Lines], first: Lines) -> ComplexArray:
+def _anew(poles: ComplexArray, lines: Lines) -> ComplexArray:
     """Vector fitting with two pole pairs more."""
-    return _vector_fit(first, len(poles) + 2)
+    return _vector_fit(lines, len(poles) + 2)
 
 
-def _with_missing(poles: ComplexArray, groups: Sequence[Lines], _first: Lines) -> ComplexArray:
+def _with_missing(poles: ComplexArray, lines: Lines) -> ComplexArray:
     """And the pole (rad/s) that would explain most of what `poles` leave."""
-    low, high = min(g.f[0] for g in groups), max(g.f[-1] for g in groups)
-    places = 2 * np.pi * np.linspace(low, high, _PLACES)
+    places = 2 * np.pi * np.linspace(lines.f[0], lines.f[-1], _PLACES)
     candidates = np.concatenate([places * (1j * np.sqrt(1 - z**2) - z) for z in _DAMPINGS])
-    explained = np.zeros(len(candidates))
-    for group in groups:
-        left = residues(poles, group)[1]
-        shape = group.gathered(1 / (2j * np.pi * group.f[:, None] - candidates))
-        shape /= np.linalg.norm(shape, axis=0)
-        explained += (np.abs(shape.conj().T @ left) ** 2).sum(axis=1)
+    shape = lines.gathered(1 / (2j * np.pi * lines.f[:, None] - candidates))
+    shape /= np.linalg.norm(shape, axis=0)
+    explained = np.abs(shape.conj().T @ residues(poles, lines)[1])
     return np.append(poles, candidates[int(np.argmax(explained))])
 
 
-def _tried(start: ComplexArray, groups: Sequence[Lines]) -> _Fit:
-    return _Fit.of(_refine(start, groups), groups)
+def _tried(start: ComplexArray, lines: Lines) -> _Fit:
+    return _Fit.of(_refine(start, lines), lines)
 
 
-def _pruned(best: _Fit, groups: Sequence[Lines]) -> ComplexArray:
+def _pruned(best: _Fit, lines: Lines) -> ComplexArray:
     """Without the pole pairs that gain less than they cost."""
     while len(best.poles) > 1:
-        fewer = [_Fit.of(np.delete(best.poles, k), groups) for k in range(len(best.poles))]
-        tried = _tried(min(fewer, key=lambda fit: fit.power).poles, groups)
+        fewer = [_Fit.of(np.delete(best.poles, k), lines) for k in range(len(best.poles))]
+        tried = _tried(min(fewer, key=lambda fit: fit.power).poles, lines)
         if tried.gain_over(best) <= 0:
             break
         best = tried
     return best.poles
 
 
-def _combined(group: Lines) -> Lines:
-    """The few orthogonal combinations of responses that stand above the noise.
-
-    Poles fit combinations as well as they fit responses, because residues are free; combinations
-    are real, so that each is the response of a real system.
-    """
-    if group.H.shape[1] == 1:
-        return group
-    left, sizes, _ = np.linalg.svd(_stack(group.H), full_matrices=False)
-    # The largest singular value of noise alone, of half the power in either part.
-    noise = (np.sqrt(2 * len(group.f)) + np.sqrt(group.H.shape[1])) * 0.5**0.5
-    kept = max(1, min(_COMBINATIONS, int((sizes > noise).sum())))
-    parts = left[:, :kept] * sizes[:kept]
-    return replace(group, H=parts[: len(group.f)] + 1j * parts[len(group.f) :])
-
-
-def _averaged(group: Lines) -> Lines:
-    """Neighbouring lines in one, responses and basis alike: nothing is bent, and there is less to solve."""
-    block = group.H.size // _ENOUGH
+def _averaged(lines: Lines) -> Lines:
+    """Neighbouring lines in one, response and basis alike: nothing is bent, and there is less to solve."""
+    block = len(lines.f) // _ENOUGH
     if block < 2:
-        return group
-    rows = len(group.f) // block * block
-    return Lines(group.f[:rows], _blocks(group.H[:rows], block), block)
+        return lines
+    kept = len(lines.f) // block * block
+    own = Lines(lines.f[:kept], lines.H[:kept], block)
+    return Lines(own.f, own.gathered(own.H), block)
 
 
-def _blocks(values: ComplexArray, block: int) -> ComplexArray:
-    if block == 1:
-        return values
-    return np.asarray(values.reshape(-1, block, values.shape[1]).sum(axis=1) / np.sqrt(block))
-
-
-def _peaks(group: Lines) -> int:
+def _peaks(lines: Lines) -> int:
     """Peaks that stand 3 dB above what is beside them and well above the noise; 2 to 16."""
-    power = np.maximum((np.abs(group.H) ** 2).mean(axis=1), 100.0)
+    power = np.maximum(np.abs(lines.H) ** 2, 100.0)
     return int(np.clip(len(find_peaks(10 * np.log10(power), prominence=3.0)[0]), 2, 16))
 
 
@@ -259,11 +220,10 @@ class _Responses(Network):  # type: ignore[misc]
         return False
 
 
-def _vector_fit(group: Lines, pairs: int) -> ComplexArray:
+def _vector_fit(lines: Lines, pairs: int) -> ComplexArray:
     """Poles (rad/s), one of each conjugate pair, of scikit-rf's vector fit begun with `pairs` pairs."""
-    ports = min(_PORTS, int(np.sqrt(group.H.shape[1])))
-    H = group.H[:, : ports**2].reshape(-1, ports, ports) / np.abs(group.H).max()
-    fitting = VectorFitting(_Responses(frequency=Frequency.from_f(group.centres, unit="hz"), s=H))
+    H = lines.H[:, None, None] / np.abs(lines.H).max()
+    fitting = VectorFitting(_Responses(frequency=Frequency.from_f(lines.centres, unit="hz"), s=H))
     fitting.max_iterations = _ITERATIONS
     with warnings.catch_warnings():
         # It warns when it has not converged; the residual says so better, and is looked at.
@@ -302,14 +262,14 @@ def _stack(values: ComplexArray) -> FloatArray:
 
 
 def complex_residues(poles: ComplexArray, solution: FloatArray) -> ComplexArray:
-    """(poles, responses) from the unknowns of `residues`."""
+    """(poles,) from the unknowns of `residues`."""
     found = solution[: len(poles)].astype(np.complex128)
     paired = poles.imag > 0
     found[paired] += 1j * solution[len(poles) : len(poles) + int(paired.sum())]
     return found
 
 
-def _refine(poles: ComplexArray, groups: Sequence[Lines], steps: int = _STEPS) -> ComplexArray:
+def _refine(poles: ComplexArray, lines: Lines, steps: int = _STEPS) -> ComplexArray:
     """Poles that minimise the squared residual, the residues being solved for at each step.
 
     Vector fitting minimises a weighted stand-in for the residual, and noise biases it. This is
@@ -323,23 +283,23 @@ def _refine(poles: ComplexArray, groups: Sequence[Lines], steps: int = _STEPS) -
         p[paired] += 1j * np.exp(x[len(poles) :])
         return p
 
-    latest: list[tuple[bytes, list[_Projection]]] = []
+    latest: list[tuple[bytes, _Projection]] = []
 
-    def projected(x: FloatArray) -> list[_Projection]:
+    def projected(x: FloatArray) -> _Projection:
         if not latest or latest[0][0] != x.tobytes():
-            latest[:] = [(x.tobytes(), [_Projection.of(at(x), group) for group in groups])]
+            latest[:] = [(x.tobytes(), _Projection.of(at(x), lines))]
         return latest[0][1]
 
-    def rest(x: FloatArray) -> FloatArray:
-        return np.concatenate([own.left.ravel() for own in projected(x)])
+    def left(x: FloatArray) -> FloatArray:
+        return projected(x).left
 
     def slope(x: FloatArray) -> FloatArray:
-        return np.concatenate([own.slope() for own in projected(x)])
+        return projected(x).slope()
 
-    spacing = float(np.median(np.diff(np.unique(np.concatenate([group.f for group in groups])))))
+    spacing = float(np.median(np.diff(lines.f)))
     narrowest = np.log(_NARROWEST * np.pi * spacing)
     start = np.concatenate([np.maximum(np.log(-poles.real), narrowest), np.log(poles.imag[paired])])
     low, high = start - 1, start + 1
     low[: len(poles)] = np.maximum(low[: len(poles)], narrowest - 1e-3)
-    found = least_squares(rest, start, slope, (low, high), method="trf", max_nfev=steps, xtol=1e-9, ftol=1e-5)
+    found = least_squares(left, start, slope, (low, high), method="trf", max_nfev=steps, xtol=1e-9, ftol=1e-5)
     return at(found.x)

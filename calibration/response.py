@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.channels import Channels
 from calibration.excitation import Excitation, LinearSweep, Multisine
+from calibration.hysteresis import Hysteresis, hysteresis_of_play
 from calibration.periodic import from_multisine
 from calibration.swept import from_sweeps
 from instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
@@ -18,7 +19,6 @@ from instruments.arrays import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from calibration.estimate import Estimate
-    from calibration.hysteresis import Hysteresis
 
 __all__ = ["MEASURED", "Response", "measure_response", "quick_response", "response_from"]
 
@@ -128,9 +128,9 @@ def measure_response(
 
     The default is the paper's sweep, at several levels, which also shows the patch's hysteresis. `level` is
     the peak in volts at the patch; None takes what the rig's limits allow. A multisine takes 2.05 s or a few
-    periods more; with the `hysteresis` of an earlier calibration the strain that this makes of the
-    measured drive is what the response is from, so that distortion and level no longer matter: the result
-    is what sweeps at `hysteresis.level` would have shown.
+    periods more. With the `hysteresis` of an earlier calibration, or with the one that a multisine from
+    rest shows by itself, the strain that this makes of the measured drive is what the response is from, so
+    that distortion no longer matters: the result is what sweeps at `hysteresis.level` would have shown.
 
     Raises InstrumentError when the operator does not confirm, a signal leaves its range or the
     drive does not reach the patch; DataError when the point does not follow the patch;
@@ -182,6 +182,8 @@ def response_from(
     """
     refuse_overload(rig, capture)
     volts, velocity, channels = _signals(rig, capture, monitor)
+    if hysteresis is None and multisine.from_rest:
+        hysteresis = hysteresis_of_play(multisine, commanded, volts, velocity, channels)
     strained = hysteresis.strain(volts) if hysteresis is not None else None
     found = from_multisine(multisine, commanded, volts, velocity, channels, strained)
     peak, said = float(np.abs(commanded).max()), str(multisine)

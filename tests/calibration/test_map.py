@@ -208,6 +208,7 @@ def test_all_patches_at_once(rigs: Rigs, request: pytest.FixtureRequest, tmp_pat
         assert error(Mapped(rig, VibrationMap.load(tmp_path / "map"), tmp_path)) < 0.013
 
 
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize(("name", "most", "minutes"), [("simulated", 0.013, 21), ("four-channel", 0.0035, 5)])
 def test_whole_maps(
     name: str,
