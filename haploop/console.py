@@ -9,35 +9,34 @@ from types import TracebackType
 from typing import Any, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
 
-__all__ = ["Steps", "note", "print_json", "print_line", "print_table"]
+__all__ = ["Bars", "Steps", "note", "print_json", "print_line", "print_table"]
 
 
-class Steps:
-    """Steps of a longer command on standard error: a bar each on a terminal, else a line each."""
+class Bars:
+    """Progress bars on standard error, with `numbers` after each, where that is a terminal; a context."""
 
-    def __init__(self) -> None:
+    def __init__(self, *numbers: ProgressColumn, wanted: bool = True) -> None:
         self._console = _console(stderr=True)
-        self._tasks: dict[str, TaskID] = {}
         self._progress = Progress(
             SpinnerColumn(finished_text="[green]done[/green]"),
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=24),
-            TextColumn("{task.percentage:>3.0f} %"),
+            *numbers,
             TimeElapsedColumn(),
             console=self._console,
-            disable=not self._console.is_terminal,
+            disable=not (wanted and self._console.is_terminal),
         )
-
-    def __call__(self, step: str, done: float, of: float) -> None:
-        """`step` is `done` of `of`; a step that was not heard of before begins."""
-        if step not in self._tasks:
-            self._tasks[step] = self._progress.add_task(step, total=of)
-            if self._progress.disable:
-                self._console.print(step, markup=False, highlight=False)
-        self._progress.update(self._tasks[step], completed=done, total=of)
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -47,6 +46,22 @@ class Steps:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._progress.stop()
+
+
+class Steps(Bars):
+    """Steps of a longer command on standard error: a bar each on a terminal, else a line each."""
+
+    def __init__(self) -> None:
+        super().__init__(TextColumn("{task.percentage:>3.0f} %"))
+        self._tasks: dict[str, TaskID] = {}
+
+    def __call__(self, step: str, done: float, of: float) -> None:
+        """`step` is `done` of `of`; a step that was not heard of before begins."""
+        if step not in self._tasks:
+            self._tasks[step] = self._progress.add_task(step, total=of)
+            if self._progress.disable:
+                self._console.print(step, markup=False, highlight=False)
+        self._progress.update(self._tasks[step], completed=done, total=of)
 
 
 def note(sentence: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from calibration.files import why
+from calibration.files import new_file, why
 from calibration.history import History
 from calibration.recalibration import Outcome, calibrations_of
 from haploop.console import print_json, print_line, print_table
@@ -39,12 +39,11 @@ def write(history: History, outcome: Outcome) -> Path | None:
     html = render(_summary(outcome), _plates(history, outcome), "recalibration.html")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(html)
-    except OSError as error:
-        raise DataError(
-            f"The report {path} cannot be written: {why(error)}. Active: {outcome.active.name}."
-        ) from None
+        with new_file(path) as part:
+            part.write_text(html, encoding="utf-8", newline="\n")
+    except (OSError, DataError) as error:
+        said = error if isinstance(error, DataError) else f"{path.parent} cannot be made: {why(error)}."
+        raise DataError(f"There is no report. {said} Active: {outcome.active.name}.") from None
     return path
 
 

@@ -6,10 +6,9 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from importlib import resources
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from haploop.plotting import png
@@ -29,10 +28,13 @@ class Plate:
 def render(summary: Mapping[str, Any], plates: Sequence[Plate], template: str = "report.html") -> str:
     """A summary as HTML by a template of this package, with the plates as PNG inside."""
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("haploop", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     environment.filters.update(percent=_percent, fixed=_fixed, minute=_minute, rest=_rest)
-    page = environment.from_string((resources.files("haploop") / template).read_text(encoding="utf-8"))
     images = [
         {
             "title": plate.title,
@@ -41,7 +43,7 @@ def render(summary: Mapping[str, Any], plates: Sequence[Plate], template: str = 
         }
         for plate in plates
     ]
-    return page.render(s=summary, plates=images)
+    return environment.get_template(template).render(s=summary, plates=images)
 
 
 def _percent(value: float | None, digits: int = 1) -> str:

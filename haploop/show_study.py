@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from rich.box import SIMPLE
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-)
+from rich.progress import MofNCompleteColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
 from acquisition import Judged, Recording, Standing, Study, accepted_presses, load_study
 from haploop import figures
-from haploop.console import print_json, print_line, print_table
+from haploop.console import Bars, print_json, print_line, print_table
 from haploop.show import save
 from haploop.targets import new_picture
 from instruments import DataError
@@ -36,7 +26,7 @@ Forces = Mapping[str, Mapping[str, FloatArray]]
 """Force at activation (N) of each press: button -> participant -> (presses,)."""
 
 
-class Counters:
+class Counters(Bars):
     """How far a study is, on standard error.
 
     Two bars on a terminal, unless somebody types there (`typed_at`), whose answers they would garble:
@@ -44,21 +34,13 @@ class Counters:
     """
 
     def __init__(self, name: str, standings: Sequence[Standing], typed_at: bool) -> None:
+        super().__init__(
+            MofNCompleteColumn(), TextColumn("{task.fields[bad]}", style="yellow"), wanted=not typed_at
+        )
         self._done = {(one.participant, one.button): len(one.accepted) for one in standings}
         self._of = sum(one.of for one in standings)
         self._bad = 0
-        self._console = Console(file=sys.stderr)
         self._each = typed_at and self._console.is_terminal
-        self._progress = Progress(
-            SpinnerColumn(finished_text="[green]done[/green]"),
-            TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[bad]}", style="yellow"),
-            TimeElapsedColumn(),
-            console=self._console,
-            disable=typed_at or not self._console.is_terminal,
-        )
         self._whole = self._progress.add_task(f"Study {name}", total=self._of, bad="")
         self._now = self._progress.add_task("", total=None, bad="", visible=False)
         self._key: tuple[str, str] = ("", "")
@@ -93,15 +75,6 @@ class Counters:
 
     def _say(self, line: Text) -> None:
         self._console.print(line, highlight=False, soft_wrap=True)
-
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._progress.stop()
 
 
 def told(press: Judged) -> str:

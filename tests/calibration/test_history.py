@@ -180,6 +180,7 @@ serve(write)
 """
 
 
+@pytest.mark.timeout(1800)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
 def test_a_kill_leaves_exactly_one_active_and_it_is_whole(history: History, full: bool) -> None:
     """The writer does nothing but publish and activate, so that every kill falls into the middle of it."""
@@ -194,9 +195,12 @@ def test_a_kill_leaves_exactly_one_active_and_it_is_whole(history: History, full
             # Whole, or this raises; and it is the newest that anybody was told of.
             active = history.active()
             assert all(look["active"] <= active.name for look in history.looks)
-            for generation in history.generations:
+            for generation in history.generations[-9:]:
                 generation.verify()
             left += any(history.folder.glob(".*"))
+    for generation in history.generations:
+        generation.verify()
+    print(f"{left} parts left, {len(history.generations)} generations")
     assert left > 2
     assert len(history.activations) > 2
     with history.hold():
