@@ -61,7 +61,8 @@ class Drive:
     `volts` is (samples,) V at the patch as commanded, `target` is (samples,) m/s^2, on the same
     clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
     multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
-    band. `predicted_error` is what a check should find: rms of the error over rms of the target.
+    band. `predicted_error` is what a check should find: rms of the error over rms of the target. What is
+    not known of the patch's hysteresis comes on top (some percent), until learning has measured it.
     """
 
     button: str
