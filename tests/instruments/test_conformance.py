@@ -162,7 +162,8 @@ class TestSerialRelayTwin(BoxConformance):
 
 
 def yocto(patches: dict[str, int], **more: object) -> Yocto.Settings:
-    return Yocto.Settings.model_validate({"patches": patches, "timeout": TIMEOUT, **more})
+    # A thread of its own answers each request: on a busy machine that may wait.
+    return Yocto.Settings.model_validate({"patches": patches, "timeout": 5 * TIMEOUT, **more})
 
 
 def board(patches: dict[str, int], **more: object) -> SerialRelay.Settings:

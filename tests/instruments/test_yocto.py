@@ -34,7 +34,7 @@ class Setup:
 
 
 def settings(**changes: object) -> Yocto.Settings:
-    return Yocto.Settings.model_validate({"patches": PATCHES, "timeout": 0.2, **changes})
+    return Yocto.Settings.model_validate({"patches": PATCHES, "timeout": 0.5, **changes})
 
 
 @pytest.fixture(params=["twin", "wire"])
@@ -200,8 +200,8 @@ def test_close_changes_no_channel_and_may_be_called_again(setup: Setup) -> None:
 @pytest.mark.parametrize(
     ("fault", "sentence"),
     [
-        (ReplyFault("silence"), "did not answer within 0.2 s"),
-        (ReplyFault("drip"), "did not answer within 0.2 s"),
+        (ReplyFault("silence"), "did not answer within 0.5 s"),
+        (ReplyFault("drip"), "did not answer within 0.5 s"),
         (ReplyFault("disconnect"), "cannot be talked to"),
         (ReplyFault("not found"), "answered .* with status 404"),
         (ReplyFault("password"), "asks for a password"),
@@ -220,7 +220,7 @@ def test_every_bad_reply_is_one_sentence_within_the_deadline(
         start = clock.now()
         with pytest.raises(InstrumentError, match=sentence):
             action()
-        assert clock.now() - start < 1.5
+        assert clock.now() - start < 3
     assert fault.fired >= 2
     wired.hub.faults.clear()
     wired.relay.connect(["A"])
