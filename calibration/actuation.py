@@ -154,7 +154,4 @@ def _arriving(response: Response, volts: FloatArray, rate_hz: float) -> FloatArr
 
 def _path(response: Response, f: FloatArray) -> ComplexArray:
     """Measured volts at the patch per volt commanded, at `f` (Hz)."""
-    return np.asarray(
-        np.interp(f, response.frequencies, response.path.real)
-        + 1j * np.interp(f, response.frequencies, response.path.imag)
-    )
+    return np.asarray(np.interp(f, response.frequencies, response.path))

@@ -91,9 +91,7 @@ def _inverse(
     # The measured response itself, as the paper's, less its noise between the lines that are kept.
     # Of the volts commanded: the amplifier's lag is a part of what is inverted.
     known = response.acceleration * response.path
-    measured = np.interp(f, response.frequencies, known.real) + 1j * np.interp(
-        f, response.frequencies, known.imag
-    )
+    measured = np.interp(f, response.frequencies, known)
     with threadpool_limits(1):
         return _vector_fit(f, np.asarray(1 / measured, dtype=np.complex128), order)
 

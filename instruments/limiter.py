@@ -25,7 +25,7 @@ from instruments.generator import Sweep
 from instruments.latch import Latch, latch_of
 from instruments.limits import Limits, sounding
 
-__all__ = ["Limiter", "Ratings"]
+__all__ = ["Limiter", "Ratings", "combined"]
 
 Ratings = Mapping[str, Limits]
 """Limits by whose they are: the amplifier's, the relay's, a patch's, the rig file's own."""
@@ -46,6 +46,11 @@ class _Permit:
     rate_hz: float
     volts: Mapping[str, FloatArray]
     sweeps: Mapping[str, Sweep]
+
+
+def combined(ratings: Ratings) -> Limits:
+    """The strictest of all ratings."""
+    return reduce(Limits.within, ratings.values())
 
 
 class Limiter:
@@ -212,7 +217,7 @@ class Limiter:
         latch = self.latch
         if latch is not None:
             raise LimitError(latch.sentence)
-        strictest = reduce(Limits.within, ratings.values())
+        strictest = combined(ratings)
         try:
             replace(strictest, **{"burst": strictest.burst - longer, **lifted}).check(drive, rate_hz)
         except LimitError as error:
@@ -228,7 +233,7 @@ class Limiter:
 
     def _check_duty(self, seconds: float, ratings: Ratings) -> None:
         """Of the minute that ends with this drive, no more than the duty is played."""
-        duty, now = reduce(Limits.within, ratings.values()).duty, self._clock.now()
+        duty, now = combined(ratings).duty, self._clock.now()
         begin = now + seconds - _MINUTE
         while self._played and self._played[0][1] <= now - _MINUTE:
             self._played.popleft()

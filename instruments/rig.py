@@ -6,7 +6,6 @@ import atexit
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
-from functools import reduce
 from types import TracebackType
 from typing import Any, Self
 
@@ -23,7 +22,7 @@ from instruments.gate import Gated
 from instruments.generator import Sweep
 from instruments.latch import Latch
 from instruments.leaving import left_in_time
-from instruments.limiter import Limiter
+from instruments.limiter import Limiter, combined
 from instruments.limits import Limits
 from instruments.operator import ConfirmSettings
 from instruments.rig_file import RigFile
@@ -95,7 +94,7 @@ class Rig(Instruments):
 
     def limits_for(self, patches: int) -> Limits:
         """As `limits`, with `patches` patches in parallel."""
-        return reduce(Limits.within, self._ratings(patches).values())
+        return combined(self._ratings(patches))
 
     @property
     def latch(self) -> Latch | None:

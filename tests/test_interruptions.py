@@ -102,9 +102,8 @@ def ready(tmp_path_factory: pytest.TempPathFactory, full: bool) -> Ready:
         if name == "recalibrate":
             made = folder / "latch-button.h5"
             run(["button", "make", ready.recording, "-c", ready.calibration, "--iterations", 0, "-o", made])
-            run(
-                ["calibrations", "adopt", made, "--reason", "it begins", "--calibrations", ready.calibrations]
-            )
+            adopt = ["calibrations", "adopt", made, "--reason", "it begins"]
+            assert run([*adopt, "--calibrations", ready.calibrations]) == 0
             shutil.copytree(ready.calibrations, again / "calibrations")
             args = commands(ready, again)[name]  # noqa: PLW2901
         began = time.process_time()
