@@ -1,7 +1,7 @@
 """From volts to presses: streaming, recording files, segmentation, and the representative press."""
 
 from acquisition.judging import accepted_presses
-from acquisition.layout import Event, Judged
+from acquisition.layout import Event, PressVerdict
 from acquisition.presses import SEGMENTATIONS, ButtonPress, Segmentation, find_presses, segmentation_for
 from acquisition.protocol import Protocol
 from acquisition.recorder import record
@@ -10,19 +10,19 @@ from acquisition.recovery import recover
 from acquisition.registration import WarpModel
 from acquisition.represent import Representative, Window, high_pass, representative
 from acquisition.scan import verify
-from acquisition.study import Standing, Study, load_study, run_study
+from acquisition.study import Study, StudyProgress, load_study, run_study
 
 __all__ = [
     "SEGMENTATIONS",
     "ButtonPress",
     "Event",
-    "Judged",
+    "PressVerdict",
     "Protocol",
     "Recording",
     "Representative",
     "Segmentation",
-    "Standing",
     "Study",
+    "StudyProgress",
     "WarpModel",
     "Window",
     "accepted_presses",

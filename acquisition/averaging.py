@@ -1,4 +1,4 @@
-"""One curve that stands for many: two methods, and the choice between them.
+"""The average curve of many: two methods, and the choice between them.
 
 The dynamic time warping barycentre (Petitjean et al., Pattern Recognition 44(3), 2011), per participant
 and then over participants, is the paper's. It finds which sample of one press belongs to which of

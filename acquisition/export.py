@@ -78,4 +78,4 @@ def _library(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise ConfigurationError(f"{name} is not installed: pip install {name}.") from None
+        raise ConfigurationError(f"{name} is not installed: install it with `pip install {name}`.") from None

@@ -1,7 +1,7 @@
-"""Judging a press as soon as it is over, by what is found in it afterwards too.
+"""The quality of a press, checked as soon as it is over.
 
-The seconds around it are taken for a small recording, in which presses are searched as in any other:
-what is said live of a press is what the finished file says.
+The seconds around the press become a small recording, which is segmented like any other, so the verdict
+given live is the verdict that the finished file gives.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from acquisition.layout import BLOCK, EVENT, FLAGS, JUDGED, Contents, Header, Judged, to_codes
+from acquisition.layout import BLOCK, EVENT, FLAGS, VERDICT, Contents, Header, PressVerdict, to_codes
 from acquisition.presses import ButtonPress, Segmentation, Span, find_presses
 from acquisition.protocol import Protocol
 from acquisition.recording import Recording
 from instruments import DataError, Sensors
 from instruments.arrays import FloatArray
 
-__all__ = ["Judge", "accepted_presses"]
+__all__ = ["QualityCheck", "accepted_presses"]
 
 _RATING = 0.8
 """Share of the force sensor's rating that no press may exceed (hardware.md, section 13)."""
 _LIGHT = 0.3
-"""Share of a press's largest force below which the finger only lies on the button, or comes and goes."""
+"""Share of a press's largest force below which the finger only rests on the button, arrives or leaves."""
 _BETWEEN = 0.35
 """The force between two presses falls below this share of both; at a snap it stays above 60 %."""
 
@@ -33,7 +33,7 @@ _BETWEEN = 0.35
 def accepted_presses(
     recording: Recording, found: Sequence[ButtonPress] | None = None
 ) -> tuple[ButtonPress, ...]:
-    """The presses that count: those that were accepted, or all where nothing was judged.
+    """The presses that count: the accepted ones, or all presses of a recording without verdicts.
 
     Among `found`, or else among those that the segmentation finds with which the recording was made.
     Raises DataError.
@@ -45,12 +45,12 @@ def accepted_presses(
         return tuple(found)
     accepted = recording.accepted
     return tuple(
-        press for press in found if any(judged.first <= press.peak < judged.end for judged in accepted)
+        press for press in found if any(verdict.first <= press.peak < verdict.end for verdict in accepted)
     )
 
 
-class Judge:
-    """Says of a press whether it is accepted, and why not."""
+class QualityCheck:
+    """Checks the quality of a press: whether it is accepted, and if not, why."""
 
     def __init__(self, path: Path, header: Header, sensors: Sensors, protocol: Protocol) -> None:
         self._path, self._header, self._sensors, self._p = path, header, sensors, protocol
@@ -58,8 +58,8 @@ class Judge:
             raise DataError(f"{path} has no force sensor.")
         self._most = _RATING * sensors.force.ratings[2]
 
-    def __call__(self, volts: FloatArray, first: int, span: Span, number: int, attempt: int) -> Judged:
-        """The verdict on what happened in `span`, whose indices count from the recording's beginning.
+    def __call__(self, volts: FloatArray, first: int, span: Span, number: int, attempt: int) -> PressVerdict:
+        """The verdict on the press in `span`, whose indices count from the recording's beginning.
 
         `volts` is (channels, samples) around it, from sample `first` on: at least `Protocol.before`
         of it before the span, and nothing of the press before.
@@ -90,9 +90,9 @@ class Judge:
             wrong["saturated"] = "a sensor left its range"
         low, high = p.force or (p.segmentation.pressed, self._most)
         if peak > self._most:
-            wrong["force-range"] = f"the force reached {peak:.0f} N, the sensor takes {self._most:.0f} N"
+            wrong["force-range"] = f"the force reached {peak:.0f} N, and the sensor allows {self._most:.0f} N"
         elif at is not None and not low <= at <= high:
-            wrong["force-range"] = f"it switched at {at:.2f} N, not at {low:g} to {high:g} N"
+            wrong["force-range"] = f"it switched at {at:.2f} N, outside {low:g} to {high:g} N"
         if len(found) > 1 or _times(force[begin:end:width]) > 1:
             wrong["double"] = "it was pressed twice"
         # The finger comes to press, and leaves: what is above `light` lies between.
@@ -100,15 +100,15 @@ class Judge:
         coming, leaving = force[begin : begin + pressing[0]], force[begin + pressing[-1] : end]
         waiting = force[max(0, begin - round(p.before * rate_hz)) : begin]
         if len(coming) > p.linger * rate_hz:
-            wrong["not-quiet-before"] = f"the finger lay on it for {len(coming) / rate_hz:.1f} s before"
+            wrong["not-quiet-before"] = f"the finger rested on it for {len(coming) / rate_hz:.1f} s before"
         elif (waiting > p.segmentation.released).any() or _touches(coming, p.segmentation):
             wrong["not-quiet-before"] = "it was touched just before"
         if len(leaving) > p.linger * rate_hz:
-            wrong["not-quiet-after"] = f"the finger lay on it for {len(leaving) / rate_hz:.1f} s after"
+            wrong["not-quiet-after"] = f"the finger rested on it for {len(leaving) / rate_hz:.1f} s after"
         elif _touches(leaving[::-1], p.segmentation):
             wrong["not-quiet-after"] = "it was touched just after"
         sentence = "; ".join(wrong.values())
-        return Judged(
+        return PressVerdict(
             number=number,
             attempt=attempt,
             first=first + begin,
@@ -127,14 +127,14 @@ class _Excerpt(Recording):
     def __init__(self, path: Path, header: Header, sensors: Sensors, volts: FloatArray, quiet: slice) -> None:
         super().__init__(path, header, "recording")
         codes, _ = to_codes(volts, header.full_scale)
-        contents = Contents(codes, np.empty(0, BLOCK), np.empty(0, EVENT), np.empty(0, JUDGED))
+        contents = Contents(codes, np.empty(0, BLOCK), np.empty(0, EVENT), np.empty(0, VERDICT))
         self.__dict__ |= {"_checked": (contents, ""), "sensors": sensors}
         self._quiet = quiet
 
     @cached_property
     def _gauges(self) -> FloatArray:
         gauges = self._rows(self._sensor("force"))
-        # Of a touch in it the median knows nothing.
+        # The median ignores a touch within it.
         return np.asarray(gauges - np.median(gauges[:, self._quiet], axis=1, keepdims=True))
 
 
@@ -145,7 +145,7 @@ def _touches(force: FloatArray, p: Segmentation) -> bool:
 
 
 def _times(force: FloatArray) -> int:
-    """How often a button was pressed in a force (N) between whose presses the finger hardly leaves it."""
+    """Number of presses in a force (N), also where the finger hardly leaves the button between them."""
     least = _LIGHT * float(force.max(initial=0.0))
     count, top, bottom = 0, 0.0, 0.0
     for value in force.tolist():

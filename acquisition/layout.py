@@ -1,9 +1,9 @@
-"""What stands in a recording file: the contract that docs/format.md states in words.
+"""The file format of a recording, as docs/format.md specifies it.
 
 A file is in one of two states. While it is being recorded, `/blocks`, `/events` and `/presses` are
-contiguous datasets of records laid out beforehand and filled in place; a finished file holds `/codes`,
-channel by channel and compressed, and only the records that were filled. The rest is the same in both,
-and written before the first sample.
+preallocated contiguous datasets that are filled in place; a finished file holds `/codes`, channel by
+channel and compressed, and only the records that were filled. The rest is the same in both states, and
+is written before the first sample.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ __all__ = [
     "EVENT",
     "FLAGS",
     "FORMAT",
-    "JUDGED",
+    "VERDICT",
     "VERSION",
     "Codes",
     "Contents",
     "Event",
     "Header",
-    "Judged",
+    "PressVerdict",
     "block_dtype",
     "crc32",
     "event_row",
     "events_in",
     "file_name",
     "from_codes",
-    "judged_in",
-    "judged_row",
     "read_header",
     "sealed",
     "to_codes",
+    "verdict_row",
+    "verdicts_in",
     "whole",
     "write_header",
 ]
@@ -75,9 +75,9 @@ FLAGS = (
     "not-quiet-after",
     "rejected",
 )
-"""What may be said of a press; the place in this list is its bit in the file."""
+"""Flags of a press; the position in this list is the bit in the file."""
 
-JUDGED = np.dtype(
+VERDICT = np.dtype(
     [
         ("number", "<u4"),
         ("attempt", "<u4"),
@@ -91,7 +91,7 @@ JUDGED = np.dtype(
         ("crc", "<u4"),
     ]
 )
-"""A judged press: the fields of `Judged`, and the CRC of all bytes before it."""
+"""A press verdict: the fields of `PressVerdict`, and the CRC of all bytes before it."""
 
 BLOCK = np.dtype([("first", "<i8"), ("count", "<u4"), ("overload", "<u4"), ("time", "<f8")])
 """What a finished file keeps of each block: where it began, how many samples it has, which channels
@@ -102,15 +102,15 @@ _BUTTON = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 
 
 class Event(NamedTuple):
-    """Something that happened while recording, at a sample index."""
+    """An event during recording, at a sample index."""
 
     sample: int
     kind: str
     text: str
 
 
-class Judged(NamedTuple):
-    """How one press was judged. A later one of the same number and attempt takes its place."""
+class PressVerdict(NamedTuple):
+    """The verdict on one press. A later verdict with the same number and attempt replaces it."""
 
     number: int
     """Which of the presses that were asked for, from 1."""
@@ -159,19 +159,19 @@ class Header:
     study: str = ""
     """The study's name, if the recording belongs to one."""
     session: str = ""
-    """Which sitting, if it belongs to one."""
+    """Number of the session within the study, if it belongs to one."""
     protocol: str = "{}"
-    """How presses were asked for and judged, JSON."""
+    """How presses were asked for and accepted (`Protocol`), JSON."""
     notes: str = ""
     """What the operator noted before the first press."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """All that a file holds behind its header, whichever state it is in.
+    """Everything in a file but its header, in either state.
 
     `codes` is (channels, samples); `blocks`, `events` and `presses` are the filled rows of `BLOCK`,
-    `EVENT` and `JUDGED`. `stored_hash` is None for a file that was never finished.
+    `EVENT` and `VERDICT`. `stored_hash` is None for a file that was never finished.
     """
 
     codes: Codes
@@ -181,7 +181,7 @@ class Contents:
     stored_hash: str | None = None
 
     def hash(self, header: Header) -> str:
-        """SHA-256 (hex) of the samples, of all that turns them into SI, and of what was said of them.
+        """SHA-256 (hex) of the samples, of all that turns them into SI, and of the events and verdicts.
 
         The date, the software's version, what the cards called themselves and the blocks' times are not
         in it: the same presses on the same simulated rig have the same hash.
@@ -234,12 +234,12 @@ def sealed(row: NDArray[np.void]) -> bytes:
 
 
 def whole(row: np.void) -> bool:
-    """Whether a row was written, and all of it. Zeros, which is what was never filled, have no CRC of 0."""
+    """Whether a row was written completely. A row that was never filled is zeros, whose CRC is not 0."""
     return crc32(row.tobytes()[:-4]) == int(row["crc"])
 
 
 def event_row(event: Event) -> bytes:
-    """An event as it stands in the file; a text that is too long is cut off."""
+    """An event as a row of the file; a text that is too long is truncated."""
     row = np.array((event.sample, _utf8(event.kind, 16), _utf8(event.text, 228), 0), dtype=EVENT)
     return sealed(row)
 
@@ -251,27 +251,27 @@ def events_in(rows: NDArray[np.void]) -> tuple[Event, ...]:
     )
 
 
-def judged_row(press: Judged) -> bytes:
-    """A judged press as it stands in the file. Raises DataError for an unknown flag or a bad span."""
+def verdict_row(press: PressVerdict) -> bytes:
+    """A verdict as a row of the file. Raises DataError for an unknown flag or a bad span."""
     unknown = [flag for flag in press.flags if flag not in FLAGS]
     if unknown:
-        raise DataError(f"{unknown[0]!r} is no flag of a press; the flags are {', '.join(FLAGS)}.")
+        raise DataError(f"There is no press flag {unknown[0]!r}; the flags are {', '.join(FLAGS)}.")
     if press.number < 1 or press.attempt < 1 or not 0 <= press.first <= press.end:
         raise DataError(
             f"Press {press.number}, attempt {press.attempt}, from sample {press.first} to {press.end}: "
-            "numbers begin at 1, and a span may not end before it begins."
+            "number and attempt must be at least 1, and the span must not end before it begins."
         )
     mask = sum(1 << FLAGS.index(flag) for flag in set(press.flags))
-    row = np.array((*press[:6], mask, press.accepted, _utf8(press.reason, 200), 0), dtype=JUDGED)
+    row = np.array((*press[:6], mask, press.accepted, _utf8(press.reason, 200), 0), dtype=VERDICT)
     return sealed(row)
 
 
-def judged_in(rows: NDArray[np.void]) -> tuple[Judged, ...]:
-    """The presses of rows of `JUDGED`: the last row of each number and attempt, in their order."""
-    last: dict[tuple[int, int], Judged] = {}
+def verdicts_in(rows: NDArray[np.void]) -> tuple[PressVerdict, ...]:
+    """The verdicts in rows of `VERDICT`: the last row of each number and attempt, in their order."""
+    last: dict[tuple[int, int], PressVerdict] = {}
     for row in rows:
         flags = tuple(flag for bit, flag in enumerate(FLAGS) if int(row["flags"]) >> bit & 1)
-        press = Judged(
+        press = PressVerdict(
             int(row["number"]),
             int(row["attempt"]),
             int(row["first"]),
@@ -290,13 +290,13 @@ def file_name(participant: str, button: str) -> str:
     """`<participant>-<button>.h5`. Raises ConfigurationError, which states the rule that was broken."""
     if not _PSEUDONYM.fullmatch(participant):
         raise ConfigurationError(
-            f"{participant!r} is not a participant's pseudonym: use one to four letters and then one to "
-            "four digits, such as P01; never a name."
+            f"{participant!r} is not a valid participant pseudonym: use one to four letters, then one to "
+            "four digits, such as P01. Do not use a person's name."
         )
     if not _BUTTON.fullmatch(button):
         raise ConfigurationError(
-            f"{button!r} is not a button's name: use up to 40 letters, digits, '_' and '-', "
-            "and begin with a letter or a digit, such as doorbell."
+            f"{button!r} is not a valid button name: use up to 40 letters, digits, '_' and '-', "
+            "beginning with a letter or a digit, such as doorbell."
         )
     return f"{participant}-{button}.h5"
 
@@ -311,7 +311,7 @@ def to_codes(
 
     A card of at most 16 bits reports volts that are such codes, so nothing is rounded; what a driver has
     linearised in software is off by 0.504 of a code at most: the arithmetic is in float32, whose 24 bits
-    hold a code and 8 bits of its fraction, because it takes half the time. What is not a number is cut off.
+    hold a code and 8 bits of its fraction, because it takes half the time. NaN counts as cut off.
 
     `codes` and `scratch` are arrays of the shape of `volts` to work in, so that a stream takes no memory
     for each of its blocks.
@@ -349,12 +349,12 @@ def write_header(file: h5py.File, header: Header, state: str) -> None:
 def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
     """The header and the file's state. Raises DataError for any other or a newer format."""
     if file.attrs.get("format") != FORMAT:
-        raise DataError(f"{path} is an HDF5 file, but not a recording of haploop.")
+        raise DataError(f"{path} is an HDF5 file, but not a haploop recording.")
     version = int(file.attrs["format_version"])
     if version != VERSION:
-        remedy = "update it" if version > VERSION else "read it with the version that wrote it"
+        remedy = "update haploop" if version > VERSION else "read it with the haploop version that wrote it"
         raise DataError(
-            f"{path} has the recording format {version}, and this haploop reads format {VERSION}: {remedy}."
+            f"{path} has recording format {version}, but this haploop reads format {VERSION}: {remedy}."
         )
     a = file.attrs
     rig = file["rig"].asstr()[()]

@@ -36,10 +36,10 @@ class Segmentation:
     released: float = 0.15
     """It is over when the force has stayed below this for `quiet`."""
     quiet: float = 0.10
-    """s. A finger that leaves the button for less is still in the same press. While recording it is
-    longer (`acquisition.recorder.Protocol`): the next press is asked for only in silence."""
+    """s. A finger that leaves the button for less is still in the same press. While recording, the longer
+    `acquisition.protocol.Protocol.quiet` applies."""
     least_peak: float = 0.5
-    """What never reaches this is a touch, not a press."""
+    """A force that never reaches this is a touch, not a press."""
     onset: float = 0.06
     """The onset is where the force last was below this; with 0.03 N of noise that is ten sigma of
     the average over `bin`."""

@@ -1,4 +1,4 @@
-"""How presses are asked for, and what of them is accepted."""
+"""How presses are asked for, and which of them are accepted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Protocol"]
 
 @dataclass(frozen=True)
 class Protocol:
-    """How presses are asked for and judged. Times in s of the stream, never of the wall."""
+    """How presses are asked for and accepted. Times in s of the stream, not of the wall clock."""
 
     block: float = 0.05
     rest: float = 0.5
@@ -24,20 +24,20 @@ class Protocol:
     patience: float = 15.0
     """How long to wait for hands off, for a press to begin, and for it to end."""
     quiet: float = 0.3
-    """Without force, before a press counts as over and the next is asked for."""
+    """Time without force before a press counts as over and the next is asked for."""
     trail: float = 0.5
     """Recorded after the last press."""
     attempts: int = 5
-    """How often one press is asked for in one sitting until it is a good one."""
+    """Attempts at one press within a session before the session ends."""
     force: tuple[float, float] | None = None
     """N, lowest and highest at activation. Without it: from where a press begins to 80 % of the sensor's
     rating, which no press may exceed anyway."""
     before: float = 0.2
-    """Without force, before the finger comes."""
+    """Time without force before the finger arrives."""
     light: float = 1.0
-    """N. Less than this, and less than 30 % of the press's largest force, is a finger that lies there."""
+    """N. A force below this, and below 30 % of the press's largest, is a finger that rests on the button."""
     linger: float = 0.2
-    """How long it may lie there, before and after: in a clean press, less than 0.05 s."""
+    """Longest time that the finger may rest there, before and after; in a clean press it is below 0.05 s."""
     segmentation: Segmentation = field(default_factory=Segmentation)
 
     def to_json(self) -> str:
@@ -46,9 +46,9 @@ class Protocol:
 
     @classmethod
     def from_json(cls, text: str) -> Self | None:
-        """What `to_json` wrote; None for a recording that was made without judging (`{}`).
+        """What `to_json` wrote; None for a recording without verdicts (`{}`).
 
-        Raises DataError for what this haploop does not understand.
+        Raises DataError for a protocol that this version cannot read.
         """
         try:
             values = json.loads(text)
@@ -59,5 +59,5 @@ class Protocol:
             return cls(**values)
         except (ValueError, TypeError, KeyError):
             raise DataError(
-                "A recording's protocol is one that this haploop does not understand: update it."
+                "The recording's protocol was written by a newer haploop: update haploop to read it."
             ) from None

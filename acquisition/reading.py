@@ -1,7 +1,7 @@
-"""The reader: a thread that does nothing but take blocks from a stream and put them on a queue.
+"""The stream reader: a thread that only takes blocks from a stream and puts them on a queue.
 
-It never waits for a disk, a plot or a person. Whoever consumes the blocks does so in the thread that
-made the `Reader`, normally the main one, where Ctrl-C arrives.
+It never waits for a disk, a plot or a person. The blocks are consumed in the thread that made the
+`StreamReader`, normally the main one, where Ctrl-C arrives.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Self
 
 from instruments import Block, Clock, InstrumentError, Stream
 
-__all__ = ["GapError", "OverrunError", "Reader"]
+__all__ = ["GapError", "OverrunError", "StreamReader"]
 
 _POLL = 0.1
 """Seconds of one wait for the other thread: on Windows a wait without an end does not see Ctrl-C."""
@@ -30,7 +30,7 @@ class OverrunError(InstrumentError):
     """Blocks came faster than they were written, until no more could wait."""
 
 
-class Reader:
+class StreamReader:
     """A context that reads a stream; iterate over it for the blocks, in order and without a gap.
 
     `depth` is how many blocks may wait for their consumer. Iteration raises InstrumentError when
@@ -70,8 +70,8 @@ class Reader:
                 raise item
             if item.first != self._next:
                 raise GapError(
-                    f"Samples {self._next} to {item.first - 1} were lost: the block that should begin at "
-                    f"{self._next} begins at {item.first}. Close other programs, or use a larger buffer."
+                    f"Samples {self._next} to {item.first - 1} were lost: a block was expected at sample "
+                    f"{self._next} and begins at {item.first}. Close other programs, or use a larger buffer."
                 )
             self._next = item.end
             yield item
@@ -93,7 +93,7 @@ class Reader:
             self._thread.join(_STOP_DEADLINE)
         if self._thread.is_alive():
             raise InstrumentError(
-                f"The DAQ's driver did not return from reading within {_STOP_DEADLINE:g} s; "
+                f"The DAQ's driver did not return from a read within {_STOP_DEADLINE:g} s: "
                 "restart the program, and check the card."
             )
 
@@ -123,7 +123,7 @@ class Reader:
                 self._handled.clear()
                 if len(self._queue) >= self._depth:
                     raise OverrunError(
-                        f"The recorder fell behind: {self._depth} blocks wait to be written, so reading "
+                        f"The recorder fell behind: {self._depth} blocks wait to be written, and reading "
                         f"stopped at sample {block.first}. Use a faster or less busy disk."
                     )
                 self._put(block)

@@ -1,4 +1,7 @@
-"""Recording presses: ask for one, watch it happen, judge it, ask for the next; every sample goes to disk."""
+"""Recording presses: prompt for a press, detect it, check its quality, prompt for the next.
+
+Every sample goes to disk.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.judging import Judge
-from acquisition.layout import Header, Judged, file_name
+from acquisition.judging import QualityCheck
+from acquisition.layout import Header, PressVerdict, file_name
 from acquisition.presses import Detector, segmentation_for
 from acquisition.protocol import Protocol
-from acquisition.reading import GapError, OverrunError, Reader
+from acquisition.reading import GapError, OverrunError, StreamReader
 from acquisition.recording import Recording
 from acquisition.scan import finish
-from acquisition.store import Writer, check_target
+from acquisition.store import Writer, check_destination
 from instruments import (
     Block,
     Clock,
@@ -36,36 +39,36 @@ from instruments import (
 from instruments.arrays import FloatArray
 from instruments.signals import uninterrupted
 
-__all__ = ["Session", "ignore", "record", "sit"]
+__all__ = ["Session", "ignore", "record", "run_session"]
 
 _HISTORY = 1.0
-"""s of samples kept from before a press, to judge it by."""
+"""s of samples before a press that are kept for its quality check."""
 
 
 def ignore(*_told: object) -> None:
-    """Who does not want to be told."""
+    """Do nothing: the default callback."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """One sitting: whose presses of which button go into which file."""
+    """What one session records: a participant's presses of a button, into one file."""
 
     path: Path
     button: str
     participant: str
-    wanted: tuple[tuple[int, int], ...]
-    """Which presses are still to come: their numbers, and which attempt is next."""
+    pending: tuple[tuple[int, int], ...]
+    """Presses that are still due: (number, next attempt) of each."""
     of: int
-    """How many there will be in all, with those of earlier sittings."""
+    """Number of presses in all, those of earlier sessions included."""
     study: str = ""
     number: str = ""
-    """Which sitting it is, within a study."""
+    """Number of this session within a study."""
     consent: str = ""
-    """What was confirmed of the participant's consent."""
+    """Text of the consent event; "" for none."""
     notes: str = ""
-    """What the operator notes before it."""
+    """Notes by the operator, kept in the recording."""
     words: str = ""
-    """What the operator is told instead of `Press`'s own words; may hold the names of its fields."""
+    """Prompt that replaces the default text of `Press`; may contain the names of its fields."""
 
 
 def record(
@@ -75,66 +78,67 @@ def record(
     presses: int,
     out: str | Path,
     progress: Callable[[int, int], None] = ignore,
-    judged: Callable[[Judged], None] = ignore,
+    on_verdict: Callable[[PressVerdict], None] = ignore,
     protocol: Protocol | None = None,
     notes: str = "",
 ) -> Recording:
     """Record `presses` good presses of a button into `<out>/<participant>-<button>.h5`.
 
-    The operator is asked to keep hands off, then for each press once the one before has ended. Each
-    press is judged at once; a bad one is kept, marked, and asked for again. `progress(done, of)` is
-    called at the start and after each good press, `judged(press)` after each press. Whatever ends it
-    early (Ctrl-C and a lost sample too) leaves a readable recording of all that was read, not `complete`
-    and without the room that was left over, then the error goes on.
+    The operator is asked to keep hands off, then for each press once the one before has ended. The
+    quality of each press is checked at once; a bad press is kept, marked, and asked for again.
+    `progress(done, of)` is called at the start and after each good press, `on_verdict(press)` after each
+    press. Whatever ends the session early (Ctrl-C and a lost sample included) leaves a readable recording
+    of all samples that were read, not `complete` and without the unused space; the error is then raised.
 
     Raises ConfigurationError for a bad name, a missing sensor, an existing file, and a folder or disk
     that cannot take it; DataError when no press comes within 15 s, or no good one in 5 attempts;
     InstrumentError when a sample is lost or the disk refuses.
     """
     if not isinstance(presses, int | np.integer) or presses < 1:
-        raise ConfigurationError(f"{presses} presses were asked for; a whole number, at least 1, is needed.")
+        raise ConfigurationError(f"{presses!r} is not a number of presses: use a whole number, at least 1.")
     presses = int(presses)
     path = Path(out) / file_name(participant, button)
-    wanted = tuple((number, 1) for number in range(1, presses + 1))
-    session = Session(path, button, participant, wanted, presses, notes=notes)
+    pending = tuple((number, 1) for number in range(1, presses + 1))
+    session = Session(path, button, participant, pending, presses, notes=notes)
     protocol = protocol or Protocol(segmentation=segmentation_for(button))
-    return sit(rig, session, protocol, progress, judged)
+    return run_session(rig, session, protocol, progress, on_verdict)
 
 
-def sit(
+def run_session(
     rig: Rig,
     session: Session,
     p: Protocol,
     progress: Callable[[int, int], None] = ignore,
-    judged: Callable[[Judged], None] = ignore,
+    on_verdict: Callable[[PressVerdict], None] = ignore,
 ) -> Recording:
-    """Record the presses that a session still wants. As `record`, which it is the whole of."""
+    """Record the presses still due in a session. `record` calls this with a one-button session."""
     path = session.path
     force, channels = _wiring(rig)
-    check_target(path)
+    check_destination(path)
     rate_hz = rig.file.rate_hz
     samples = round(p.block * rate_hz)
-    # The longest that it can last, so that room for all of it is taken before the first sample.
-    longest = 2 * p.patience * (len(session.wanted) + p.attempts) + p.trail
-    laid_out = False
+    # The longest possible session, so that space for all of it is allocated before the first sample.
+    longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.trail
+    created = False
     try:
         with rig.daq.stream(channels, rate_hz, samples) as stream:
             header = _header(rig, stream, session, p)
             with (
                 Writer(path, header, samples, int(longest / p.block) + 2) as writer,
-                Reader(stream, rig.clock) as reader,
+                StreamReader(stream, rig.clock) as reader,
             ):
-                laid_out = True
+                created = True
                 try:
                     blocks = _written(reader, writer, rig.clock)
-                    _Sitting(rig, blocks, writer, header, force, session, p, progress, judged).conduct()
+                    run = _SessionRun(rig, blocks, writer, header, force, session, p, progress, on_verdict)
+                    run.conduct()
                 except BaseException as error:
                     with uninterrupted():
                         _keep(reader, writer, rig.clock.now(), error)
                     raise
     except BaseException:
-        if laid_out:
-            # Where this fails, the file stays as it is, whole and recoverable: what ended it is told.
+        if created:
+            # If this fails, the file stays as it is, readable and recoverable: raise what ended the session.
             with suppress(DataError, InstrumentError):
                 finish(path, "interrupted")
         raise
@@ -163,7 +167,7 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
     return Header(
         button=session.button,
         participant=session.participant,
-        presses=len(session.wanted),
+        presses=len(session.pending),
         rig_name=rig.name,
         simulated=rig.simulated,
         rate_hz=float(stream.rate_hz),
@@ -182,15 +186,15 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
     )
 
 
-def _written(reader: Reader, writer: Writer, clock: Clock) -> Iterator[Block]:
-    """Each block once it is in the file, so that whoever looks at it cannot lose it."""
+def _written(reader: StreamReader, writer: Writer, clock: Clock) -> Iterator[Block]:
+    """Each block after it was written to the file, so that no consumer can lose it."""
     for block in reader:
         writer.write(block, clock.now())
         yield block
 
 
-class _Sitting:
-    """What happens between the first block and the last: rest, presses, trail."""
+class _SessionRun:
+    """A session while it runs, between the first block and the last: rest, presses, trail."""
 
     def __init__(
         self,
@@ -202,25 +206,25 @@ class _Sitting:
         session: Session,
         p: Protocol,
         progress: Callable[[int, int], None],
-        judged: Callable[[Judged], None],
+        on_verdict: Callable[[PressVerdict], None],
     ) -> None:
         self._operator, self._blocks, self._writer, self._force = rig.operator, blocks, writer, force
         self._session, self._p, self._rate_hz = session, p, header.rate_hz
-        self._progress, self._judged = progress, judged
+        self._progress, self._on_verdict = progress, on_verdict
         self._gauges = [header.channels.index(name) for name in force.channels]
         self._detector = Detector(header.rate_hz, replace(p.segmentation, quiet=p.quiet))
-        self._judge = Judge(writer.path, header, rig.sensors, p)
+        self._check_quality = QualityCheck(writer.path, header, rig.sensors, p)
         self._index = self._began = 0
         self._rest: FloatArray = np.zeros((len(force.channels), 1))
         self._recent: deque[Block] = deque()
-        self._wanted = deque(session.wanted)
-        self._done = session.of - len(session.wanted)
+        self._pending = deque(session.pending)
+        self._done = session.of - len(session.pending)
         self._attempts: dict[int, int] = {}
-        self._last: Judged | None = None
-        """The press before, while it is accepted."""
+        self._last: PressVerdict | None = None
+        """The preceding press, while it is accepted."""
 
     def conduct(self) -> None:
-        """All of it. Raises DataError and InstrumentError."""
+        """Run the session to its end. Raises DataError and InstrumentError."""
         if self._session.consent:
             self._writer.note(0, "consent", self._session.consent)
         self._operator.tell(Rest(self._p.rest))
@@ -229,14 +233,14 @@ class _Sitting:
         self._began = self._index
         self._count(0)
         because = ""
-        while self._wanted:
-            number, attempt = self._wanted.popleft()
+        while self._pending:
+            number, attempt = self._pending.popleft()
             because = self._ask(number, attempt, because)
-            if not self._wanted:
+            if not self._pending:
                 self._wait(self._p.trail)
 
     def _ask(self, number: int, attempt: int, because: str) -> str:
-        """Have a press made, and judge it. Why it is asked for again; "" when it is a good one."""
+        """Prompt for a press and check it. Returns why it is asked for again, or "" when it is accepted."""
         s = self._session
         words = s.words.format(button=s.button, participant=s.participant, number=number, of=s.of)
         request = Press(s.button, s.participant, number, s.of, attempt, because, words)
@@ -244,18 +248,18 @@ class _Sitting:
         self._operator.tell(request)
         self._await(number)
         self._writer.note(self._index, "pressed", f"Press {number} of {s.of} was seen.")
-        judged = self._judge_last(number, attempt)
-        self._writer.judge(judged)
-        self._last = judged if judged.accepted else None
-        self._judged(judged)
-        if judged.accepted:
+        verdict = self._check_last(number, attempt)
+        self._writer.write_verdict(verdict)
+        self._last = verdict if verdict.accepted else None
+        self._on_verdict(verdict)
+        if verdict.accepted:
             self._count(+1)
         else:
-            self._again(judged)
-        return judged.reason
+            self._again(verdict)
+        return verdict.reason
 
     def _await(self, number: int) -> None:
-        """Return once a press has been made, and hands are off again. Raises DataError."""
+        """Return once a press is over and hands are off again. Raises DataError."""
         p, before = self._p, len(self._detector.spans)
         deadline = self._index + p.patience * self._rate_hz
         begun = False
@@ -271,26 +275,26 @@ class _Sitting:
                     f"{'its beginning' if begun else 'the prompt'}; {self._kept}."
                 )
 
-    def _judge_last(self, number: int, attempt: int) -> Judged:
-        """The verdict on the press that was just seen."""
+    def _check_last(self, number: int, attempt: int) -> PressVerdict:
+        """The verdict on the press that has just ended."""
         volts = np.concatenate([block.volts for block in self._recent], axis=1)
         span = self._detector.spans[-1]
         # The detector counts from where hands were off.
         span = span._replace(first=span.first + self._began, end=span.end + self._began)
-        judged = self._judge(volts, self._recent[0].first, span, number, attempt)
-        # Nothing of this press is seen when the next one is judged.
+        verdict = self._check_quality(volts, self._recent[0].first, span, number, attempt)
+        # The next press is checked without any sample of this one.
         self._recent.clear()
-        return judged
+        return verdict
 
-    def _again(self, judged: Judged) -> None:
-        """Ask for a press again, next. Raises DataError when that has been done too often."""
-        tried = self._attempts[judged.number] = self._attempts.get(judged.number, 0) + 1
+    def _again(self, verdict: PressVerdict) -> None:
+        """Ask for a press again. Raises DataError after too many attempts."""
+        tried = self._attempts[verdict.number] = self._attempts.get(verdict.number, 0) + 1
         if tried >= self._p.attempts:
             raise DataError(
-                f"Press {judged.number} of {self._session.of} went wrong {tried} times, at last so: "
-                f"{judged.reason} Look at the button and the sensors, and begin again; {self._kept}."
+                f"Press {verdict.number} of {self._session.of} was not accepted in {tried} attempts. Last "
+                f"reason: {verdict.reason} Check the button and the sensors, and start again; {self._kept}."
             )
-        self._wanted.appendleft((judged.number, judged.attempt + 1))
+        self._pending.appendleft((verdict.number, verdict.attempt + 1))
 
     def _next(self) -> None:
         """One block more. Raises InstrumentError when the stream has ended."""
@@ -303,14 +307,14 @@ class _Sitting:
         if self._operator.rejects() and self._last is not None:
             self._reject(self._last)
 
-    def _reject(self, last: Judged) -> None:
-        """The operator takes back that the press before was a good one."""
+    def _reject(self, last: PressVerdict) -> None:
+        """The operator rejects the preceding press."""
         self._last = None
         rejected = last._replace(
             accepted=False, flags=(*last.flags, "rejected"), reason="The operator rejected it."
         )
-        self._writer.judge(rejected)
-        self._judged(rejected)
+        self._writer.write_verdict(rejected)
+        self._on_verdict(rejected)
         self._count(-1)
         self._again(rejected)
 
@@ -336,24 +340,26 @@ class _Sitting:
             if np.ptp(self._force.to_si(means)[2]) < p.rest_spread:
                 return np.asarray(means.mean(axis=1, keepdims=True))
         raise DataError(
-            f"The force did not come to rest within {p.patience:g} s: take hands off the button, and begin "
+            f"The force did not come to rest within {p.patience:g} s: take hands off the button, and start "
             "again."
         )
 
     def _block(self) -> Block:
         block = next(self._blocks, None)
         if block is None:
-            raise InstrumentError(f"The DAQ ended its stream at sample {self._index}, in the middle of it.")
+            raise InstrumentError(
+                f"The DAQ ended its stream early, at sample {self._index}: check the DAQ, and start again."
+            )
         self._index = block.end
         return block
 
     @property
     def _kept(self) -> str:
-        return f"what was recorded stays in {self._writer.path}"
+        return f"the samples recorded so far are in {self._writer.path}"
 
 
-def _keep(reader: Reader, writer: Writer, now: float, error: BaseException) -> None:
-    """Write what has been read but not yet written, and why the recording ended."""
+def _keep(reader: StreamReader, writer: Writer, now: float, error: BaseException) -> None:
+    """Write the blocks that were read but not yet written, and the event that ended the recording."""
     reader.stop()
     try:
         for block in reader.left():
@@ -365,4 +371,4 @@ def _keep(reader: Reader, writer: Writer, now: float, error: BaseException) -> N
     except InstrumentError:
         if not isinstance(error, InstrumentError):
             raise
-        # The disk itself failed, and `error` says so already.
+        # The disk itself failed, which `error` already states.

@@ -17,11 +17,11 @@ from acquisition.layout import (
     Contents,
     Event,
     Header,
-    Judged,
+    PressVerdict,
     events_in,
     from_codes,
-    judged_in,
     read_header,
+    verdicts_in,
 )
 from acquisition.rejections import without_rejected
 from acquisition.scan import opened, read_contents
@@ -91,12 +91,12 @@ class Recording:
 
     @property
     def complete(self) -> bool:
-        """Whether it ran to its end: every press that was asked for, and a finished file."""
+        """Whether it ran to its end: every press was recorded, and the file is finished."""
         return self._state == "finished"
 
     @property
     def state(self) -> str:
-        """As its file says: "recording" (or killed), "finished", "interrupted" or "recovered"."""
+        """The state in the file: "recording" (or killed), "finished", "interrupted" or "recovered"."""
         return self._state
 
     @property
@@ -106,21 +106,21 @@ class Recording:
 
     @property
     def events(self) -> list[Event]:
-        """What happened meanwhile, each with its sample index, its kind and a sentence."""
+        """The events while recording, each with its sample index, its kind and a sentence."""
         return list(events_in(self._contents.events))
 
     @property
-    def judged(self) -> tuple[Judged, ...]:
-        """How each attempt at each press was judged in the end, in their order.
+    def verdicts(self) -> tuple[PressVerdict, ...]:
+        """The final verdict on each attempt at each press, in their order.
 
-        What was rejected afterwards (`rejections.jsonl` beside the file) is marked so.
+        Presses rejected afterwards (`rejections.jsonl` beside the file) have the flag `rejected`.
         """
-        return without_rejected(self.path, self.content_hash, judged_in(self._contents.presses))
+        return without_rejected(self.path, self.content_hash, verdicts_in(self._contents.presses))
 
     @property
-    def accepted(self) -> tuple[Judged, ...]:
+    def accepted(self) -> tuple[PressVerdict, ...]:
         """The presses that were accepted."""
-        return tuple(press for press in self.judged if press.accepted)
+        return tuple(press for press in self.verdicts if press.accepted)
 
     @property
     def blocks(self) -> NDArray[np.void]:
@@ -129,7 +129,7 @@ class Recording:
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of the samples, what turns them into SI and what was said of them, as it was found."""
+        """SHA-256 of the samples, of what turns them into SI, and of the events and verdicts."""
         return self._checked[1]
 
     @cached_property
@@ -139,7 +139,7 @@ class Recording:
             return Sensors.model_validate(json.loads(self.header.rig)["sensors"])
         except (ValidationError, ValueError, KeyError):
             raise DataError(
-                f"{self.path} was recorded with sensors that this haploop does not understand: update it."
+                f"{self.path} describes its sensors in a way that this haploop cannot read: update haploop."
             ) from None
 
     @cached_property
@@ -166,7 +166,7 @@ class Recording:
 
     @cached_property
     def saturated(self) -> BoolArray:
-        """(samples,): a sensor or its converter stood at the end of its range."""
+        """(samples,): a sensor or its converter was at the end of its range."""
         # 32767 is full scale on the way up; a card's last code on the way down is -32768.
         edge = np.any(np.abs(self._contents.codes.astype(np.int32)) >= CODES - 1, axis=0)
         accelerometer = self._sensor("acceleration")
@@ -201,19 +201,19 @@ class Recording:
 
     @cached_property
     def _checked(self) -> tuple[Contents, str]:
-        """What the file holds, and its hash. What was changed afterwards is no measurement: DataError."""
+        """The contents and their hash. Raises DataError when the file was changed after it was finished."""
         contents = read_contents(self.path)
         found = contents.hash(self.header)
         if contents.stored_hash not in (None, found):
             raise DataError(
-                f"{self.path} was changed after it was finished, its content does not match its hash: "
-                f"{contents.stored_hash} is stored and {found} was found. Use an unchanged copy."
+                f"{self.path} was changed after it was finished: its content hash is {found}, but the file "
+                f"states {contents.stored_hash}. Use an unchanged copy."
             )
         return contents, found
 
     @cached_property
     def _gauges(self) -> FloatArray:
-        """(6, samples) V above rest: what the box weighs, and the gauges' own offsets, are no force."""
+        """(6, samples) V above rest: without the weight of the box and the offsets of the gauges."""
         gauges = self._rows(self._sensor("force"))
         if not gauges.size:
             return gauges
@@ -231,7 +231,7 @@ class Recording:
     def _sensor(self, name: str) -> Sensor:
         sensor: Sensor | None = getattr(self.sensors, name)
         if sensor is None:
-            raise DataError(f"{self.path} has no {name} sensor.")
+            raise DataError(f"{self.path} was recorded without a sensor for {name}.")
         return sensor
 
     def _indices(self, sensor: Sensor) -> list[int]:

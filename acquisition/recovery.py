@@ -1,4 +1,4 @@
-"""Making whole what was interrupted, cut short or damaged: all that can be vouched for, in a new file."""
+"""Recovery: salvage the intact part of an interrupted, truncated or damaged recording into a new file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from acquisition.layout import EVENT, Codes, Contents, Event, Header, event_row, judged_in, read_header
+from acquisition.layout import EVENT, Codes, Contents, Event, Header, event_row, read_header, verdicts_in
 from acquisition.scan import (
     CHUNK,
     cut_short,
@@ -29,29 +29,29 @@ __all__ = ["recover"]
 
 
 def recover(path: str | Path) -> Path:
-    """Save what can be saved of a recording, in a new file `<name>.recovered.h5`; `path` is not touched.
+    """Salvage the intact part of a recording into a new file `<name>.recovered.h5`; `path` is not touched.
 
-    For one that was interrupted, cut short, or damaged in its samples: they are kept up to the first that
-    is missing. What was saved and what was not stands in the new file's last event. Raises
-    ConfigurationError when there is nothing to recover or the new file exists, DataError when the file is
-    damaged where it says what it is, or was changed after it was finished.
+    For a recording that was interrupted, truncated, or damaged in its samples: samples are kept up to the
+    first one that is missing. The new file's last event states what was saved and what was lost. Raises
+    ConfigurationError when there is nothing to recover or the new file exists, DataError when the file's
+    metadata are damaged, or the file was changed after it was finished.
     """
     path = Path(path)
-    target = path.with_name(f"{path.stem}.recovered.h5")
-    if target.exists():
-        raise ConfigurationError(f"{target} exists and is never overwritten: move it away.")
+    destination = path.with_name(f"{path.stem}.recovered.h5")
+    if destination.exists():
+        raise ConfigurationError(f"{destination} already exists and is not overwritten: move it away.")
     header, contents, lost = _whole(path) or _part(path)
     samples = contents.codes.shape[1]
-    accepted = len({press.number for press in judged_in(contents.presses) if press.accepted})
+    accepted = len({press.number for press in verdicts_in(contents.presses) if press.accepted})
     saved = f"Recovered {samples / header.rate_hz:.2f} s with {accepted} of {header.presses} presses accepted"
     event = np.frombuffer(event_row(Event(samples, "recovered", f"{saved}; {lost}")), dtype=EVENT)
     contents = replace(contents, events=np.concatenate([contents.events, event]))
-    write_finished(target, header, contents, "recovered", in_place=False)
-    return target
+    write_finished(destination, header, contents, "recovered", in_place=False)
+    return destination
 
 
 def _whole(path: Path) -> tuple[Header, Contents, str] | None:
-    """What a file holds that was interrupted; None when it cannot be read as it is."""
+    """The contents of an interrupted file; None when the file cannot be read as it is."""
     try:
         with opened(path) as file:
             header, state = read_header(file, path)
@@ -60,30 +60,30 @@ def _whole(path: Path) -> tuple[Header, Contents, str] | None:
     except DataError:
         return None
     if state == "recording":
-        lost = "what came after its last block is not in it."
+        lost = "samples after the last block are lost."
         if later:
-            lost = f"{later} blocks behind a damaged one were left out."
+            lost = f"{later} blocks after a damaged block were left out."
         return header, contents, lost
     if contents.stored_hash != contents.hash(header):
         raise DataError(
-            f"{path} was changed after it was finished, and nothing tells what it was before: "
+            f"{path} was changed after it was finished, and its original content cannot be restored: "
             "use an unchanged copy."
         )
-    raise ConfigurationError(f"{path} holds all that was recorded; there is nothing to recover.")
+    raise ConfigurationError(f"{path} is complete: there is nothing to recover.")
 
 
 def _part(path: Path) -> tuple[Header, Contents, str]:
-    """What a damaged file holds before its first sample that is missing. Raises DataError."""
+    """The contents of a damaged file before its first missing sample. Raises DataError."""
     with opened_beyond(path) as file:
         header, state = read_header(file, path)
         if state == "recording":
             contents = read_blocks(file, header)
-            return header, contents, "what came after its last whole block is not in it."
+            return header, contents, "samples after the last intact block are lost."
         stored = file["codes"]
         codes = _readable(stored)
         rows = [file[name][:] for name in ("blocks", "events", "presses")]
         recorded = stored.shape[1] / header.rate_hz
-        lost = f"of {recorded:.2f} s the rest is damaged, and what is left has no hash to be compared with."
+        lost = f"the rest of {recorded:.2f} s is damaged, and the saved part has no content hash to check."
         return header, ending_at(Contents(codes, *rows), codes.shape[1]), lost
 
 
@@ -98,7 +98,7 @@ def _readable(stored: h5py.Dataset) -> Codes:
 
 @contextmanager
 def opened_beyond(path: Path) -> Iterator[h5py.File]:
-    """The file as `opened` gives it; one that is cut short reads as zeros behind its end."""
+    """The file as `opened` gives it; a truncated file reads as zeros beyond its end."""
     try:
         with h5py.File(path, "r"):
             pass
@@ -115,8 +115,8 @@ def opened_beyond(path: Path) -> Iterator[h5py.File]:
                 yield file
         except (OSError, KeyError, ValueError, RuntimeError, UnicodeDecodeError):
             raise DataError(
-                f"{path} is cut short where it says what it is, so that nothing can be saved of it: "
-                "copy it again from where it came."
+                f"{path} is truncated within its metadata, so nothing can be recovered: "
+                "copy it again from its source."
             ) from None
 
 

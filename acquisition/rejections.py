@@ -1,6 +1,6 @@
-"""Presses that are rejected after their sitting: `rejections.jsonl`, beside the recordings that it speaks of.
+"""Presses rejected after their session: `rejections.jsonl`, in the folder of the recordings.
 
-A finished recording is never changed, so what is said of its presses later stands in a file of its own.
+A finished recording is never changed, so later rejections go into a file of their own.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from acquisition.layout import Judged
+from acquisition.layout import PressVerdict
 from acquisition.store import fresh_file
 from instruments import DataError
 
@@ -21,7 +21,7 @@ _JOURNAL = "rejections.jsonl"
 
 @dataclass(frozen=True)
 class Rejection:
-    """A press that was rejected after its sitting."""
+    """A press that was rejected after its session."""
 
     file: str
     """Name of the recording, which is in the same folder."""
@@ -34,16 +34,18 @@ class Rejection:
     """ISO 8601."""
 
 
-def without_rejected(path: Path, content_hash: str, presses: Collection[Judged]) -> tuple[Judged, ...]:
-    """The presses of a recording, those that were rejected afterwards marked. Raises DataError."""
+def without_rejected(
+    path: Path, content_hash: str, presses: Collection[PressVerdict]
+) -> tuple[PressVerdict, ...]:
+    """The verdicts of a recording, with later rejections applied. Raises DataError."""
     rejected = {}
     for one in _rejections(path.parent):
         if one.file != path.name:
             continue
         if one.sha256 != content_hash:
             raise DataError(
-                f"{path} is not the recording that presses were rejected of: its content hash is another "
-                f"than in {path.parent / _JOURNAL}."
+                f"{path} does not match its rejections: {path.parent / _JOURNAL} states another content "
+                "hash. Restore the recording and its rejections.jsonl from the same copy."
             )
         rejected[one.number, one.attempt] = one.reason
     return tuple(
@@ -55,7 +57,7 @@ def without_rejected(path: Path, content_hash: str, presses: Collection[Judged])
 
 
 def add_rejections(folder: Path, rejections: Collection[Rejection]) -> None:
-    """Add to what is rejected of the recordings in a folder, all or nothing. Raises DataError."""
+    """Add rejections of recordings in a folder, all or none. Raises DataError."""
     lines = [json.dumps(asdict(one)) + "\n" for one in (*_rejections(folder), *rejections)]
     with fresh_file(folder / _JOURNAL, replace=True) as temporary:
         temporary.write_text("".join(lines), encoding="utf-8")

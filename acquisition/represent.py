@@ -21,7 +21,7 @@ from acquisition.protocol import Protocol
 from acquisition.recording import Recording
 from acquisition.registration import WarpModel
 from acquisition.scan import opened
-from acquisition.store import check_target, fresh_file
+from acquisition.store import check_destination, fresh_file
 from instruments import ConfigurationError, DataError
 from instruments.arrays import ComplexArray, FloatArray
 
@@ -52,7 +52,7 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Representative:
-    """One press that stands for `members` presses; arrays are (samples,)."""
+    """The representative press of `members` presses; arrays are (samples,)."""
 
     button: str
     rate_hz: float
@@ -71,13 +71,13 @@ class Representative:
     sources: tuple[tuple[str, str], ...]
     """(file name, content hash) of each recording."""
     left_out: tuple[str, ...]
-    """Presses that it does not stand for, and why."""
+    """Presses that were left out, and why."""
     method: str
     """Which of the methods of `acquisition.averaging` made it."""
     simulated: bool
     scores: Mapping[str, float] = field(default_factory=dict)
-    """What each method leaves of presses that it has not seen (`acquisition.averaging.average`), relative:
-    the less, the better."""
+    """Relative residual of each method on held-out presses (`acquisition.averaging.average`); smaller is
+    better."""
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """What it was derived with: window, warps, and the segmentation of each recording (by file name)."""
     undone_hz: tuple[float, float] | None = None
@@ -93,7 +93,7 @@ class Representative:
     def save(self, path: str | Path) -> None:
         """Write an HDF5 file. Raises ConfigurationError for an existing file or a bad folder."""
         path = Path(path)
-        check_target(path)
+        check_destination(path)
         with fresh_file(path) as temporary, h5py.File(temporary, "w") as file:
             file.attrs.update({"format": _FORMAT, "format_version": _VERSION})
             for each in fields(self):
@@ -115,11 +115,11 @@ class Representative:
         path = Path(path)
         with opened(path) as file:
             if file.attrs.get("format") != _FORMAT:
-                raise DataError(f"{path} is an HDF5 file, but not a representative press of haploop.")
+                raise DataError(f"{path} is an HDF5 file, but not a haploop representative press.")
             if file.attrs["format_version"] != _VERSION:
                 raise DataError(
-                    f"{path} has format {file.attrs['format_version']} of representative presses, and this "
-                    f"haploop reads {_VERSION}: make it again from its recordings."
+                    f"{path} has representative-press format {file.attrs['format_version']}, but this "
+                    f"haploop reads format {_VERSION}: compute it again from its recordings."
                 )
             a = file.attrs
             return cls(
@@ -166,29 +166,29 @@ def representative(
     model: WarpModel | None = None,
     undo_low_pass: tuple[float, float] | None = None,
 ) -> Representative:
-    """The press that stands for all presses of one button: per participant, then over participants (the
-    paper, figure 5), by the vertical acceleration; force and activation go along.
+    """The representative press of one button: per participant, then over participants (the paper,
+    figure 5). The vertical acceleration decides; force and activation are averaged with it.
 
     Presses are aligned at the activation, and where the contact opens again. Two methods then bring them
     to one time, the paper's dynamic time warping barycentre and a registration by smooth warps; the
-    result is that of the better one, by what each leaves of presses that it has not seen
-    (`acquisition.averaging.average`), and both scores stand in it.
+    result is that of the method with the smaller residual on held-out presses
+    (`acquisition.averaging.average`), and holds both scores.
 
     `undo_low_pass` is a band in Hz in which the response that the rig file states of the accelerometer
     is divided out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz.
     Outside the band it is left as it is, a third of an octave away. Noise grows with it: `noise_gain`.
 
-    A press that was rejected, has a saturated sensor, is without activation, or is unlike its
-    participant's others, is left out, and said so. Raises DataError when no press is left,
-    ConfigurationError for recordings that do not belong together, or a band that is none.
+    Presses that were rejected, saturated a sensor, did not activate the button, or differ from the
+    participant's other presses are left out and listed. Raises DataError when no press is left,
+    ConfigurationError for recordings that cannot be combined, or an invalid band.
     """
     w, m = window or Window(), model or WarpModel()
     first = _check_together(recordings)
     rate_hz = first.rate_hz
     if undo_low_pass is not None and not 0 < undo_low_pass[0] < undo_low_pass[1] < rate_hz / 2:
         raise ConfigurationError(
-            f"The accelerometer's low-pass can be undone in a band between 0 and {rate_hz / 2:g} Hz, its "
-            f"lower edge first; {undo_low_pass[0]:g} to {undo_low_pass[1]:g} Hz was asked for."
+            f"undo_low_pass is {undo_low_pass[0]:g} to {undo_low_pass[1]:g} Hz: use a band within 0 to "
+            f"{rate_hz / 2:g} Hz, its lower edge first."
         )
     left_out: list[str] = []
     segmentations = {recording.path.name: _segmentation(recording) for recording in recordings}
@@ -196,7 +196,8 @@ def representative(
     every = [press for _, presses in usable for press in presses]
     if not every:
         raise DataError(
-            f"No press of the {first.button} button can be used ({'; '.join(left_out) or 'none was found'})."
+            f"The recordings hold no usable press of the {first.button} button "
+            f"({'; '.join(left_out) or 'none was found'}): record more presses."
         )
     openings = [p.opened - at for p, at in every if p.opened is not None]
     opening = float(np.median(openings)) if openings else 0.0
@@ -216,7 +217,7 @@ def representative(
     found = average([np.array(curves[participant]) for participant in sorted(curves)], rate_hz, m)
     for participant, kept in zip(sorted(curves), found.kept, strict=True):
         odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
-        left_out += [f"{participant}, {name}: it is unlike the participant's others" for name in odd]
+        left_out += [f"{participant}, {name}: it differs from this participant's others" for name in odd]
     acceleration, force, activation = found.template
     return Representative(
         button=first.button,
@@ -243,7 +244,7 @@ def representative(
 def _check_together(recordings: Sequence[Recording]) -> Recording:
     """The first recording. Raises ConfigurationError unless all are of one button and one rate."""
     if not recordings:
-        raise ConfigurationError("A representative press needs at least one recording.")
+        raise ConfigurationError("A representative press needs at least one recording: name one.")
     first = recordings[0]
     for other in recordings[1:]:
         for what, mine, theirs in (
@@ -254,11 +255,11 @@ def _check_together(recordings: Sequence[Recording]) -> Recording:
         ):
             if mine != theirs:
                 raise ConfigurationError(
-                    f"{first.path.name} and {other.path.name} do not belong together: "
+                    f"{first.path.name} and {other.path.name} cannot be combined: "
                     f"{what} is {mine} in one and {theirs} in the other."
                 )
     if len({r.content_hash for r in recordings}) < len(recordings):
-        raise ConfigurationError("The same recording was given twice; give each once.")
+        raise ConfigurationError("The same recording is given twice: give each recording once.")
     return first
 
 
@@ -276,7 +277,7 @@ def _usable(
     accepted = accepted_presses(recording, find_presses(recording, segmentation))
     left_out += [
         f"{recording.participant}, press {bad.number}, attempt {bad.attempt}: {bad.reason}"
-        for bad in recording.judged
+        for bad in recording.verdicts
         if not bad.accepted
     ]
     for number, press in enumerate(accepted, start=1):
@@ -380,5 +381,5 @@ def _taper(samples: int, length: int) -> FloatArray:
 def _bandwidth(recording: Recording) -> float:
     sensor = recording.sensors.acceleration
     if sensor is None:
-        raise DataError(f"{recording.path} has no acceleration sensor.")
+        raise DataError(f"{recording.path} was recorded without an acceleration sensor.")
     return sensor.bandwidth_hz

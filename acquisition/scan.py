@@ -1,4 +1,4 @@
-"""From the blocks of an unfinished file to samples: reading, finishing and verifying are this one scan."""
+"""Salvage: read the intact blocks of a recording file. Reading, finishing and verifying all use it."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ each other, and compress twice as well."""
 def opened(path: Path) -> Iterator[h5py.File]:
     """The file, open for reading, with DataError instead of what h5py raises for damage."""
     if not path.is_file():
-        raise DataError(f"There is no recording {path}.")
+        raise DataError(f"There is no recording {path}: check the name.")
     try:
         with h5py.File(path, "r") as file:
             yield file
     except (OSError, KeyError, ValueError, RuntimeError, UnicodeDecodeError) as error:
         if isinstance(error, PermissionError):
-            raise DataError(f"{path} may not be read by you: ask for its permissions.") from None
+            raise DataError(f"You have no permission to read {path}: ask its owner.") from None
         raise DataError(_damage(path, str(error))) from None
 
 
@@ -88,16 +88,16 @@ def ending_at(contents: Contents, samples: int) -> Contents:
 
 
 def cut_short(told: str, size: int) -> int:
-    """How many bytes a file should have, of which HDF5 `told` that it is cut short; 0 if it is not."""
-    # HDF5 finds in the file's beginning how long it should be, and says so among its own terms.
+    """Full size (bytes) of a truncated file, from the error that HDF5 `told`; 0 if it is not truncated."""
+    # The beginning of a file states its full size, which HDF5 reports in its error.
     cut = re.search(r"truncated file: .*stored_eof = (\d+)", told)
     return int(cut[1]) if cut and int(cut[1]) > size else 0
 
 
 def finish(path: Path, state: str = "finished") -> None:
-    """Turn a recording that has ended into its final form, in its own place, without the room left over.
+    """Replace a recording that has ended by its final form, without the unused space.
 
-    `state` is "interrupted" when it ended before all that was asked for. The new file is read back
+    `state` is "interrupted" when it ended before every press was recorded. The new file is read back
     before it takes the old one's name. Raises DataError or InstrumentError; the unfinished file is
     then as it was.
     """
@@ -108,9 +108,9 @@ def finish(path: Path, state: str = "finished") -> None:
 
 
 def verify(path: str | Path) -> tuple[str, ...]:
-    """What is wrong with a recording, one sentence each; nothing when it holds what was recorded.
+    """The problems of a recording, one sentence each; none when it is intact.
 
-    Checks the schema, the continuity and the content hash. Raises DataError for what cannot be read.
+    Checks the schema, the continuity and the content hash. Raises DataError for a file that cannot be read.
     """
     path = Path(path)
     with opened(path) as file:
@@ -119,11 +119,11 @@ def verify(path: str | Path) -> tuple[str, ...]:
     contents = read_contents(path)
     problems = []
     if state == "recording":
-        problems.append(f"{path} was interrupted; haploop recover makes it whole.")
+        problems.append(f"{path} was interrupted: `haploop recover` salvages it into a finished file.")
     elif contents.stored_hash != contents.hash(header):
         problems.append(f"{path} was changed after it was recorded: its content hash does not match.")
     if later:
-        problems.append(f"{path} has {later} blocks behind a damaged one.")
+        problems.append(f"{path} has {later} blocks after a damaged block.")
     if contents.codes.shape[0] != len(header.channels):
         problems.append(f"{path} has {contents.codes.shape[0]} rows for {len(header.channels)} channels.")
     ends = contents.blocks["first"] + contents.blocks["count"]
@@ -136,7 +136,7 @@ def verify(path: str | Path) -> tuple[str, ...]:
 
 
 def write_finished(path: Path, header: Header, contents: Contents, state: str, in_place: bool) -> None:
-    """A recording in its final form at `path`, read back before it has that name.
+    """Write a recording in its final form, and read it back before it takes the name `path`.
 
     Raises InstrumentError when the disk refuses, DataError when it does not give back what it took,
     ConfigurationError when `path` exists and not `in_place`.
@@ -147,7 +147,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
             with h5py.File(temporary, "w") as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
-                # The samples come last, and in order of time: a file that is cut short loses its end only.
+                # The samples come last, and in order of time: a truncated file loses its end only.
                 file.create_dataset("blocks", data=contents.blocks)
                 file.create_dataset("events", data=contents.events)
                 file.create_dataset("presses", data=contents.presses)
@@ -163,17 +163,17 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
                 codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
                 codes.attrs["volts_per_code"] = header.full_scale / CODES
             if read_contents(temporary).hash(header) != content_hash:
-                raise DataError(f"{path} did not read back as it was written: check the disk.")
+                raise DataError(f"{path} read back with other content than was written: check the disk.")
     except OSError as error:
         raise InstrumentError(
-            f"The disk refused to write {path} ({error.strerror or error}); what was recorded is safe."
+            f"{path} could not be written ({error.strerror or error}); the recorded samples are safe."
         ) from None
 
 
 def _valid(blocks: h5py.Dataset, channels: int) -> tuple[Codes, NDArray[np.void]]:
-    """The samples of the records from the first one on, up to the first that is not whole.
+    """The samples of the records up to the first one that is not intact.
 
-    Records behind a hole are left out: their time would be right, but a row may not have holes.
+    Records after a gap are left out: their time would be right, but a channel must not have gaps.
     """
     parts: list[Codes] = []
     rows: list[tuple[Any, ...]] = []
@@ -190,36 +190,36 @@ def _valid(blocks: h5py.Dataset, channels: int) -> tuple[Codes, NDArray[np.void]
 
 
 def _filled(rows: h5py.Dataset) -> NDArray[np.void]:
-    """The rows that were written, and whole."""
+    """The rows that were written completely."""
     return np.array([row for row in rows[:] if whole(row)], dtype=rows.dtype)
 
 
 def later_blocks(blocks: h5py.Dataset) -> int:
-    """How many whole records stand behind the first one that is not."""
+    """Number of intact records after the first one that is not."""
     found = [_written(record) for record in _records(blocks)]
     return sum(found) - next((i for i, ok in enumerate(found) if not ok), len(found))
 
 
 def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
-    """Records one after the other; a file that was laid out for an hour need not fit into memory."""
+    """Records one after the other; a file that was preallocated for an hour need not fit into memory."""
     step = max(1, (1 << 22) // blocks.dtype.itemsize)
     for start in range(0, len(blocks), step):
         yield from blocks[start : start + step]
 
 
 def _written(record: np.void) -> bool:
-    """Whether a block is there. An empty place is told by its count: there may be an hour of them."""
+    """Whether a block was written. An empty record has a count of 0, which is fast to test."""
     return int(record["count"]) > 0 and whole(record)
 
 
 def _damage(path: Path, told: str) -> str:
-    """One sentence for what HDF5 said of a file that it could not read."""
+    """One sentence for the error with which HDF5 could not read a file."""
     size = path.stat().st_size if path.is_file() else 0
     if length := cut_short(told, size):
         return (
-            f"{path} is cut short: {size} of {length} bytes are there. Copy it again from where it came, "
-            "or save what is whole with haploop recover."
+            f"{path} is truncated: it has {size} of {length} bytes. Copy it again from its source, "
+            "or salvage the intact part with `haploop recover`."
         )
     if size == 0:
-        return f"{path} is cut short: it is empty. Copy it again from where it came."
-    return f"{path} is damaged, or not a recording. Copy it again from where it came."
+        return f"{path} is truncated: it is empty. Copy it again from its source."
+    return f"{path} is damaged, or not a recording. Copy it again from its source."

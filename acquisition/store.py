@@ -1,10 +1,10 @@
-"""The writer: a recording file that is whole at every moment, at the speed of the raw disk.
+"""The writer: a recording file that is readable at every moment, at the speed of the raw disk.
 
-Arm: a complete HDF5 file with all metadata and room for every block is laid out, closed, allocated
-and brought to the disk before the first sample; a disk that is too small shows here. Record: each
-block is one positioned write into the dataset's own bytes, with its CRC, and no call of HDF5.
-Commit: a thread of its own asks the disk to keep what was written, so that a busy disk never holds
-up a block. Why each of these: docs/format.md, "Guarantees".
+Preallocate: a complete HDF5 file with all metadata and space for every block is made, allocated and
+synced before the first sample; a disk that is too small is found here. Record: each block is one
+positioned write into the dataset's own bytes, with its CRC, and no call of HDF5. Commit: a separate
+thread syncs what was written, so that a busy disk never holds up a block. docs/format.md,
+"Guarantees", says why.
 """
 
 from __future__ import annotations
@@ -24,40 +24,40 @@ import numpy as np
 
 from acquisition.layout import (
     EVENT,
-    JUDGED,
+    VERDICT,
     Event,
     Header,
-    Judged,
+    PressVerdict,
     block_dtype,
     crc32,
     event_row,
-    judged_row,
     to_codes,
+    verdict_row,
     write_header,
 )
 from instruments import Block, ConfigurationError, DataError, InstrumentError
 
-__all__ = ["Writer", "check_target", "fresh_file", "sync_folder"]
+__all__ = ["Writer", "check_destination", "fresh_file", "sync_folder"]
 
 _COMMIT_PERIOD = 0.05
-"""Seconds between two requests to the disk (measured: 50 to 100 ms costs nothing)."""
+"""Seconds between two syncs (measured: 50 to 100 ms costs nothing)."""
 _MARGIN = 1 << 20
 """Bytes left free beside the file itself and its finished copy."""
 
 
-def check_target(path: Path) -> None:
-    """Make the folder, and refuse a target that exists or cannot be written: ConfigurationError."""
+def check_destination(path: Path) -> None:
+    """Make the folder, and refuse a destination that exists or cannot be written: ConfigurationError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
         raise ConfigurationError(
-            f"The folder {path.parent} cannot be written ({error.strerror}); choose another."
+            f"The folder {path.parent} cannot be written ({error.strerror}): choose another folder."
         ) from None
     if path.exists():
         raise ConfigurationError(
-            f"{path} exists and is never overwritten: move it away, or choose another name."
+            f"{path} already exists and is not overwritten: move it away, or choose another name."
         )
 
 
@@ -85,7 +85,7 @@ def fresh_file(path: Path, replace: bool = False) -> Iterator[Path]:
 class Writer:
     """A recording file that is being filled; a context that closes it.
 
-    `capacity` is how many blocks of `block` samples it has room for.
+    `capacity` is the number of blocks of `block` samples that it has space for.
     Raises ConfigurationError when the file exists or the disk is too small.
     """
 
@@ -129,7 +129,7 @@ class Writer:
         count = block.volts.shape[1]
         if block.first > self._written or count > self._dtype["samples"].shape[1]:
             raise InstrumentError(
-                f"A block of {count} samples at {block.first} does not follow sample {self._written}."
+                f"A block of {count} samples begins at sample {block.first}, but {self._written} is next."
             )
         if self._slot >= self._capacity:
             raise InstrumentError(f"{self.path} is full after {self._written} samples: record fewer presses.")
@@ -151,35 +151,35 @@ class Writer:
         self._written = block.end
 
     def note(self, index: int, kind: str, text: str) -> Event:
-        """Keep an event; when there is no room left for any, the last one says so."""
+        """Append an event; when the space for events is full, the last event says so."""
         event = Event(index, kind, text)
         if self._events_left == 1:
-            event = Event(index, "events-full", "There was no room for further events.")
+            event = Event(index, "events-full", "There was no space for further events.")
         if self._events_left:
             self._put(event_row(event), self._events_at)
             self._events_at += EVENT.itemsize
             self._events_left -= 1
         return event
 
-    def judge(self, press: Judged) -> None:
-        """Keep how a press was judged; of one number and attempt, what was kept last counts.
+    def write_verdict(self, press: PressVerdict) -> None:
+        """Append the verdict on a press; the last verdict on a number and attempt counts.
 
-        Raises DataError for a flag that is none and for samples that are not written, InstrumentError
-        when there is no room or the disk refuses.
+        Raises DataError for an unknown flag and for samples that are not written, InstrumentError
+        when there is no space or the disk refuses.
         """
-        row = judged_row(press)
+        row = verdict_row(press)
         if press.end > self._written:
             raise DataError(
-                f"Press {press.number} ends at sample {press.end}, and {self._written} samples are written."
+                f"Press {press.number} ends at sample {press.end}, but only {self._written} are written."
             )
         if not self._presses_left:
-            raise InstrumentError(f"{self.path} has no room for further attempts: record fewer presses.")
+            raise InstrumentError(f"{self.path} has no space for further attempts: record fewer presses.")
         self._put(row, self._presses_at)
-        self._presses_at += JUDGED.itemsize
+        self._presses_at += VERDICT.itemsize
         self._presses_left -= 1
 
     def close(self) -> None:
-        """Bring all to the disk and let go of the file, which stays a readable recording.
+        """Sync and close the file, which stays a readable recording.
 
         May be called again. Raises InstrumentError when the disk refuses.
         """
@@ -212,24 +212,24 @@ class Writer:
             # Twice: the finished copy stands beside this file until it takes its place.
             if free < 2 * size + _MARGIN:
                 raise ConfigurationError(
-                    f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, and this recording needs "
-                    f"{(2 * size + _MARGIN) / 1e6:.0f} MB: make room, or record fewer presses."
+                    f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, but this recording needs "
+                    f"{(2 * size + _MARGIN) / 1e6:.0f} MB: free some space, or record fewer presses."
                 )
             with fresh_file(self.path) as temporary:
-                self._lay_out(temporary)
+                self._preallocate(temporary)
         except OSError as error:
             raise ConfigurationError(
-                f"{self.path} cannot be laid out ({error.strerror or error}); "
-                f"it needs {size / 1e6:.0f} MB in a folder that can be written."
+                f"{self.path} cannot be preallocated ({error.strerror or error}): "
+                f"it needs {size / 1e6:.0f} MB in a writable folder."
             ) from None
 
-    def _lay_out(self, temporary: Path) -> None:
+    def _preallocate(self, temporary: Path) -> None:
         with h5py.File(temporary, "w") as file:
             write_header(file, self._header, "recording")
             places = []
             for name, dtype, length in (
                 ("events", EVENT, self._events_left),
-                ("presses", JUDGED, self._presses_left),
+                ("presses", VERDICT, self._presses_left),
                 ("blocks", self._dtype, self._capacity),
             ):
                 plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
@@ -277,8 +277,8 @@ class Writer:
     def _check(self) -> None:
         if self._failure is not None:
             raise InstrumentError(
-                f"The disk refused to write {self.path} ({self._failure.strerror or self._failure}); "
-                f"{self._committed} samples are safe in it."
+                f"{self.path} could not be written ({self._failure.strerror or self._failure}); "
+                f"its first {self._committed} samples are safe."
             ) from self._failure
 
 
@@ -288,7 +288,7 @@ def _mask(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
 
 
 def _allocate(file: int, place: int, length: int) -> None:
-    """Have the disk set `length` zero bytes at `place` aside, so that it cannot run full later."""
+    """Allocate `length` zero bytes at `place`, so that the disk cannot fill up later."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file, place, length)
         return
@@ -297,30 +297,32 @@ def _allocate(file: int, place: int, length: int) -> None:
         length -= os.write(file, bytes(min(length, 1 << 20)))
 
 
-def _move(source: Path, target: Path) -> None:
-    """Rename without overwriting, also when another program makes `target` at this moment."""
+def _move(source: Path, destination: Path) -> None:
+    """Rename without overwriting, also when another program makes `destination` at this moment."""
     try:
         if os.name == "nt":
-            source.rename(target)  # refuses an existing target
+            source.rename(destination)  # refuses an existing destination
         else:
-            _link(source, target)
+            _link(source, destination)
     except FileExistsError:
-        raise ConfigurationError(f"{target} exists and is never overwritten: move it away.") from None
+        raise ConfigurationError(
+            f"{destination} already exists and is not overwritten: move it away."
+        ) from None
 
 
-def _link(source: Path, target: Path) -> None:
+def _link(source: Path, destination: Path) -> None:
     try:
-        os.link(source, target)
+        os.link(source, destination)
     except FileExistsError:
         raise
     except OSError:  # a disk without hard links, such as a USB stick
-        if target.exists():
+        if destination.exists():
             raise FileExistsError from None
-        source.rename(target)
+        source.rename(destination)
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring the new name to the disk, where a folder can be opened (not on Windows)."""
+    """Sync the new name, where a folder can be opened (not on Windows)."""
     if os.name == "nt":
         return
     number = os.open(folder, os.O_RDONLY)

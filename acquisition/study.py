@@ -1,7 +1,7 @@
-"""A study: many participants' presses of several buttons, recorded in as many sittings as it takes.
+"""A study: presses of several buttons by many participants, recorded in any number of sessions.
 
-What has been recorded stands in the recordings and nowhere else: how far a study has come is read from
-them (and from what is rejected of them) every time.
+The recordings are the only record of a study's progress: it is read from them (and from their
+rejections) every time.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 
-from acquisition.layout import Judged, file_name
-from acquisition.recorder import Session, ignore, sit
+from acquisition.layout import PressVerdict, file_name
+from acquisition.recorder import Session, ignore, run_session
 from acquisition.recording import Recording
 from acquisition.rejections import Rejection, add_rejections
 from acquisition.scan import finish
@@ -24,39 +24,39 @@ from acquisition.study_file import StudyFile, load_study_file
 from instruments import ConfigurationError, Consent, DataError, Ready, Rig
 from instruments.lock import hold
 
-__all__ = ["Standing", "Study", "load_study", "run_study"]
+__all__ = ["Study", "StudyProgress", "load_study", "run_study"]
 
 CONSENT = "consent"
 """Kind of the event that says, in every recording, that consent was confirmed."""
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
-    """How far a participant has come with a button."""
+class StudyProgress:
+    """Progress of one participant with one button."""
 
     participant: str
     button: str
     of: int
     """How many presses are asked for."""
     recordings: tuple[Recording, ...]
-    """One a sitting, in their order."""
+    """One for each session, in their order."""
 
     @cached_property
-    def judged(self) -> tuple[Judged, ...]:
-        """Every attempt at every press."""
-        return tuple(press for recording in self.recordings for press in recording.judged)
+    def verdicts(self) -> tuple[PressVerdict, ...]:
+        """The verdict on every attempt at every press."""
+        return tuple(press for recording in self.recordings for press in recording.verdicts)
 
     @cached_property
     def accepted(self) -> tuple[int, ...]:
         """Numbers of the presses that were accepted, in their order."""
-        numbers = {press.number for press in self.judged if press.accepted and press.number <= self.of}
+        numbers = {press.number for press in self.verdicts if press.accepted and press.number <= self.of}
         return tuple(sorted(numbers))
 
     @property
     def missing(self) -> tuple[tuple[int, int], ...]:
-        """Presses that are still to come: their numbers, and which attempt is next."""
+        """Presses that are still due: (number, next attempt) of each."""
         last = {
-            number: max((press.attempt for press in self.judged if press.number == number), default=0)
+            number: max((press.attempt for press in self.verdicts if press.number == number), default=0)
             for number in range(1, self.of + 1)
             if number not in self.accepted
         }
@@ -69,22 +69,22 @@ class Standing:
 
     @property
     def bad(self) -> int:
-        """How many attempts were judged bad when they were made."""
-        return sum(not press.accepted and "rejected" not in press.flags for press in self.judged)
+        """Number of attempts that failed the quality check."""
+        return sum(not press.accepted and "rejected" not in press.flags for press in self.verdicts)
 
     @property
     def rejected(self) -> int:
         """How many presses the operator rejected."""
-        return sum("rejected" in press.flags for press in self.judged)
+        return sum("rejected" in press.flags for press in self.verdicts)
 
     @property
     def interrupted(self) -> int:
-        """How many sittings ended early."""
+        """Number of sessions that ended early."""
         return sum(not recording.complete for recording in self.recordings)
 
     @property
     def consented(self) -> bool:
-        """Whether consent was confirmed at one of these sittings."""
+        """Whether consent was confirmed in one of these sessions."""
         return any(event.kind == CONSENT for recording in self.recordings for event in recording.events)
 
 
@@ -100,8 +100,8 @@ class Study:
         """Where its recordings are."""
         return self.path.parent / "recordings"
 
-    def standing(self, participant: str, button: str) -> Standing:
-        """How far a participant has come with a button. Raises ConfigurationError and DataError."""
+    def progress_of(self, participant: str, button: str) -> StudyProgress:
+        """Progress of one participant with one button. Raises ConfigurationError and DataError."""
         self._refuse(participant, button)
         recordings = []
         for path in self._parts(participant, button):
@@ -109,65 +109,66 @@ class Study:
             header = recording.header
             if (header.study, header.participant, header.button) != (self.file.name, participant, button):
                 raise DataError(
-                    f"{path} holds {header.button} by {header.participant} of the study {header.study!r}, "
-                    f"and has no place in {self.file.name!r}: move it away."
+                    f"{path} belongs to the study {header.study!r} (button {header.button}, participant "
+                    f"{header.participant}), not to {self.file.name!r}: move it away."
                 )
             recordings.append(recording)
-        return Standing(participant, button, self.file.presses_of(button), tuple(recordings))
+        return StudyProgress(participant, button, self.file.presses_of(button), tuple(recordings))
 
-    def standings(self, participants: Collection[str] = ()) -> tuple[Standing, ...]:
-        """All of them, or those of some participants: in the file's order, buttons as they come to them."""
+    def progress(self, participants: Collection[str] = ()) -> tuple[StudyProgress, ...]:
+        """Progress of all or some participants with each button, in the order in which they are recorded."""
         return tuple(
-            self.standing(participant, button)
+            self.progress_of(participant, button)
             for participant in self.file.participants
             if not participants or participant in participants
             for button in self.file.order_for(participant)
         )
 
     def recordings(self, button: str) -> tuple[Recording, ...]:
-        """What there is of a button, of all participants, where any press was accepted.
+        """The recordings of a button by all participants, where any press was accepted.
 
         Raises ConfigurationError and DataError.
         """
         return tuple(
             recording
             for participant in self.file.participants
-            for recording in self.standing(participant, button).recordings
+            for recording in self.progress_of(participant, button).recordings
             if recording.accepted
         )
 
     def reject(
         self, participant: str, button: str, numbers: Collection[int] = (), reason: str = ""
     ) -> tuple[Rejection, ...]:
-        """Reject accepted presses, or all of a button, for a reason; the next run asks for them again.
+        """Reject accepted presses of a button, by number or all; the next run asks for them again.
 
         The recordings stay as they are. Raises ConfigurationError for a press that is not accepted, and
         DataError.
         """
         with self.hold():
-            standing = self.standing(participant, button)
-            wanted = tuple(dict.fromkeys(numbers)) or standing.accepted
-            for number in wanted or (1,):
-                if number not in standing.accepted:
+            entry = self.progress_of(participant, button)
+            numbers = tuple(dict.fromkeys(numbers)) or entry.accepted
+            for number in numbers or (1,):
+                if number not in entry.accepted:
                     raise ConfigurationError(
-                        f"There is no accepted press {number} of {button} by {participant} to be rejected."
+                        f"{participant} has no accepted press {number} of {button}: "
+                        "`haploop study status` shows which presses there are."
                     )
             now = datetime.now(UTC).isoformat(timespec="seconds")
             why = reason or "by the operator"
             new = tuple(
                 Rejection(recording.path.name, recording.content_hash, press.number, press.attempt, why, now)
-                for recording in standing.recordings
+                for recording in entry.recordings
                 for press in recording.accepted
-                if press.number in wanted
+                if press.number in numbers
             )
             add_rejections(self.folder, new)
             return new
 
     @contextmanager
     def hold(self) -> Iterator[None]:
-        """Keep every other program that writes off this study, and finish what one left that was killed.
+        """Lock the study against other programs, and finish recordings that a killed program left.
 
-        Raises InstrumentError, which says who holds it, and DataError.
+        Raises InstrumentError, which names the process that holds the lock, and DataError.
         """
         with hold({f"study {os.path.normcase(self.path.resolve())}"}, self.file.name):
             for participant in self.file.participants:
@@ -178,18 +179,18 @@ class Study:
             yield
 
     def next_file(self, participant: str, button: str) -> tuple[Path, int]:
-        """Where the next sitting's recording goes, and which sitting it is."""
+        """Path of the next session's recording, and the session's number."""
         parts = self._parts(participant, button)
-        number = max((_sitting(path) for path in parts), default=0) + 1
+        number = max((_session_number(path) for path in parts), default=0) + 1
         name = Path(file_name(participant, button))
         suffix = name.suffix if number == 1 else f".{number}{name.suffix}"
         return self.folder / name.with_suffix(suffix), number
 
     def _parts(self, participant: str, button: str) -> list[Path]:
-        """The recordings of each sitting, in their order; what was recovered beside them is none."""
+        """The recordings of all sessions, in their order, without recovered files."""
         stem = Path(file_name(participant, button)).stem
         found = [path for path in self.folder.glob(f"{stem}*.h5") if _PART.fullmatch(path.name[len(stem) :])]
-        return sorted(found, key=_sitting)
+        return sorted(found, key=_session_number)
 
     def _refuse(self, participant: str, button: str) -> None:
         for what, name, names in (
@@ -198,8 +199,8 @@ class Study:
         ):
             if name not in names:
                 raise ConfigurationError(
-                    f"The study {self.file.name!r} has no {what} {name!r}; it has {', '.join(names)}. "
-                    f"Add the {what} in {self.path}."
+                    f"The study {self.file.name!r} has no {what} {name!r}, only {', '.join(names)}: "
+                    f"add the {what} in {self.path}."
                 )
 
 
@@ -217,55 +218,55 @@ def run_study(
     participants: Collection[str] = (),
     buttons: Collection[str] = (),
     progress: Callable[[str, str, int, int], None] = ignore,
-    judged: Callable[[str, str, Judged], None] = ignore,
+    on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
     notes: str = "",
 ) -> bool:
-    """Record what a study still wants: of everybody, or of some participants and some buttons.
+    """Record the presses still due in a study, of all or of some participants and buttons.
 
-    It goes on exactly where it stopped, whatever stopped it: what was accepted stays accepted, and a
-    sitting that was interrupted keeps its file. The operator confirms each participant's consent once,
-    and says when a participant is ready for a button; False as an answer ends the run, which then
-    returns False. `progress(participant, button, done, of)` and `judged(participant, button, press)`
-    are called as in `record`. `notes` go into every recording that is made.
+    A run continues where the last one stopped, for whatever reason: accepted presses stay accepted, and an
+    interrupted session keeps its file. The operator confirms each participant's consent once, and confirms
+    that a participant is ready for a button; the answer False ends the run, which then returns False.
+    `progress(participant, button, done, of)` and `on_verdict(participant, button, press)` are called as in
+    `record`. `notes` are stored in every recording of this run.
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and whatever `record` raises.
     """
     for participant in participants or study.file.participants:
         for button in buttons or study.file.buttons:
-            study.standing(participant, button)
+            study.progress_of(participant, button)
     _refuse_another_rig(rig, study)
     with study.hold():
         for participant in participants or study.file.participants:
-            standings = study.standings([participant])
-            consented = any(standing.consented for standing in standings)
-            for standing in standings:
-                button = standing.button
-                if standing.complete or (buttons and button not in buttons):
+            entries = study.progress([participant])
+            consented = any(entry.consented for entry in entries)
+            for entry in entries:
+                button = entry.button
+                if entry.complete or (buttons and button not in buttons):
                     continue
                 if study.file.consent and not consented:
                     _ask_consent(rig, study.file, participant)
                     consented = True
-                presses = len(standing.missing)
+                presses = len(entry.missing)
                 words = study.file.prompts.ready.format(
                     participant=participant, button=button, presses=presses
                 )
                 if not rig.operator.confirm(Ready(participant, button, presses, words)):
                     return False
-                session = _session(study, standing, consented, notes)
+                session = _session(study, entry, consented, notes)
                 tell = _telling(participant, button)
-                sit(rig, session, study.file.protocol_for(button), tell(progress), tell(judged))
+                run_session(rig, session, study.file.protocol_for(button), tell(progress), tell(on_verdict))
     return True
 
 
 def _refuse_another_rig(rig: Rig, study: Study) -> None:
-    """One study, one rig: above all, no simulated presses among real ones."""
-    for standing in study.standings():
-        for recording in standing.recordings:
+    """Refuse a second rig, so that simulated and real presses are never mixed."""
+    for entry in study.progress():
+        for recording in entry.recordings:
             if (recording.rig, recording.simulated) != (rig.name, rig.simulated):
                 raise ConfigurationError(
-                    f"{recording.path} was recorded on {_called(recording.rig, recording.simulated)}, and "
-                    f"this is {_called(rig.name, rig.simulated)}: a study stays on one rig."
+                    f"{recording.path} was recorded on {_called(recording.rig, recording.simulated)}, but "
+                    f"this is {_called(rig.name, rig.simulated)}: record a study on one rig only."
                 )
 
 
@@ -274,7 +275,7 @@ def _called(rig: str, simulated: bool) -> str:
 
 
 def _telling(participant: str, button: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Whoever is told of a press is told of whom and of what it is."""
+    """Add participant and button to the arguments of a callback."""
     return lambda told: lambda *what: told(participant, button, *what)
 
 
@@ -282,32 +283,32 @@ def _ask_consent(rig: Rig, file: StudyFile, participant: str) -> None:
     words = file.prompts.consent.format(participant=participant)
     if not rig.operator.confirm(Consent(participant, words)):
         raise DataError(
-            f"{participant} has not consented, so nothing of {participant} is recorded: go on with another "
-            "participant."
+            f"{participant} has not consented, so nothing was recorded: continue with another participant "
+            "(--participant)."
         )
 
 
-def _session(study: Study, standing: Standing, consented: bool, notes: str) -> Session:
-    participant, button = standing.participant, standing.button
+def _session(study: Study, entry: StudyProgress, consented: bool, notes: str) -> Session:
+    participant, button = entry.participant, entry.button
     path, number = study.next_file(participant, button)
     return Session(
         path=path,
         button=button,
         participant=participant,
-        wanted=standing.missing,
-        of=standing.of,
+        pending=entry.missing,
+        of=entry.of,
         study=study.file.name,
         number=str(number),
         consent=f"The operator confirmed that {participant} consented." if consented else "",
         notes=notes,
-        words=study.file.words_for(button),
+        words=study.file.prompt_for(button),
     )
 
 
 _PART = re.compile(r"(\.[0-9]+)?\.h5")
 
 
-def _sitting(path: Path) -> int:
-    """Which sitting a recording's file name says: P01-latch.h5 is the first, P01-latch.2.h5 the second."""
+def _session_number(path: Path) -> int:
+    """Session number in a recording's file name: 1 for P01-latch.h5, 2 for P01-latch.2.h5."""
     number = Path(path.stem).suffix
     return int(number[1:]) if number else 1

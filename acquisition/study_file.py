@@ -1,4 +1,4 @@
-"""`study.toml`: whose presses of which buttons a study wants, in which order, and what counts as one."""
+"""`study.toml`: participants, buttons, order and acceptance limits of a study."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from instruments import ConfigurationError
 from instruments.rig_file import validate
 from instruments.toml_lines import key_lines, place
 
-__all__ = ["ButtonWishes", "Prompts", "StudyFile", "load_study_file"]
+__all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1, le=1000)]
@@ -27,7 +27,7 @@ Order = Literal["counterbalanced", "random", "as-listed"]
 
 
 _PRESS = ("participant", "button", "number", "of")
-"""What the words for a press may hold."""
+"""Placeholders of the prompt for a press."""
 
 
 class _Section(BaseModel):
@@ -35,14 +35,14 @@ class _Section(BaseModel):
 
 
 class Prompts(_Section):
-    """What the operator is asked instead of haploop's own words; `{participant}` and such are filled in."""
+    """Prompts that replace the default ones; placeholders such as `{participant}` are filled in."""
 
     consent: str = ""
-    """Of `{participant}`."""
+    """Placeholder: `{participant}`."""
     ready: str = ""
-    """Of `{participant}`, `{button}` and `{presses}` to come."""
+    """Placeholders: `{participant}`, `{button}`, and `{presses}` still due."""
     press: str = ""
-    """Of `{participant}`, `{button}`, `{number}` and `{of}`."""
+    """Placeholders: `{participant}`, `{button}`, `{number}` and `{of}`."""
 
     @field_validator("consent", "ready", "press")
     @classmethod
@@ -55,8 +55,8 @@ class Prompts(_Section):
         return _fillable(words, known[info.field_name or ""])
 
 
-class ButtonWishes(_Section):
-    """`[button.NAME]`: what is different for one button."""
+class ButtonSettings(_Section):
+    """`[button.NAME]`: settings of one button, instead of the study's."""
 
     presses: Count | None = None
     force: tuple[Positive, Positive] | None = None
@@ -84,7 +84,7 @@ class ButtonWishes(_Section):
         known = {field.name for field in fields(Segmentation)}
         for name in segmentation:
             if name not in known:
-                raise ValueError(f"there is no {name!r}; there are {', '.join(sorted(known))}")
+                raise ValueError(f"there is no parameter {name!r}; there are {', '.join(sorted(known))}")
         return segmentation
 
 
@@ -98,15 +98,15 @@ class StudyFile(_Section):
     participants: Annotated[tuple[str, ...], Field(min_length=1)]
     """Pseudonyms. Add new ones at the end; see `order_for`."""
     presses: Count = 10
-    """Of each button by each participant; the paper's ten."""
+    """Presses of each button by each participant; the paper has ten."""
     order: Order = "counterbalanced"
-    """In which order a participant comes to the buttons."""
+    """Order of the buttons for each participant."""
     seed: Annotated[Annotated[int, Field(ge=0)] | None, Field(validate_default=True)] = None
     """Of a random order."""
     consent: bool = True
     """Whether the operator must confirm that a participant has consented."""
     prompts: Prompts = Prompts()
-    button: dict[str, ButtonWishes] = {}
+    button: dict[str, ButtonSettings] = {}
 
     @field_validator("buttons")
     @classmethod
@@ -126,16 +126,18 @@ class StudyFile(_Section):
     @classmethod
     def _of_random_order(cls, seed: int | None, info: ValidationInfo) -> int | None:
         if "order" in info.data and (info.data["order"] == "random") != (seed is not None):
-            raise ValueError("a random order needs a seed, and no other order takes one")
+            raise ValueError('a seed is required with order = "random" and not allowed with any other order')
         return seed
 
     @field_validator("button")
     @classmethod
-    def _one_of_them(cls, button: dict[str, ButtonWishes], info: ValidationInfo) -> dict[str, ButtonWishes]:
+    def _one_of_them(
+        cls, button: dict[str, ButtonSettings], info: ValidationInfo
+    ) -> dict[str, ButtonSettings]:
         buttons = info.data.get("buttons", tuple(button))
         for name in button:
             if name not in buttons:
-                raise ValueError(f"{name!r} is none of the buttons {', '.join(buttons)}")
+                raise ValueError(f"there is no {name!r} in buttons ({', '.join(buttons)})")
         return button
 
     def order_for(self, participant: str) -> tuple[str, ...]:
@@ -158,20 +160,20 @@ class StudyFile(_Section):
 
     def presses_of(self, button: str) -> int:
         """How many presses of a button each participant makes."""
-        return self._wishes(button).presses or self.presses
+        return self._settings_of(button).presses or self.presses
 
-    def words_for(self, button: str) -> str:
-        """What the operator is told for each press; "" for haploop's own words."""
-        return self._wishes(button).prompt or self.prompts.press
+    def prompt_for(self, button: str) -> str:
+        """Prompt for each press; "" for the default one."""
+        return self._settings_of(button).prompt or self.prompts.press
 
     def protocol_for(self, button: str) -> Protocol:
-        """How presses of a button are asked for and judged."""
-        wishes = self._wishes(button)
-        segmentation = replace(segmentation_for(button), **wishes.segmentation)
-        return Protocol(force=wishes.force, segmentation=segmentation)
+        """How presses of a button are asked for and accepted."""
+        settings = self._settings_of(button)
+        segmentation = replace(segmentation_for(button), **settings.segmentation)
+        return Protocol(force=settings.force, segmentation=segmentation)
 
-    def _wishes(self, button: str) -> ButtonWishes:
-        return self.button.get(button, ButtonWishes())
+    def _settings_of(self, button: str) -> ButtonSettings:
+        return self.button.get(button, ButtonSettings())
 
 
 def load_study_file(path: str | Path) -> StudyFile:
@@ -181,7 +183,7 @@ def load_study_file(path: str | Path) -> StudyFile:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ConfigurationError(
-            f"There is no study file {path}; `haploop study new FOLDER` begins a study."
+            f"There is no study file {path}: create a study with `haploop study new FOLDER`."
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"The study file {path} cannot be read: {error}.") from None
@@ -201,24 +203,24 @@ def _refusal_as_value_error(participant: str, button: str) -> None:
 
 
 def _fillable(words: str, names: tuple[str, ...]) -> str:
-    """A prompt, if these names are all that it wants filled in. Raises ValueError."""
+    """The prompt, if it has no other placeholders than these names. Raises ValueError."""
     try:
         words.format(**dict.fromkeys(names, 1))
     except (LookupError, AttributeError, ValueError):
         allowed = ", ".join(f"{{{name}}}" for name in names)
-        raise ValueError(f"{words!r} can hold {allowed}, and nothing else in braces") from None
+        raise ValueError(f"{words!r} may contain only these placeholders: {allowed}") from None
     return words
 
 
 def _different(names: tuple[str, ...]) -> tuple[str, ...]:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise ValueError(f"{twice[0]} stands there twice")
+        raise ValueError(f"{twice[0]} is listed twice")
     # P01-latch.h5 and p01-latch.h5 are one file on many a disk.
     folded = [name.casefold() for name in names]
     alike = [name for name in names if folded.count(name.casefold()) > 1]
     if alike:
-        raise ValueError(f"{' and '.join(alike)} differ by capitals only")
+        raise ValueError(f"{' and '.join(alike)} differ only in upper and lower case")
     return names
 
 

@@ -1,8 +1,8 @@
-"""The paper's way to a drive beside ours, played on simulated tables: `python benchmarks/drives.py`.
+"""The paper baseline beside our methods, played on simulated tables: `python benchmarks/drives.py`.
 
-Prints one table in Markdown: every way on the same press, calibrations and plants, measured by the same
-check. The paper's way is run at every even order from 2 to 32, and played at the order that its own
-prediction likes best. See README.md.
+Prints one table in Markdown: every method on the same press, calibrations and plants, measured by the same
+check. The paper baseline is computed at every even order from 2 to 32, and played at the order of its
+smallest predicted error. See README.md.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def main() -> None:
     options = parser.parse_args()
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(f"Simulated; {options.seeds} tables from seed {options.first}{load}\n")
-    print("| patch | target | way | error | floor | correlation | envelope | third octaves | scale |")
+    print("| patch | target | method | error | floor | correlation | envelope | third octaves | scale |")
     print("|---|---|---|---|---|---|---|---|---|")
     for world in [options.only] if options.only else WORLDS:
         found: dict[Method, Found] = {method: {} for method in METHODS}
@@ -57,14 +57,14 @@ def main() -> None:
                 calibration = calibrate(rig)
             with open_rig("simulated", simulation={**plant, **change}) as rig:
                 for method in METHODS:
-                    for way, result in ways(rig, calibration, method, options.plays):
-                        found[method].setdefault(way, []).append(result)
+                    for name, result in compared(rig, calibration, method, options.plays):
+                        found[method].setdefault(name, []).append(result)
         for method in METHODS:
             tell(world, method, found[method])
 
 
-def ways(rig: Rig, calibration: Calibration, method: Method, plays: int) -> list[tuple[str, Check]]:
-    """Every way on one table."""
+def compared(rig: Rig, calibration: Calibration, method: Method, plays: int) -> list[tuple[str, Check]]:
+    """Every method on one table."""
     press, limits = snap(), rig.limits
     paper = [paper_drive(press, calibration, limits, order, method=method) for order in ORDERS]
     planned = drive_for(press, calibration, limits, method=method)
@@ -75,13 +75,13 @@ def ways(rig: Rig, calibration: Calibration, method: Method, plays: int) -> list
         return replace(planned, volts=kept[-1].volts)
 
     drives = {
-        "paper's, best order": min(paper, key=lambda drive: drive.predicted_error),
+        "paper baseline, best order": min(paper, key=lambda drive: drive.predicted_error),
         "regularised": drive_for(press, calibration, limits, method=method, inversion="regularised"),
         "optimised": planned,
         "+ learning, 3": learnt(3),
         "+ learning, 5": learnt(5),
     }
-    return [(way, check(rig, drive, plays=plays)) for way, drive in drives.items()]
+    return [(name, check(rig, drive, plays=plays)) for name, drive in drives.items()]
 
 
 def snap() -> Representative:
@@ -110,14 +110,14 @@ def snap() -> Representative:
 
 def tell(world: str, method: str, found: Found) -> None:
     """Rows in Markdown: the mean over the tables, and the worst error."""
-    for way, results in found.items():
+    for name, results in found.items():
         mean = {
-            name: float(np.mean([getattr(result, name) for result in results]))
-            for name in ("nrmse", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
+            metric: float(np.mean([getattr(result, metric) for result in results]))
+            for metric in ("nrmse", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
         }
         worst = max(result.nrmse for result in results)
         print(
-            f"| {world} | {method} | {way} | {mean['nrmse']:.1%} ({worst:.1%}) | {mean['floor']:.1%} | "
+            f"| {world} | {method} | {name} | {mean['nrmse']:.1%} ({worst:.1%}) | {mean['floor']:.1%} | "
             f"{mean['correlation']:.3f} | {mean['envelope_correlation']:.3f} | "
             f"{mean['third_octave_error_db']:.1f} dB | "
             f"{np.mean([result.drive.scale for result in results]):.3f} |",

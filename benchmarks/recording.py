@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 from contestants import CHANNELS, CONTESTANTS, FULL_SCALE, NAMES, Material, Way, header, raw
 
-from acquisition.reading import Reader
+from acquisition.reading import StreamReader
 from acquisition.scan import read_contents
 from acquisition.store import Writer
 from instruments import Block, RealClock, Stream
@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("--megabytes", type=int, default=128, help="what each way records in a round")
     parser.add_argument("--seconds", type=float, default=20.0, help="length of each paced recording")
     parser.add_argument("--folder", type=Path, default=Path.cwd(), help="on the disk to be measured")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.add_argument("--json", type=Path, help="also write the results to this file")
     options = parser.parse_args()
     machine = (
         f"{_processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
@@ -149,7 +149,7 @@ def _record(folder: Path, stream: Paced, watch: Callable[[Writer], None] = lambd
     run = Run(path, [], 0, 0.0)
     with (
         Writer(path, header(stream.rate_hz), stream.material.samples, stream.blocks) as writer,
-        Reader(stream, RealClock()) as reader,
+        StreamReader(stream, RealClock()) as reader,
     ):
         watch(writer)
         busy, began = time.process_time(), time.perf_counter()

@@ -1,4 +1,4 @@
-"""The closed loop: play a drive, measure the surface, and compare with what it should have done."""
+"""The closed loop: play a drive, measure the surface, and compare with the target."""
 
 from __future__ import annotations
 
@@ -26,32 +26,31 @@ __all__ = ["Check", "check"]
 TOLERANCE = 0.20
 """About the just noticeable difference of a vibration's amplitude."""
 FLOORS = 1.6
-"""A check cannot ask for much less than what the plays themselves differ by."""
+"""Tolerance over the floor, at least: a tolerance cannot lie much below the spread of the plays."""
 CORRELATION = 0.97
 LEAST_IN_BAND = 0.25
-"""Share of the modulated press's energy that the drive's band must hold: what matches less of a press
-than this is no match of it."""
+"""Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
 LEAST_MOVED = 0.3
-"""Motion over the motion that was wanted, below which nothing followed the drive."""
+"""Measured over target motion, below which the surface counts as not following the drive."""
 UNSEEN = "the patch is not connected, or the laser does not see the surface"
 _TAIL = 0.1
-"""Seconds recorded after the drive, so that the vibrometer's delay cuts nothing off."""
+"""Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
 _EXCESS = 1.02
-"""Measured volts over the limit that are believed to be the monitor's noise and gain."""
+"""Measured volts over the limit that are attributed to the monitor's noise and gain error."""
 _HELD = 30.0
-"""dB below the strongest third-octave band down to which a band is said to hold energy."""
+"""Range (dB) below the strongest third-octave band within which a band is compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """What was measured when a drive was played, against its target, with no gain or lag fitted.
+    """Measured motion of a drive against its target, with no gain or lag fitted.
 
     `measured` is (samples,) m/s^2, the mean of the plays, on the clock of `drive.target` and in its
     band. `nrmse` is the rms of the difference over the target's rms; `floor` is the standard error
     of the mean of the plays, over the same. `octaves_hz` are the centres of third-octave bands,
     `target_db` and `measured_db` the levels in them (dB re 1 m/s^2); the error is the rms difference
-    over the bands within 30 dB of the strongest. `reasons` says why it did not pass, and is empty
-    when it did.
+    over the bands within 30 dB of the strongest. `reasons` are the reasons for a failure, empty when it
+    passed.
     """
 
     drive: Drive
@@ -66,7 +65,7 @@ class Check:
     measured_db: FloatArray
     third_octave_error_db: float
     drive_measured_peak: float
-    """Largest voltage that the monitor saw at the patch (V)."""
+    """Largest voltage measured at the patch (V)."""
     overload: bool
     tolerance: float
     reasons: tuple[str, ...]
@@ -74,12 +73,12 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing speaks against it."""
+        """Whether there is no reason to fail."""
         return not self.reasons
 
     @property
     def beyond_noise(self) -> float:
-        """What of the error is not the plays' own noise: what model and limits leave, over the target."""
+        """The error without the plays' noise, over the target: it stems from model and limits."""
         return float(np.sqrt(max(self.nrmse**2 - self.floor**2, 0.0)))
 
     def save(self, path: str | Path) -> None:
@@ -106,11 +105,11 @@ def check(
     plays: int = 8,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Check:
-    """Play a drive `plays` times and compare what the surface did with the drive's target.
+    """Play a drive `plays` times and compare the motion of the surface with the drive's target.
 
     `press`, if given, must be the one that the drive was computed for: ConfigurationError
-    otherwise. `progress` is told the plays done and in all. A signal that leaves its range, a dead patch or a
-    blocked laser is a check that fails, with its reason. Raises ConfigurationError for fewer than
+    otherwise. `progress` receives the plays done and in all. A signal that leaves its range, a dead
+    patch or a blocked laser fails the check, with its reason. Raises ConfigurationError for fewer than
     two plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
     """
     if plays < 2:
@@ -127,13 +126,13 @@ def check(
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What was measured of some plays of one drive: `accelerations` is (plays, samples) m/s^2."""
+    """Measurements of several plays of one drive: `accelerations` is (plays, samples) m/s^2."""
 
     accelerations: FloatArray
     peak: float
     """Largest voltage at the patch (V)."""
     overload: str | None
-    """What left its range, as a sentence."""
+    """Which signal left its range, as a sentence."""
 
 
 def play(
@@ -178,13 +177,13 @@ def refuse_foreign(rig: Rig, drive: Drive) -> None:
 
 
 def compare(drive: Drive, played: Played, rig: Rig) -> Check:
-    """The verdict on what was played."""
+    """The check of measured plays."""
     target, measured = drive.target, played.accelerations.mean(axis=0)
     nrmse, floor = errors(played.accelerations, target)
-    centres, wanted_db = third_octaves(target, drive.rate_hz, *drive.band)
+    centres, target_db = third_octaves(target, drive.rate_hz, *drive.band)
     _, measured_db = third_octaves(measured, drive.rate_hz, *drive.band)
-    held = wanted_db > wanted_db.max(initial=-np.inf) - _HELD
-    difference = (measured_db - wanted_db)[held]
+    held = target_db > target_db.max(initial=-np.inf) - _HELD
+    difference = (measured_db - target_db)[held]
     result = Check(
         drive=drive,
         plays=len(played.accelerations),
@@ -194,7 +193,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         envelope_correlation=_correlation(np.abs(hilbert(measured)), np.abs(hilbert(target))),
         floor=floor,
         octaves_hz=centres,
-        target_db=wanted_db,
+        target_db=target_db,
         measured_db=measured_db,
         third_octave_error_db=float(np.sqrt(np.mean(difference**2))) if len(difference) else 0.0,
         drive_measured_peak=played.peak,
@@ -240,7 +239,7 @@ def _reasons(result: Check, overload: str | None, peak: float) -> tuple[str, ...
             "check the amplifier, the relay and the drive monitor."
         )
     moved = _rms(result.measured) / _rms(drive.target)
-    # Written so that a number which is no number fails too.
+    # Written so that NaN fails too.
     if not result.nrmse <= result.tolerance:
         reasons.append(
             f"The surface differs from the target by {result.nrmse:.1%} rms, "
@@ -256,16 +255,16 @@ def _reasons(result: Check, overload: str | None, peak: float) -> tuple[str, ...
             f"{drive.band[1]:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
         )
     if reasons and moved < LEAST_MOVED:
-        reasons.append(f"The surface moved {moved:.1%} of what was wanted: {UNSEEN}.")
+        reasons.append(f"The surface moved {moved:.1%} of the target motion: {UNSEEN}.")
     elif reasons and result.floor > TOLERANCE / FLOORS:
         reasons.append(
-            f"The plays differ among themselves by {result.floor:.1%} of the target, as a mean of "
-            f"{result.plays}: the vibrometer's noise hides what the surface did."
+            f"The mean of {result.plays} plays is uncertain by {result.floor:.1%} of the target: the "
+            "vibrometer's noise hides the motion of the surface."
         )
     elif reasons and drive.predicted_error > result.tolerance:
         reasons.append(
-            f"An error of {drive.predicted_error:.1%} was expected when the drive was computed: within "
-            "the limits, and with this noise in the calibration, the table cannot follow the press."
+            f"The error predicted when the drive was computed is {drive.predicted_error:.1%}: within the "
+            "limits, and with the noise in this calibration, the table cannot follow the press."
         )
     return tuple(reasons)
 
@@ -275,7 +274,7 @@ def _rms(signal: FloatArray) -> float:
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:
-    """Pearson's; zero when a signal does not move at all."""
+    """Pearson's correlation; zero when a signal is constant."""
     a, b = a - a.mean(), b - b.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0 else 0.0

@@ -1,8 +1,8 @@
-"""Is a place still what its calibration says? A response laid over the active calibration's model.
+"""Drift test of a place: fits the active calibration's model to a new response.
 
-Three numbers, a common shift of all resonances, a factor of their damping, and a gain, explain what
-temperature, age and an amplifier do to a table; what they leave over says that the table, or the
-place that the laser looks at, is not the one that was calibrated. The thresholds are the rig file's
+Three parameters, a common shift of all resonances, a factor of their damping, and a gain, describe the
+effect of temperature, age and amplifier on a table; a large residual means that the table, or the
+place that the laser looks at, is not the calibrated one. The thresholds are the rig file's
 (`instruments.rig_file.Recalibration`).
 """
 
@@ -21,26 +21,26 @@ from calibration.response import Response
 from instruments.arrays import ComplexArray, FloatArray
 from instruments.rig_file import Recalibration
 
-__all__ = ["Figures", "Kind", "Verdict", "compare"]
+__all__ = ["Kind", "PlaceMetrics", "Verdict", "compare"]
 
 Kind = Literal["unchanged", "drifted", "broken"]
 
 _MOST = 0.1
-"""Relative shift beyond which it is no drift."""
+"""Relative shift beyond which a place counts as broken, not drifted."""
 _FURTHEST = 0.12
-"""Largest shift (logarithm) that is looked for."""
+"""Largest shift (logarithm) in the search."""
 _GRID = 0.0025
 """Step of that search: a quarter of a resonance's half-width at 1 % damping."""
 _STRANGE = 0.4
-"""Rest from which it is not the same table, point and patch: a neighbouring grid point leaves 22 to 70 %,
-another patch 93 % (measured on the simulated table)."""
+"""Residual beyond which table, point or patch differ from the calibrated ones: a neighbouring grid point
+leaves 22 to 70 %, another patch 93 % (measured on the simulated table)."""
 _FACTOR = 1.6
-"""Gain or loss beyond which nothing has drifted: a patch half off, another range, the laser elsewhere."""
+"""Gain factor beyond which a place counts as broken: a patch half off, another range, the laser elsewhere."""
 
 
 @dataclass(frozen=True)
-class Figures:
-    """One place in five numbers, for the mode that is strongest in velocity."""
+class PlaceMetrics:
+    """Five metrics of one place, for the mode that is strongest in velocity."""
 
     resonance_hz: float
     damping: float
@@ -50,53 +50,53 @@ class Figures:
     coherence: float
     """Median over the band of drives."""
     shape: float
-    """Relative rms difference over the band from the model that it was compared with."""
+    """Relative rms difference over the band from the fitted model."""
 
     @classmethod
-    def of(cls, calibration: Calibration) -> Figures:
-        """Of a calibration, compared with its own model."""
+    def of(cls, calibration: Calibration) -> PlaceMetrics:
+        """Metrics of a calibration, against its own model."""
         f, measured = _in_band(calibration.response)
         model = calibration.model
-        rest = measured - model.velocity(f)
+        residual = measured - model.velocity(f)
         pole, residue = _main(model)
         return cls(
             resonance_hz=float(abs(pole) / (2 * np.pi)),
             damping=float(-pole.real / abs(pole)),
             gain=float(2 * abs(residue)) * _path(calibration.response),
             coherence=_coherence(calibration.response),
-            shape=float(np.linalg.norm(rest) / np.linalg.norm(measured)),
+            shape=float(np.linalg.norm(residual) / np.linalg.norm(measured)),
         )
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a look at one place found. `now` is None when nothing could be measured there."""
+    """Result of the drift test of one place. `now` is None when nothing could be measured there."""
 
     patch: str
     point: str
     kind: Kind
-    before: Figures
-    now: Figures | None
+    before: PlaceMetrics
+    now: PlaceMetrics | None
     sentences: tuple[str, ...]
-    """What was found; where it is broken, what and where."""
+    """Findings; for a broken place, the fault and its location."""
 
 
 def compare(active: Calibration, response: Response, thresholds: Recalibration | None = None) -> Verdict:
-    """Whether a response of the same patch and point still is what the active calibration says."""
+    """Compare a response of the same patch and point with the active calibration."""
     thresholds = thresholds or Recalibration()
-    before = Figures.of(active)
+    before = PlaceMetrics.of(active)
     place = f"patch {response.patch} at the {response.point} point"
     coherence = _coherence(response)
     f, measured = _in_band(response)
-    (shift, damping, gain), rest = _overlay(active.model, f, measured)
+    (shift, damping, gain), residual = _overlay(active.model, f, measured)
     # The response is from the volts at the patch; a drive is commanded.
     gain += np.log(_path(response) / _path(active.response))
-    now = Figures(
+    now = PlaceMetrics(
         resonance_hz=before.resonance_hz * np.exp(shift),
         damping=before.damping * np.exp(damping),
         gain=before.gain * np.exp(gain),
         coherence=coherence,
-        shape=rest,
+        shape=residual,
     )
 
     def verdict(kind: Kind, *sentences: str) -> Verdict:
@@ -108,10 +108,10 @@ def compare(active: Calibration, response: Response, thresholds: Recalibration |
             f"The {response.point} point does not follow patch {response.patch}: the coherence is "
             f"{coherence:.2f}, it was {before.coherence:.2f}, and {thresholds.coherence:g} is needed.",
         )
-    if rest > _STRANGE:
+    if residual > _STRANGE:
         return verdict(
             "broken",
-            f"What {place} does is not what was calibrated ({rest:.0%} of it is not explained by any drift): "
+            f"The response of {place} is not the calibrated one (no drift explains {residual:.0%} of it): "
             "check that the laser still looks at the point, and the patch's glue and wires.",
         )
     if not 1 / _FACTOR < np.exp(gain) < _FACTOR:
@@ -123,7 +123,7 @@ def compare(active: Calibration, response: Response, thresholds: Recalibration |
     if abs(np.expm1(shift)) > _MOST:
         return verdict(
             "broken",
-            f"The resonance of {place} moved by more than {_MOST:.0%}, which is no drift: look at the table.",
+            f"The resonance of {place} moved by more than {_MOST:.0%}, which is no drift: inspect the table.",
         )
     changes = (
         ("resonance", np.expm1(shift), thresholds.resonance, 2),
@@ -135,10 +135,11 @@ def compare(active: Calibration, response: Response, thresholds: Recalibration |
         for name, change, limit, digits in changes
         if abs(change) > limit
     ]
-    if rest > before.shape + thresholds.shape:
+    if residual > before.shape + thresholds.shape:
         told.append(
-            f"The response of {place} differs by {rest:.0%} from the calibrated one in a way that no common "
-            f"drift explains; it was {before.shape:.1%}, and {thresholds.shape:.0%} more is accepted."
+            f"The response of {place} differs by {residual:.0%} from the calibrated one in a way that "
+            f"no common drift explains; it was {before.shape:.1%}, and "
+            f"{thresholds.shape:.0%} more is accepted."
         )
     if told:
         return verdict("drifted", *told)
@@ -149,24 +150,24 @@ def compare(active: Calibration, response: Response, thresholds: Recalibration |
 
 
 def _overlay(model: Model, f: FloatArray, measured: ComplexArray) -> tuple[FloatArray, float]:
-    """Logarithms of shift, damping factor and gain that lay a model over a response best, and the rest.
+    """Logarithms of shift, damping factor and gain that best fit a model to a response, and the residual.
 
-    The rest is the rms of what is left over the rms of what was measured. A response of narrow
-    resonances has many false minima over the shift, so that it is searched for first.
+    The residual is relative: its rms over that of the measurement. A response of narrow resonances has
+    many false minima over the shift, so that the shift is searched on a grid first.
     """
     size = float(np.linalg.norm(measured))
 
     def left(x: FloatArray) -> FloatArray:
-        rest = (measured - np.exp(x[2]) * _moved(model, x[0], x[1]).velocity(f)) / size
-        return np.concatenate([rest.real, rest.imag])
+        residual = (measured - np.exp(x[2]) * _moved(model, x[0], x[1]).velocity(f)) / size
+        return np.concatenate([residual.real, residual.imag])
 
     best, start = np.inf, np.zeros(3)
     for shift in np.arange(-_FURTHEST, _FURTHEST + _GRID / 2, _GRID):
         there = _moved(model, shift, 0.0).velocity(f)
         gain = max(float(np.vdot(there, measured).real / np.vdot(there, there).real), 1e-3)
-        rest = float(np.linalg.norm(measured - gain * there))
-        if rest < best:
-            best, start = rest, np.array([shift, 0.0, np.log(gain)])
+        residual = float(np.linalg.norm(measured - gain * there))
+        if residual < best:
+            best, start = residual, np.array([shift, 0.0, np.log(gain)])
     found = least_squares(left, start)
     return np.asarray(found.x), float(np.linalg.norm(found.fun))
 

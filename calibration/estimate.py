@@ -1,4 +1,4 @@
-"""What an estimator of responses hands back, whatever was played."""
+"""Result of a frequency response estimator, for any excitation."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Estimate"]
+__all__ = ["FrfEstimate"]
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
-    """Fields as in `Response`, which says what they are; arrays are (lines,)."""
+class FrfEstimate:
+    """Fields as in `Response`; arrays are (lines,)."""
 
     frequencies: FloatArray
     velocity: ComplexArray

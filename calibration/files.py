@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from instruments import DataError
 
-__all__ = ["Flat", "digest", "flatten", "new_file", "read", "restore", "why", "write"]
+__all__ = ["Flat", "digest", "flatten", "new_file", "os_error_text", "read", "restore", "write"]
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass as names with slashes and plain values."""
@@ -102,7 +102,7 @@ def new_file(path: str | Path) -> Iterator[Path]:
             os.fsync(whole.fileno())
         _publish(part, path)
     except (OSError, RuntimeError) as error:
-        raise DataError(f"{path} cannot be written: {why(error)}.") from None
+        raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None
     finally:
         part.unlink(missing_ok=True)
 
@@ -156,8 +156,8 @@ def read(path: str | Path, kind: str) -> Flat:
     return flat
 
 
-def why(error: OSError | RuntimeError) -> str:
-    """Why a file could not be written, in the operating system's words.
+def os_error_text(error: OSError | RuntimeError) -> str:
+    """The operating system's message for a file that could not be read or written.
 
     The HDF5 library's own text is full of addresses and offsets, and of its errors not all carry a
     number: what it says when closing a file on a full disk names one in the text only.
@@ -174,7 +174,7 @@ def _publish(part: Path, path: Path) -> None:
     except FileExistsError:
         raise
     except OSError:
-        # A file system without hard links. On Windows rename refuses to replace, as is wanted.
+        # A file system without hard links. On Windows rename refuses to replace, as required.
         part.rename(path)
 
 

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from acquisition.store import sync_folder
-from calibration.files import why
+from calibration.files import os_error_text
 from instruments import DataError
 from instruments.lock import hold
 
@@ -65,7 +65,8 @@ class Generation:
         try:
             raw = (folder / _MANIFEST).read_bytes()
         except OSError as error:
-            raise DataError(f"The calibration {folder.name} cannot be read: {why(error)}.") from None
+            said = os_error_text(error)
+            raise DataError(f"The calibration {folder.name} cannot be read: {said}.") from None
         try:
             values = json.loads(raw)
             if values["format"] != FORMAT:
@@ -101,7 +102,7 @@ class Generation:
                 whole = _sha256(self.folder / name) == content
             except OSError as error:
                 raise DataError(
-                    f"{name} of the calibration {self.name} is not there: {why(error)}."
+                    f"{name} of the calibration {self.name} is not there: {os_error_text(error)}."
                 ) from None
             if not whole:
                 raise DataError(f"{name} of the calibration {self.name} is not what was written: damaged.")
@@ -109,13 +110,14 @@ class Generation:
 
 @dataclass(frozen=True)
 class Activation:
-    """A generation became the active one: when (ISO 8601, UTC), by whom, and why."""
+    """The activation of a generation: time (ISO 8601, UTC), actor, and reason."""
 
     generation: str
     manifest: str
     """SHA-256 of the generation's manifest."""
     when: str
-    who: str
+    actor: str
+    """Who activated it: the command, and the account that it ran in."""
     reason: str
 
 
@@ -131,7 +133,7 @@ class History:
 
     @contextlib.contextmanager
     def hold(self) -> Iterator[None]:
-        """Keep every other writer off this folder. Raises InstrumentError, which says who holds it."""
+        """Keep every other writer off this folder. Raises InstrumentError, which names the holder."""
         with hold({os.path.normcase(self.folder.resolve())}, "The history of calibrations"):
             for left in self.folder.glob(".*.part"):
                 # Of a writer that was killed: it never had a name, so nobody can have used it.
@@ -208,8 +210,8 @@ class History:
         leaves nothing behind, when it cannot be written.
         """
         number = max((int(name.partition("-")[0]) for name in self._names()), default=0) + 1
-        target = self.folder / f"{number:04d}-{when:%Y%m%dT%H%M%SZ}"
-        part = self.folder / f".{target.name}.part"
+        destination = self.folder / f"{number:04d}-{when:%Y%m%dT%H%M%SZ}"
+        part = self.folder / f".{destination.name}.part"
         try:
             for name, value in parts.items():
                 (part / name).parent.mkdir(parents=True, exist_ok=True)
@@ -229,21 +231,23 @@ class History:
                 os.fsync(file.fileno())
             for folder in {part, *((part / name).parent for name in parts)}:
                 sync_folder(folder)
-            part.rename(target)
+            part.rename(destination)
             sync_folder(self.folder)
         except OSError as error:
-            raise DataError(f"The calibration {target.name} cannot be written: {why(error)}.") from None
+            said = os_error_text(error)
+            raise DataError(f"The calibration {destination.name} cannot be written: {said}.") from None
         finally:
             shutil.rmtree(part, ignore_errors=True)
-        return Generation.open(target)
+        return Generation.open(destination)
 
-    def activate(self, generation: Generation, *, when: datetime, who: str, reason: str) -> Activation:
+    def activate(self, generation: Generation, *, when: datetime, actor: str, reason: str) -> Activation:
         """Make a generation the active one: a line, whole or not at all.
 
         Raises DataError when it is not whole, and when the line cannot be written.
         """
         generation.verify()
-        line = Activation(generation.name, generation.digest, when.isoformat(timespec="seconds"), who, reason)
+        time = when.isoformat(timespec="seconds")
+        line = Activation(generation.name, generation.digest, time, actor, reason)
         _append(self.folder / _ACTIVATIONS, vars(line))
         return line
 
@@ -273,7 +277,7 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
     except FileNotFoundError:
         return
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {why(error)}.") from None
+        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
     for number, line in enumerate(lines, 1):
         try:
             yield dict(json.loads(line))
@@ -285,7 +289,7 @@ def _append(path: Path, values: Mapping[str, Any]) -> None:
     try:
         line = json.dumps(values, allow_nan=False).encode() + b"\n"
     except ValueError:
-        raise DataError(f"Nothing was added to {path}: a figure in it is no number. Measure again.") from None
+        raise DataError(f"Nothing was added to {path}: a value is NaN or infinite. Measure again.") from None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a+b") as file:
@@ -296,4 +300,4 @@ def _append(path: Path, values: Mapping[str, Any]) -> None:
             os.fsync(file.fileno())
         sync_folder(path.parent)
     except OSError as error:
-        raise DataError(f"{path} cannot be written: {why(error)}.") from None
+        raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None

@@ -1,6 +1,7 @@
-"""A patch's hysteresis: how its strain lags behind its voltage, and the voltage that undoes it.
+"""Hysteresis of a piezo patch: volts to linear volts, and the inverse that compensates it.
 
-A piezo patch strains more per volt the larger the swing, and later: at 10 to 15 % of loop width
+Linear volts are the volts that would produce the same motion without hysteresis. A piezo patch expands
+more per volt the larger the amplitude, and with more lag: at 10 to 15 % of loop width
 (hardware.md, section 13) a small vibration is a third weaker than a sweep at full voltage says. A
 Prandtl-Ishlinskii sum of play operators describes that and has an exact inverse (Kuhnen, European
 Journal of Control 9, 2003). It is fitted to sweeps at several levels, or found together with the
@@ -31,7 +32,7 @@ __all__ = ["HALF_WIDTHS", "Hysteresis", "fit_hysteresis", "hysteresis_of_play", 
 _SHARES = np.array([0.0, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14, 0.2, 0.28, 0.39, 0.54, 0.75])
 """Radii that are fitted, over the largest level; 0 is the part without hysteresis."""
 HALF_WIDTHS = np.array([0.0, 0.02, 0.05, 0.09, 0.14, 0.2, 0.28, 0.38, 0.5, 0.65, 0.82])
-"""Of the operators that are found in multisines, over the level; 0 is the volts themselves. Seven up to
+"""Of the operators fitted to multisines, over the level; 0 is the volts themselves. Seven up to
 0.65 of the level put a map's gains 0.2 % off (measured)."""
 _TRUST = 1e-3
 _RIDGE = 1e-4
@@ -42,8 +43,8 @@ _RIDGE = 1e-4
 class Hysteresis:
     """Weights (radii,) of play operators with half-widths `radii` (V), rising from 0.
 
-    Strain is in volts: `level` is the amplitude at which the gain has magnitude one, and the phase
-    there is the lag that the response, measured at that level, holds already.
+    `level` is the amplitude at which the gain has magnitude one; the phase there is the lag already
+    contained in the response, which was measured at that level.
     """
 
     radii: FloatArray
@@ -51,23 +52,23 @@ class Hysteresis:
     level: float
 
     def gain(self, amplitude: float) -> complex:
-        """Strain per volt of a sine of `amplitude` volts: its first harmonic."""
+        """Linear volts per volt of a sine of `amplitude` volts: its first harmonic."""
         return complex(_first_harmonic(self.radii, amplitude) @ self.weights)
 
     def reach(self, volts: float) -> float:
-        """The largest strain (V) that `volts` reaches."""
+        """Largest linear voltage (V) that a peak of `volts` reaches."""
         return float(self.weights @ np.maximum(volts - self.radii, 0.0))
 
-    def strain(self, volts: FloatArray) -> FloatArray:
-        """(samples,) V of strain that (samples,) V make, from rest."""
+    def to_linear_volts(self, volts: FloatArray) -> FloatArray:
+        """(samples,) linear volts produced by (samples,) V, from rest."""
         return _weighted(volts, self.radii, self.weights)
 
-    def volts(self, strain: FloatArray) -> FloatArray:
-        """(samples,) V that make a strain ((samples,) V) from rest: the inverse of `strain`."""
+    def from_linear_volts(self, linear_volts: FloatArray) -> FloatArray:
+        """(samples,) V that produce (samples,) linear volts from rest: the inverse of `to_linear_volts`."""
         slope = np.cumsum(self.weights)
-        # Radii of the inverse are the strains at which each operator begins to move.
+        # Radii of the inverse are the linear volts at which each operator begins to move.
         radii = np.array([self.reach(r) for r in self.radii])
-        return _weighted(strain, radii, np.diff(1 / slope, prepend=0.0))
+        return _weighted(linear_volts, radii, np.diff(1 / slope, prepend=0.0))
 
 
 def fit_hysteresis(response: Response) -> Hysteresis:
@@ -118,10 +119,10 @@ def hysteresis_of_play(
 
 
 def operators(volts: FloatArray, level: float) -> FloatArray:
-    """(operators, samples): of what a strain is made up, volts, their plays at `level`, and their square.
+    """(operators, samples): components of the linear volts: the volts, their plays at `level`, their square.
 
-    A piezo strains more one way than the other: the square. Left out, it is taken for vibration, because
-    even distortion falls between a patch's lines, or on other patches'.
+    The square models the asymmetry of a piezo, which expands more in one direction. Left out, it is taken
+    for vibration, because even distortion falls between a patch's lines, or on other patches'.
     """
     plays = _play(volts, HALF_WIDTHS[1:] * level)
     return np.array([volts, *plays, volts**2 / level])

@@ -1,8 +1,8 @@
-"""Learning: what a play missed is corrected in the next, as long as that is seen to help.
+"""Iterative learning: each play corrects the error of the one before, as long as the error measurably falls.
 
-Plain iterative learning is dangerous: with a response that has gone stale it diverges, and with noise
-it writes the noise into the drive. So here a step that did not help is taken back and halved, and in
-the end the best drive is played again beside the first, by plays that chose nothing.
+Plain iterative learning is dangerous: with a stale response it diverges, and with noise it writes the
+noise into the drive. So a step without improvement is undone and halved, and in the end the best drive is
+replayed beside the first, in plays that had no part in the selection.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration import files
 from calibration.check import LEAST_MOVED, UNSEEN, Played, errors, play, refuse_foreign
-from calibration.correction import Known
+from calibration.correction import ResponseEstimate
 from calibration.drive import Drive
 from calibration.record import Calibration
 from calibration.response import prepare
@@ -25,21 +25,22 @@ from instruments.arrays import FloatArray, IntArray
 __all__ = ["Iteration", "Learning", "learn"]
 
 FLOORS = 1.2
-"""The error over the floor at which the floor is reached: a third of the error's power, at most, is
-then anything but noise."""
-_SURE = 1.0
-"""Standard deviations by which a correction must have helped to be gone on from."""
-_CONFIRMED = 1.5
-"""The same, for the best beside the first, when they were played again. Chance that let a step pass is
-found out here; more than this for a step too, and little is learnt in noise."""
-_SEEN = 5.0
-"""Standard deviations by which what the plays have in common must stand out to be called a motion."""
+"""Error over the floor at which the floor counts as reached: at most a third of the error's power is then
+not noise."""
+_STEP_SIGNIFICANCE = 1.0
+"""Improvement, in standard deviations, required to accept a step."""
+_FINAL_SIGNIFICANCE = 1.5
+"""Improvement, in standard deviations, of the best drive over the first in the final replay, required to
+keep the best. It rejects steps accepted by chance; as a requirement for each step it would stop learning
+in noise."""
+_MOTION_SIGNIFICANCE = 5.0
+"""Standard deviations above zero of the plays' common motion, required to call it a motion."""
 _LEAST_STEP = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Iteration:
-    """One drive that was played, and what came of it.
+    """One drive that was played, and its result.
 
     `volts` is (samples,) V as commanded, `measured` (samples,) m/s^2, the mean of the plays. `nrmse` and
     `floor` are as in a `Check`; `squared_error` is the mean square of the error without the plays' noise,
@@ -54,16 +55,17 @@ class Iteration:
     squared_error: float
     deviation: float
     kept: bool
-    why: str
+    reason: str
+    """Why it was kept or not."""
 
 
 @dataclass(frozen=True, eq=False)
 class Learning:
-    """Every drive that was tried: the first is the one that was given.
+    """Every drive that was tried; the first is the initial one.
 
     `best` is the number of the iteration whose drive is `drive`. `first_again` and `best_again` are the
-    errors (nrmse) of first and best when they were played once more, in turn, after the last iteration:
-    plays that chose nothing. Without an improvement they are those of the first iteration.
+    errors (nrmse) of first and best in the final replay, alternately, after the last iteration: plays that
+    had no part in the selection. Without an improvement they are those of the first iteration.
     """
 
     iterations: tuple[Iteration, ...]
@@ -71,7 +73,7 @@ class Learning:
     first_again: float
     best_again: float
     stopped: str
-    """Why it ended."""
+    """Why learning ended."""
     drive: Drive
 
     def save(self, path: str | Path) -> None:
@@ -95,11 +97,11 @@ def learn(
 ) -> Learning:
     """Improve a drive by playing it: `plays` plays, then up to `iterations` corrections of as many.
 
-    It ends when the error is down to the plays' own noise, when no correction promises more than that
-    noise could show, or when smaller and smaller steps did not help; at once, when a signal left its
-    range or the surface did not follow. The target stays as it is. The result is the first drive, unless
-    another was closer to the target by more than the noise of plays that had no part in choosing it.
-    `progress` is told the plays done and how many there are at most.
+    It ends when the error reaches the plays' noise, when the expected improvement of a correction is
+    below that noise, or when smaller steps bring no improvement; at once, when a signal left its range or
+    the surface did not follow. The target stays unchanged. The result is the first drive, unless another
+    was closer to the target by more than the noise of plays that had no part in its selection.
+    `progress` receives the plays done and their largest number.
 
     Raises ConfigurationError for fewer than three plays, or a drive of another calibration or rig, and
     what `Rig.excite` raises.
@@ -112,42 +114,42 @@ def learn(
         )
     refuse_foreign(rig, drive)
     prepare(rig, drive.point)
-    known = Known.of(drive, calibration)
+    estimate = ResponseEstimate.of(drive, calibration)
     total, done = (iterations + 3) * plays, 0
 
     def played(volts: FloatArray, count: int = plays) -> Played:
         nonlocal done
         before, done = done, done + count
         given = replace(drive, volts=volts)
-        return play(rig, given, count, known.tail, lambda now, _: progress(before + now, total))
+        return play(rig, given, count, estimate.tail, lambda now, _: progress(before + now, total))
 
     outcome = played(drive.volts)
-    known = known.after(drive.volts, outcome)
+    estimate = estimate.after(drive.volts, outcome)
     first = _iteration(drive, drive.volts, outcome.accelerations)
-    tried = [replace(first, kept=True, why="the drive as it was computed")]
+    tried = [replace(first, kept=True, reason="the drive as computed")]
     best, step = 0, 1.0
     stopped = _unlearnable(outcome, drive.target)
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
-        volts, promised = known.correction(tried[best].volts, outcome, step, rig.limits)
-        if promised < _SURE * tried[best].deviation:
-            stopped = "No correction promises more than the plays' noise could show."
+        volts, expected = estimate.correction(tried[best].volts, outcome, step, rig.limits)
+        if expected < _STEP_SIGNIFICANCE * tried[best].deviation:
+            stopped = "The expected improvement of a correction is below the plays' noise."
             break
         result = played(volts)
-        known = known.after(volts, result)
+        estimate = estimate.after(volts, result)
         new = _iteration(drive, volts, result.accelerations)
         if result.overload:
-            new, step = replace(new, why=result.overload), step / 2
-        elif _gained(tried[best], new) > _SURE:
-            new = replace(new, kept=True, why="it is closer to the target by more than the noise")
+            new, step = replace(new, reason=result.overload), step / 2
+        elif _gained(tried[best], new) > _STEP_SIGNIFICANCE:
+            new = replace(new, kept=True, reason="closer to the target by more than the noise")
             best, outcome = len(tried), result
         else:
-            why = "it is no closer to the target, or not by more than the noise"
-            new, step = replace(new, why=why), step / 2
+            reason = "no closer to the target, or not by more than the noise"
+            new, step = replace(new, reason=reason), step / 2
         tried.append(new)
 
     first_again, best_again = _again(drive, tried, best, played, plays) if best else (tried[0], tried[0])
-    if best and not _gained(first_again, best_again) > _CONFIRMED:
-        stopped += " Played again, the best was not closer by more than the noise: the first is kept."
+    if best and not _gained(first_again, best_again) > _FINAL_SIGNIFICANCE:
+        stopped += " Played again, the best drive was not closer by more than the noise: the first is kept."
         tried[1:] = [replace(iteration, kept=False) for iteration in tried[1:]]
         best = 0
     progress(total, total)
@@ -167,16 +169,16 @@ def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray) -> It
 
 
 def _gained(before: Iteration, after: Iteration) -> float:
-    """How much closer to the target it came, in standard deviations of that."""
+    """Decrease of the squared error, in its standard deviations."""
     deviation = float(np.hypot(before.deviation, after.deviation))
     return (before.squared_error - after.squared_error) / max(deviation, 1e-30)
 
 
 def _in_common(plays: FloatArray) -> tuple[float, float]:
-    """Mean square of what (plays, samples) have in common, and its standard deviation.
+    """Mean square of the common part of (plays, samples), and its standard deviation.
 
-    The deviation is the jackknife's, which for products of pairs errs upwards, by up to a half: on the
-    careful side (Efron and Stein, Annals of Statistics 9, 1981).
+    The deviation is the jackknife's, which for products of pairs is biased upwards, by up to a half: the
+    conservative side (Efron and Stein, Annals of Statistics 9, 1981).
     """
     number, samples = plays.shape
     products = plays @ plays.T / samples
@@ -193,20 +195,20 @@ def _in_common(plays: FloatArray) -> tuple[float, float]:
 def _unlearnable(played: Played, target: FloatArray) -> str:
     """Why nothing can be learnt from the first plays; empty when something can."""
     if played.overload:
-        return f"{played.overload} Nothing can be learnt from that."
+        return f"{played.overload} Nothing can be learnt from these plays."
     moved, deviation = _in_common(played.accelerations[:, : len(target)])
-    # Written so that a number which is no number is refused too.
-    if moved >= LEAST_MOVED**2 * np.mean(target**2) and moved > _SEEN * deviation:
+    # Written so that NaN is refused too.
+    if moved >= LEAST_MOVED**2 * np.mean(target**2) and moved > _MOTION_SIGNIFICANCE * deviation:
         return ""
-    return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from that."
+    return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from these plays."
 
 
 def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> str:
     """Why learning ends before another correction is planned; empty when it does not."""
     if tried[best].nrmse <= FLOORS * tried[best].floor:
-        return "The error is down to the plays' own noise."
+        return "The error has reached the plays' noise."
     if step < _LEAST_STEP:
-        return "Smaller steps did not help either."
+        return "Smaller steps brought no improvement."
     if len(tried) > iterations:
         return f"All {iterations} iterations were played."
     return ""
@@ -215,7 +217,7 @@ def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> s
 def _again(
     drive: Drive, tried: list[Iteration], best: int, played: Callable[[FloatArray, int], Played], plays: int
 ) -> tuple[Iteration, Iteration]:
-    """First and best, played in turn so that a drift of the table befalls both."""
+    """First and best, played alternately so that a drift of the table affects both."""
     both = tried[0].volts, tried[best].volts
     rounds = np.array([[played(volts, 1).accelerations[0] for volts in both] for _ in range(plays)])
     return _iteration(drive, both[0], rounds[:, 0]), _iteration(drive, both[1], rounds[:, 1])

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from calibration import files
 from calibration.hysteresis import HALF_WIDTHS, Hysteresis, operators
-from calibration.map_folder import MapFolder, MapPlan, PointRecord
+from calibration.map_folder import MapFolder, MapPlan, PointMeasurement
 from calibration.modes import Modes, Plays, fit_modes
 from instruments import DataError
 from instruments.arrays import ComplexArray, FloatArray, IntArray
@@ -45,10 +45,10 @@ class Best:
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """What is kept of a fit, beside the records that it was made from."""
+    """A cached fit, beside the measurements that it was computed from."""
 
     sources: str
-    """SHA-256 over the records."""
+    """SHA-256 over the measurements."""
     poles: ComplexArray
     weights: FloatArray
     shares: FloatArray
@@ -62,9 +62,9 @@ class _Fitted:
 class VibrationMap:
     """Responses of all measured points to all patches.
 
-    `shares` is (patches, points, unknowns) of `modes`, per unit of strain; `gains` (patches,) is the
-    strain per volt of a sine of `plan.level` volts, lag and all: together they are the response that
-    a sweep at this level would show.
+    `shares` is (patches, points, unknowns) of `modes`, per linear volt; `gains` (patches,) are the
+    linear volts per volt of a sine of `plan.level` volts, lag included: together they are the response of
+    a sweep at this level.
     """
 
     plan: MapPlan
@@ -90,17 +90,18 @@ class VibrationMap:
         """The map in a folder, as far as it was measured.
 
         What was fitted is kept in the folder, and fitted again when there are more points. Raises
-        DataError when there is no map, a record is damaged, or nothing was measured.
+        DataError when there is no map, a measurement is damaged, or nothing was measured.
         """
         folder = MapFolder.open(Path(path))
         plan = folder.plan
         found = {step: folder.read(step) for step in plan.steps}
-        records = {step.name: r for step, r in found.items() if r is not None}
+        measurements = {step.name: r for step, r in found.items() if r is not None}
         first = [r for step, r in found.items() if r is not None and not step.again]
         again = [r for step, r in found.items() if r is not None and step.again]
         if not first:
             raise DataError(f"{path} holds no measured point yet.")
-        sources = hashlib.sha256("".join(files.digest(files.flatten(r)) for r in records.values()).encode())
+        digests = [files.digest(files.flatten(r)) for r in measurements.values()]
+        sources = hashlib.sha256("".join(digests).encode())
         kept = folder.path / f"modes-{sources.hexdigest()[:16]}.h5"
         if kept.is_file():
             fitted = files.restore(_Fitted, files.read(kept, "map modes"), kept)
@@ -119,7 +120,7 @@ class VibrationMap:
             residual=fitted.residual,
             superposition=tuple(zip(tested, map(float, fitted.superposition), strict=True)),
             drift=fitted.drift,
-            table_seconds=float(sum(r.seconds for r in records.values())),
+            table_seconds=float(sum(r.seconds for r in measurements.values())),
         )
 
     @property
@@ -143,7 +144,7 @@ class VibrationMap:
         return np.asarray(self.velocity(configuration, frequencies) / (2j * np.pi * np.asarray(frequencies)))
 
     def grid(self, values: FloatArray) -> FloatArray:
-        """(points,) as (rows, columns) of the table; not a number where nothing was measured."""
+        """(points,) as (rows, columns) of the table; NaN where nothing was measured."""
         whole = np.full(self.plan.rows * self.plan.columns, np.nan)
         whole[[int(point) for point in self.points]] = values
         return whole.reshape(self.plan.rows, self.plan.columns)
@@ -188,7 +189,9 @@ class VibrationMap:
         return np.asarray(mode.real / mode.real[int(np.argmax(np.abs(mode.real)))])
 
 
-def _fit(plan: MapPlan, first: list[PointRecord], again: list[PointRecord], sources: str) -> _Fitted:
+def _fit(
+    plan: MapPlan, first: list[PointMeasurement], again: list[PointMeasurement], sources: str
+) -> _Fitted:
     samples = plan.parallel.samples(plan.rate_hz)
     f = np.arange(samples // 2 + 1) * plan.rate_hz / samples
     lines = np.flatnonzero((f >= plan.low) & (f <= plan.high))
@@ -230,40 +233,42 @@ def _phase(gains: ComplexArray) -> complex:
     return total / abs(total)
 
 
-def _plays(plan: MapPlan, records: Sequence[PointRecord], name: str, f: FloatArray, lines: IntArray) -> Plays:
+def _plays(
+    plan: MapPlan, points: Sequence[PointMeasurement], name: str, f: FloatArray, lines: IntArray
+) -> Plays:
     """One kind of play at several points, each point's drive brought to the mean of all."""
     drives, velocities = [], []
-    for record in records:
-        number = record.plays.index(name)
-        drives.append([d for d, (play, _) in zip(record.drives, record.rows, strict=True) if play == number])
-        velocities.append(record.velocity[number])
+    for point in points:
+        number = point.plays.index(name)
+        drives.append([d for d, (play, _) in zip(point.drives, point.rows, strict=True) if play == number])
+        velocities.append(point.velocity[number])
     own = np.array(drives)
     mean = own.mean(axis=0)
     gain = np.einsum("pkl,kl->p", own, mean.conj()) / (np.abs(mean) ** 2).sum()
     patches = plan.patches if name in ("each", ALL) else (name,)
-    strains = np.array([_operators(plan, drive, lines) for drive in mean])
+    inputs = np.array([_operators(plan, drive, lines) for drive in mean])
     if name == ALL:
         # One patch of their sum, for what all do together.
-        patches, strains = plan.patches[:1], strains.mean(axis=0)[None]
+        patches, inputs = plan.patches[:1], inputs.mean(axis=0)[None]
     indices = tuple(plan.patches.index(patch) for patch in patches)
-    return Plays(f, indices, strains, (np.array(velocities) / gain[:, None]).T)
+    return Plays(f, indices, inputs, (np.array(velocities) / gain[:, None]).T)
 
 
 def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexArray:
-    """(operators, lines): spectra of what makes up the strain of a drive that repeats, given by its lines."""
+    """(operators, lines): spectra that make up the linear volts of a periodic drive, given by its lines."""
     first, last = int(lines[0]), int(lines[-1])
     count = int(_FINE * plan.high * plan.period)
     coarse = plan.parallel.samples(plan.rate_hz)
     spectrum = np.zeros(count // 2 + 1, dtype=np.complex128)
     spectrum[first : last + 1] = drive
     volts = irfft(spectrum, count) * (count / coarse)
-    # The second time operators begin where they ended the first.
-    strained = operators(np.tile(volts, 2), plan.level)[:, count:]
-    return np.asarray(rfft(strained)[:, first : last + 1] * (coarse / count))
+    # In the second period the operators start from their state at the end of the first.
+    bent = operators(np.tile(volts, 2), plan.level)[:, count:]
+    return np.asarray(rfft(bent)[:, first : last + 1] * (coarse / count))
 
 
 def _gains(plan: MapPlan, modes: Modes) -> ComplexArray:
-    """(patches,): strain per volt of a sine of the plan's level, with the law that was found."""
+    """(patches,): linear volts per volt of a sine of the plan's level, with the fitted hysteresis."""
     radii = HALF_WIDTHS * plan.level
     # A sine's square has no first harmonic.
     return np.array([Hysteresis(radii, own[:-1], plan.level).gain(plan.level) for own in modes.weights])

@@ -20,7 +20,7 @@ from calibration.excitation import Multisine
 from instruments import ConfigurationError, DataError
 from instruments.arrays import ComplexArray
 
-__all__ = ["MapFolder", "MapPlan", "PointRecord", "Step"]
+__all__ = ["MapFolder", "MapPlan", "PointMeasurement", "Step"]
 
 _PLAN = "map.json"
 FORMAT = 1
@@ -100,8 +100,8 @@ class MapPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class PointRecord:
-    """What was measured in one step: spectra at `lines` over the period, so at all lines of the band.
+class PointMeasurement:
+    """Measurement of one step: spectra at `lines` over the period, so at all lines of the band.
 
     `drives` is (rows, lines) V at the patches at the clock's edges, `rows` says which play and which
     patch; `velocity` is (plays, lines) m/s. Both are sums over samples, as `rfft` gives them.
@@ -116,7 +116,7 @@ class PointRecord:
     drives: ComplexArray
     velocity: ComplexArray
     light: float
-    """Share of the light that came back; not a number where the vibrometer does not tell."""
+    """Share of the light that came back; NaN where the vibrometer does not report it."""
     seconds: float
     """Of the table's time."""
     created: str
@@ -140,13 +140,13 @@ class MapFolder:
             for field in dataclasses.fields(MapPlan):
                 old, new = getattr(there.plan, field.name), getattr(plan, field.name)
                 if old != new:
-                    what = (
+                    difference = (
                         "the rig file is not what it was"
                         if field.name == "rig_file"
                         else (f"its {field.name} is {_short(old)} and not {_short(new)}")
                     )
                     raise ConfigurationError(
-                        f"{path} holds a map that cannot be gone on with: {what}. Name another folder."
+                        f"{path} holds a map that cannot be continued: {difference}. Name another folder."
                     )
             return there
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
@@ -185,25 +185,25 @@ class MapFolder:
         return cls(path, plan)
 
     def file(self, step: Step) -> Path:
-        """Where a step's record stands, or will."""
+        """The file of a step's measurement, written or not."""
         return self.path / f"{step.name}.h5"
 
-    def read(self, step: Step) -> PointRecord | None:
+    def read(self, step: Step) -> PointMeasurement | None:
         """What a step measured; None when it has not been. Raises DataError for a damaged file."""
         path = self.file(step)
         if not path.exists():
             return None
-        record = files.restore(PointRecord, files.read(path, "map point"), path)
-        if record.plan != self.plan.digest or record.step != step.name:
+        measurement = files.restore(PointMeasurement, files.read(path, "map point"), path)
+        if measurement.plan != self.plan.digest or measurement.step != step.name:
             raise DataError(f"{path} belongs to another map.")
-        return record
+        return measurement
 
-    def write(self, step: Step, record: PointRecord) -> None:
+    def write(self, step: Step, measurement: PointMeasurement) -> None:
         """Keep what a step measured. Raises DataError."""
-        files.write(self.file(step), "map point", files.flatten(record))
+        files.write(self.file(step), "map point", files.flatten(measurement))
 
     def left(self) -> Iterator[Step]:
-        """Steps without a whole record, in order; what is damaged is put aside as it is come to."""
+        """Steps without a complete measurement, in order; damaged files are moved aside on the way."""
         for step in self.plan.steps:
             try:
                 done = self.read(step) is not None
@@ -223,7 +223,7 @@ class MapFolder:
             part.write_text(reason + "\n", encoding="utf-8")
 
     def skipped(self) -> dict[str, str]:
-        """Points without a whole record, and why the last attempt failed."""
+        """Points without a complete measurement, and the reason of the last failed attempt."""
         found = {}
         for step in self.plan.steps:
             notes = sorted(self.path.glob(f"{step.name}.skipped-*.txt"))

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.fft import rfft
 
 from calibration.channels import Channels
-from calibration.map_folder import MapFolder, MapPlan, PointRecord, Step
+from calibration.map_folder import MapFolder, MapPlan, PointMeasurement, Step
 from calibration.response import overloaded
 from instruments import Aim, ConfigurationError, InstrumentError, Rig
 from instruments.arrays import ComplexArray, FloatArray
@@ -112,7 +112,7 @@ def measure_map(
             reason, light = _aimed(rig, step)
             if reason is None:
                 found = player.play(step, light)
-                if isinstance(found, PointRecord):
+                if isinstance(found, PointMeasurement):
                     folder.write(step, found)
                     break
                 reason = found
@@ -150,7 +150,7 @@ class _Player:
         self._lines = np.flatnonzero((f >= plan.low) & (f <= plan.high))
         self._f = f[self._lines]
 
-    def play(self, step: Step, light: float) -> PointRecord | str:
+    def play(self, step: Step, light: float) -> PointMeasurement | str:
         """What a step measured, or why it is to be tried again."""
         rig, begun, spent = self._rig, datetime.now(UTC), 0.0
         velocities: list[ComplexArray] = []
@@ -188,10 +188,10 @@ class _Player:
             speed = rig.vibrometer.to_velocity(capture.volts[laser])[: len(self._all)]
             velocity = paths.velocity(rfft(speed)[self._lines], self._f)
             if not self._follows(velocity, name):
-                who = f"patch {name}" if name in drive else "the patches"
-                return f"Point {step.point} does not follow {who}: check the laser's focus and aim."
+                source = f"patch {name}" if name in drive else "the patches"
+                return f"Point {step.point} does not follow {source}: check the laser's focus and aim."
             velocities.append(velocity)
-        return PointRecord(
+        return PointMeasurement(
             plan=self._plan.digest,
             step=step.name,
             point=step.point,

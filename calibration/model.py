@@ -197,7 +197,7 @@ def _noise(response: Response) -> float:
     size = float(np.sqrt(np.mean(np.abs(response.velocity) ** 2)))
     if not np.isfinite(size) or size == 0:
         raise DataError(
-            f"The response of patch {response.patch} at the {response.point} point is zero or no number: "
+            f"The response of patch {response.patch} at the {response.point} point is zero, NaN or infinite: "
             "no model fits it."
         )
     known = float(np.sqrt(np.mean(response.deviation**2))) if len(response.deviation) else 0.0

@@ -3,12 +3,12 @@
 A play is one period of a multisine, of one patch or of several at once, begun whenever the play
 before it ended. Its spectra obey
 
-    velocity = sum over patches of strain x (sum of r / (s - p) + conj + constant + slope s)
+    velocity = sum over patches of linear volts x (sum of r / (s - p) + conj + constant + slope s)
                + sum of t / (s - p) + conj + constant
 
 at every line, excited or not: the second row is what rang when the period began, less what rings
 when it ends. Nothing has to settle or to die away first, and patches that play together need not be
-told apart beforehand. Given poles and strains that is linear in everything else; poles and the law
+told apart beforehand. Given poles and linear volts that is linear in everything else; poles and the law
 of each patch's hysteresis are found by variable projection over all points (Golub and Pereyra,
 Inverse Problems 19, 2003, with Kaufman's Jacobian).
 """
@@ -59,7 +59,7 @@ class Plays:
     """The same drives, played while the laser looked at several points.
 
     `f` is (lines,) Hz: all lines of the band. `operators` is (patches, operators, lines): for each patch
-    that played, the spectrum of its volts and, where strain is more than these, of the volts after play
+    that played, the spectrum of its volts and, where hysteresis is modelled, of the volts after play
     operators of rising half-width, and last of their square. `velocity` is (lines, points) m/s.
     """
 
@@ -71,7 +71,7 @@ class Plays:
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Shared poles (rad/s), and the weights (patches, operators) of which each patch's strain is made.
+    """Shared poles (rad/s), and the weights (patches, operators) that make up each patch's linear volts.
 
     No play operator has a negative weight; the square, which bends the loop, may have.
     """
@@ -99,7 +99,7 @@ class Modes:
         return total - 1
 
     def velocity(self, shares: FloatArray, frequencies: FloatArray) -> ComplexArray:
-        """(..., frequencies) m/s per V of strain, from unknowns (..., unknowns)."""
+        """(..., frequencies) m/s per linear volt, from unknowns (..., unknowns)."""
         return np.asarray(shares @ _columns(self.poles, frequencies)[0].T)
 
 
@@ -194,9 +194,9 @@ def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
         basis = _Basis.of(modes.poles, modes.weights, one)
         rest = basis.solution(_stack(one.velocity))[1]
         left = rest[: len(f)] + 1j * rest[len(f) :]
-        for strain in basis.strain:
-            found = (left.conj() * strain[:, None]).T @ shape
-            explained += (np.abs(found) ** 2).sum(axis=0) / (np.abs(strain) ** 2 @ size)
+        for linear_volts in basis.linear_volts:
+            found = (left.conj() * linear_volts[:, None]).T @ shape
+            explained += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
     explained = explained.reshape(candidates.shape)
     best = explained.max(axis=0)
     poles: list[complex] = []
@@ -217,12 +217,12 @@ def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: fl
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     sizes = np.sqrt(np.maximum(values, 0.0) + damping + 1e-9)
     root = sizes[:, None] * vectors.T
-    wanted = (vectors.T @ (gradient / scale)) / sizes
+    rotated = (vectors.T @ (gradient / scale)) / sizes
     lowest = -w[:, 1:] - 1e-9
     lowest[:, -1:] = -1.0
     low = np.concatenate([np.full(count, -_FARTHEST), lowest.ravel()])
     high = np.concatenate([np.full(count, _FARTHEST), np.ones(w[:, 1:].size)])
-    step = np.clip(lsq_linear(root, wanted, (low * scale, high * scale)).x / scale, low, high)
+    step = np.clip(lsq_linear(root, rotated, (low * scale, high * scale)).x / scale, low, high)
     decay = -p.real * np.exp(step[: len(p)])
     turn = p.imag * np.exp(step[len(p) : count])
     further = w[:, 1:] + step[count:].reshape(len(w), -1)
@@ -235,8 +235,8 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
     """Normal matrix, gradient and squared residual by logarithms of decay and frequency, and weights."""
     p, patches = modes.poles, modes.weights.shape[0]
     basis = _Basis.of(p, modes.weights, plays)
-    wanted = _stack(plays.velocity)
-    found, left = basis.solution(wanted)
+    measured = _stack(plays.velocity)
+    found, left = basis.solution(measured)
     s = 2j * np.pi * plays.f[:, None]
     near, mirror = 1 / (s - p) ** 2, 1 / (s - np.conj(p)) ** 2
     each, n, weights = basis.response.shape[1], len(p), modes.weights.shape[1] - 1
@@ -245,7 +245,7 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
     # Only those of the patches that played.
     laws = np.add.outer(2 * n + np.array(plays.patches) * weights, np.arange(weights))
     own = np.concatenate([np.arange(2 * n), laws.ravel()])
-    drives = np.array([*basis.strain, np.ones(len(plays.f))]).T
+    drives = np.array([*basis.linear_volts, np.ones(len(plays.f))]).T
     for shares, rest in zip(found.T, left.T, strict=True):
         ranges = np.array([shares[k * each : k * each + 2 * n] for k in range(drives.shape[1])])
         one = (drives @ (ranges[:, :n] + 1j * ranges[:, n:])) * near
@@ -262,13 +262,13 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
 
 @dataclass(frozen=True, eq=False)
 class _Basis:
-    """Columns of unit length for given poles and strains, patch by patch, then what rang.
+    """Columns of unit length for given poles and linear volts, patch by patch, then what rang.
 
     With the triangle of their normal equations, which are ten times as fast as orthogonal columns would
     be; what they cost in digits one refinement gives back (Bjorck, Linear Algebra Appl. 88, 1987).
     """
 
-    strain: ComplexArray
+    linear_volts: ComplexArray
     response: ComplexArray
     columns: FloatArray
     upper: FloatArray
@@ -277,23 +277,23 @@ class _Basis:
     @classmethod
     def of(cls, poles: ComplexArray, weights: FloatArray, plays: Plays) -> _Basis:
         response, ringing = _columns(poles, plays.f)
-        strain = np.einsum("pr,prl->pl", weights[list(plays.patches)], plays.operators)
-        columns = _stack(np.concatenate([*(x[:, None] * response for x in strain), ringing], axis=1))
+        linear_volts = np.einsum("pr,prl->pl", weights[list(plays.patches)], plays.operators)
+        columns = _stack(np.concatenate([*(x[:, None] * response for x in linear_volts), ringing], axis=1))
         norms = np.linalg.norm(columns, axis=0)
         columns /= norms
         # Of columns that coincide, least squares of the least norm.
         upper = cholesky(columns.T @ columns + _ALIKE * np.eye(len(norms)))
-        return cls(strain, response, columns, upper, norms)
+        return cls(linear_volts, response, columns, upper, norms)
 
     def within(self, values: FloatArray) -> FloatArray:
         """(columns, ...): what of `values` (rows, ...) the columns make, in coordinates of unit length."""
         return np.asarray(solve_triangular(self.upper, self.columns.T @ values, trans="T"))
 
-    def solution(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found, left = np.zeros((len(self.norms), wanted.shape[1])), wanted
+    def solution(self, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found, left = np.zeros((len(self.norms), measured.shape[1])), measured
         for _ in range(2):
             found += solve_triangular(self.upper, self.within(left))
-            left = wanted - self.columns @ found
+            left = measured - self.columns @ found
         return found / self.norms[:, None], left
 
 

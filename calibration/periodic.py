@@ -7,7 +7,7 @@ from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 
 from calibration.channels import Channels
-from calibration.estimate import Estimate
+from calibration.estimate import FrfEstimate
 from calibration.excitation import Multisine
 from calibration.local_rational import local_rational
 from instruments.arrays import ComplexArray, FloatArray, IntArray
@@ -24,14 +24,14 @@ def from_multisine(
     drive: FloatArray,
     velocity: FloatArray,
     channels: Channels,
-    strained: FloatArray | None = None,
-) -> Estimate:
+    linear_volts: FloatArray | None = None,
+) -> FrfEstimate:
     """The response on the excited lines, from signals that begin with the multisine.
 
     `commanded` is (samples,) V, `drive` V and `velocity` m/s are as sampled, at least as long.
     Patches that play multisines on lines of their own at the same time are told apart by the lines:
-    call this for each, with its own drive. `strained`, (samples,) V if given, is what the patch makes of
-    `drive` by the law of its hysteresis; the response is then from that.
+    call this for each, with its own drive. If `linear_volts` ((samples,), `drive` through the hysteresis
+    model) are given, the response is per linear volt.
     """
     one = multisine.samples(channels.rate_hz)
     start = len(commanded) - multisine.periods * one
@@ -47,9 +47,9 @@ def from_multisine(
     lines = multisine.excited()
     path = U.mean(axis=0)[lines] / order[lines]
     Y = channels.velocity(spectra(velocity), f)
-    if strained is not None:
-        # What delays and images do to the drive they do to its strain.
-        U = spectra(strained) * factor
+    if linear_volts is not None:
+        # Delays and images affect linear volts as they affect the drive.
+        U = spectra(linear_volts) * factor
     even, odd = multisine.silent()
     if multisine.from_rest:
         found = local_rational(U[0], Y[0], np.arange(lines[0], lines[-1] + 1))
@@ -63,9 +63,9 @@ def from_multisine(
         silent = Y.mean(axis=0)
         power = (np.abs(x) ** 2).sum(axis=0)
         H = (np.conj(x) * y).sum(axis=0) / power
-        # What stands on odd lines that nothing excited stands on the excited ones too: noise, and the
-        # distortion that all periods share.
-        surprise = _around(lines, odd, silent)
+        # The level on unexcited odd lines equals that on the excited ones: noise, and the distortion
+        # common to all periods.
+        surprise = _power_at(lines, odd, silent)
         deviation = np.sqrt(multisine.periods * surprise / power)
         residual = surprise
         if multisine.periods > 1:
@@ -73,21 +73,21 @@ def from_multisine(
             residual = uniform_filter1d(residual, _POOL, mode="nearest")
     strength = np.abs(U.mean(axis=0)[lines])
     signal = np.maximum(np.abs(H) ** 2 * strength**2 - residual, 0.0)
-    quiet = even if len(even) and multisine.periods == 1 else None
-    noise = residual if quiet is None else _around(lines, quiet, silent)
-    return Estimate(
+    noise_lines = even if len(even) and multisine.periods == 1 else None
+    noise = residual if noise_lines is None else _power_at(lines, noise_lines, silent)
+    return FrfEstimate(
         frequencies=f[lines],
         velocity=H,
         deviation=deviation,
         coherence=signal / (signal + residual),
         path=path,
         noise=np.sqrt(2 * noise / (one * channels.rate_hz)),
-        distortion=np.array([np.sqrt(_around(lines, n, silent)) / strength for n in (even, odd) if len(n)]),
+        distortion=np.array([np.sqrt(_power_at(lines, n, silent)) / strength for n in (even, odd) if len(n)]),
         level_gain=np.zeros(0, dtype=np.complex128),
     )
 
 
-def _around(lines: IntArray, silent: IntArray, spectrum: ComplexArray) -> FloatArray:
-    """Power at the silent lines around each line (lines,), averaged over a few of them."""
+def _power_at(lines: IntArray, silent: IntArray, spectrum: ComplexArray) -> FloatArray:
+    """Power (lines,) interpolated from the unexcited lines, averaged over a few of them."""
     power = uniform_filter1d(np.abs(spectrum[silent]) ** 2, _POOL, mode="nearest")
     return np.asarray(np.interp(lines, silent, power))

@@ -112,9 +112,9 @@ class _Projection:
         basis = lines.gathered(_columns(poles, lines.f))
         norms = np.linalg.norm(basis, axis=0)
         q, upper = np.linalg.qr(_stack(basis / norms))
-        wanted = _stack(lines.H)
-        seen = q.T @ wanted
-        return cls(poles, lines, q, upper, norms, seen, wanted - q @ seen)
+        measured = _stack(lines.H)
+        seen = q.T @ measured
+        return cls(poles, lines, q, upper, norms, seen, measured - q @ seen)
 
     def solution(self) -> tuple[FloatArray, ComplexArray]:
         # Two poles that coincide leave a corner of zeros: least squares of the least norm.

@@ -1,4 +1,4 @@
-"""Is the active calibration still true? If the table has drifted, every digital button is made anew.
+"""Test whether the active calibration still holds; if the table has drifted, remake every digital button.
 
 Unattended: a quick response at each place, a verdict, and then nothing, or new calibrations, drives
 and checks, which become active all together or not at all.
@@ -17,7 +17,7 @@ import numpy as np
 from calibration.at_rest import laser_noise, laser_or_patch, loose_accelerometer
 from calibration.button import DigitalButton, build_button
 from calibration.check import Check, check
-from calibration.drift import Figures, Kind, Verdict, compare
+from calibration.drift import Kind, PlaceMetrics, Verdict, compare
 from calibration.drive import Method
 from calibration.history import Generation, History
 from calibration.model import fit
@@ -28,23 +28,23 @@ from instruments import Aim, ConfigurationError, DataError, InstrumentError, Lim
 __all__ = ["Outcome", "adopt", "buttons_of", "calibrations_of", "checks_before", "recalibrate"]
 
 Progress = Callable[[str, float, float], None]
-"""Told the step, how much of it is done, and how much it is in all."""
+"""Receives the step, the work done in it, and its total."""
 Place = tuple[str, str]
 """Patch and point."""
 
 _RECENT = 9
-"""Looks whose median says what the laser's noise usually is."""
+"""Looks whose median noise is the laser's usual noise."""
 _PLAYS_BEFORE = 4
-"""Plays of each old drive on the drifted table: enough to say how wrong it had become."""
+"""Plays of each old drive on the drifted table, enough to measure its error."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What `recalibrate` found and did.
+    """Findings and actions of `recalibrate`.
 
-    `unchanged`: the active calibration holds. `restored`: it had drifted, and another one, in which
-    every button passed, is active. `drifted`: it had, and not every button could be brought back;
-    `broken`: something is not as it was. In these two, and in the first, nothing was changed.
+    `unchanged`: the active calibration holds. `restored`: the table had drifted, and another calibration,
+    in which every button passed, is active. `drifted`: the table had drifted, and not every button could
+    be restored. `broken`: a place or an instrument has failed. Only `restored` changes anything.
     """
 
     kind: Literal["unchanged", "restored", "drifted", "broken"]
@@ -53,7 +53,7 @@ class Outcome:
     """The generation that is active now."""
     verdicts: tuple[Verdict, ...]
     sentences: tuple[str, ...]
-    """What was found, what was not measured, and what to do."""
+    """Findings, places not measured, and what to do."""
     before: Mapping[str, Check] = field(default_factory=dict)
     """By button: its old drive, played on the table as it was found."""
     after: Mapping[str, DigitalButton] = field(default_factory=dict)
@@ -82,19 +82,19 @@ def recalibrate(
     rig: Rig,
     history: History,
     *,
-    who: str = "haploop recalibrate",
+    actor: str = "haploop recalibrate",
     when: datetime | None = None,
     iterations: int = 3,
     progress: Progress = lambda _step, _done, _of: None,
 ) -> Outcome:
-    """Look whether the active calibration of a rig still holds, and bring a drifted one back.
+    """Test whether the active calibration of a rig still holds, and restore a drifted one.
 
-    Every look is noted in the history. What is made anew is activated when every button of the
-    generation passed its check on the table as it is, and not otherwise. Nothing waits for a person
-    who is not there: a point that the operator does not aim at is said to be not measured.
+    Every look is noted in the history. A new generation is activated only if every one of its buttons
+    passed its check on the table as it is. Nothing waits for an absent person: a point that the operator
+    does not aim at is reported as not measured.
 
     Raises DataError for a history without a whole active calibration or one that cannot be written,
-    ConfigurationError for another rig's, InstrumentError when somebody else recalibrates or the safe
+    ConfigurationError for another rig's, InstrumentError when another program recalibrates or the safe
     state was not confirmed. An instrument that fails otherwise is an outcome: broken.
     """
     when = when or datetime.now(UTC)
@@ -116,7 +116,7 @@ def recalibrate(
             except DataError as error:
                 outcome = _with(replace(outcome, kind="broken"), str(error))
             else:
-                outcome = _bring_back(rig, history, outcome, renewed, iterations, who, progress)
+                outcome = _bring_back(rig, history, outcome, renewed, iterations, actor, progress)
         history.note({"compared_with": active.name, **outcome.summary(), "laser_noise": look.laser_noise})
     return outcome
 
@@ -125,7 +125,7 @@ def adopt(
     history: History,
     buttons: Sequence[DigitalButton],
     *,
-    who: str,
+    actor: str,
     reason: str,
     when: datetime | None = None,
 ) -> Generation:
@@ -140,7 +140,7 @@ def adopt(
         raise DataError("Give one button or more, and each name (button, patch and point) only once.")
     for name, button in named.items():
         if not button.passed:
-            raise DataError(f"The button {name} did not pass its check, and what fails is not adopted.")
+            raise DataError(f"The button {name} did not pass its check, so that it is not adopted.")
     with history.hold():
         parent = history.active() if history.activations else None
         every = (buttons_of(parent) if parent else {}) | named
@@ -156,7 +156,7 @@ def adopt(
             details={"adopted": sorted(named)},
             parent=parent.name if parent else "",
         )
-        history.activate(generation, when=when, who=who, reason=reason)
+        history.activate(generation, when=when, actor=actor, reason=reason)
     return generation
 
 
@@ -171,14 +171,14 @@ def buttons_of(generation: Generation) -> dict[str, DigitalButton]:
 
 
 def checks_before(generation: Generation) -> dict[str, Check]:
-    """By button: what its drive before this generation did on the drifted table."""
+    """By button: the check of its previous drive on the drifted table."""
     return {path.stem: Check.load(path) for path in generation.paths("before")}
 
 
 def _parts(
     calibrations: Iterable[Calibration], buttons: Mapping[str, DigitalButton], before: Mapping[str, Check]
 ) -> dict[str, Any]:
-    """What a generation holds, by its name in it."""
+    """The parts of a generation, by file name."""
     return {
         **{f"calibrations/{'-'.join(_place(c))}.h5": c for c in calibrations},
         **{f"buttons/{name}.h5": button for name, button in buttons.items()},
@@ -208,15 +208,16 @@ def _refuse_other(rig: Rig, active: Generation, calibrations: Sequence[Calibrati
 
 
 def _renewed(calibrations: Sequence[Calibration], look: _Look) -> dict[Place, Calibration]:
-    """Calibrations of the table as it was seen; hysteresis is the patch's own, and does not drift with it.
+    """Calibrations from the new responses; hysteresis belongs to the patch and does not drift with the table.
 
     Raises DataError when no model fits.
     """
     renewed = {}
     for old in calibrations:
         seen = look.responses[_place(old)]
-        # One period cannot tell noise from what hysteresis leaves, and drives would be made louder than
-        # can be followed (error 13 to 16 % instead of 6 %, measured). At rest there is nothing but noise.
+        # One period cannot separate noise from residual hysteresis, and drives would be planned with more
+        # output than the table can follow (error 13 to 16 % instead of 6 %, measured). At rest there is
+        # nothing but noise.
         response = replace(seen, noise=np.full(len(seen.frequencies), look.laser_noise))
         renewed[_place(old)] = replace(old, response=response, model=fit(response))
     return renewed
@@ -228,10 +229,10 @@ def _bring_back(
     found: Outcome,
     calibrations: Mapping[Place, Calibration],
     iterations: int,
-    who: str,
+    actor: str,
     progress: Progress,
 ) -> Outcome:
-    """New drives for every button of the active generation, and what came of it."""
+    """New drives for every button of the active generation, and the outcome."""
     before: dict[str, Check] = {}
     after: dict[str, DigitalButton] = {}
     failed: list[str] = []
@@ -266,9 +267,9 @@ def _bring_back(
         details=found.summary(),
         parent=found.active.name,
     )
-    # Before it is so: what is not in the log is not done.
+    # Log first: an activation that is not in the audit log must not happen.
     rig.audit.note("activated", calibration=generation.name, reason=reason)
-    history.activate(generation, when=found.when, who=who, reason=reason)
+    history.activate(generation, when=found.when, actor=actor, reason=reason)
     return _with(
         replace(found, kind="restored", active=generation),
         f"Every button was made anew and passed; {generation.name} is the active calibration now.",
@@ -288,9 +289,9 @@ def _of(progress: Progress, name: str) -> Progress:
 
 
 def _told(check: Check) -> dict[str, Any]:
-    """A check in numbers; one that is no number (nothing moved) is null."""
-    numbers = ("nrmse", "tolerance", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
-    values = {name: getattr(check, name) for name in numbers}
+    """Metrics of a check; NaN (nothing moved) becomes null."""
+    names = ("nrmse", "tolerance", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
+    values = {name: getattr(check, name) for name in names}
     return {
         **{name: value if np.isfinite(value) else None for name, value in values.items()},
         "plays": check.plays,
@@ -301,19 +302,19 @@ def _told(check: Check) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """What was seen before anything is done about it."""
+    """Findings before any action."""
 
     verdicts: tuple[Verdict, ...]
     responses: Mapping[Place, Response]
     broken: tuple[str, ...]
-    """What is wrong elsewhere than at a place."""
+    """Faults that belong to no place."""
     unmeasured: tuple[str, ...]
     laser_noise: float | None
     """m/s per sqrt(Hz), at rest."""
 
     @property
     def kind(self) -> Kind:
-        """The worst of all."""
+        """The worst finding."""
         kinds = {verdict.kind for verdict in self.verdicts}
         if self.broken or "broken" in kinds or not kinds:
             return "broken"
@@ -321,7 +322,7 @@ class _Look:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """All that was found, the worst first."""
+        """All findings, the worst first."""
         told = sorted(self.verdicts, key=lambda v: ("broken", "drifted", "unchanged").index(v.kind))
         return (*self.broken, *(s for verdict in told for s in verdict.sentences), *self.unmeasured)
 
@@ -365,10 +366,10 @@ def _look(rig: Rig, calibrations: Sequence[Calibration], usual: float | None, pr
 
 
 def _usual_noise(history: History) -> float | None:
-    """The laser's noise at rest in the latest looks that found nothing broken."""
+    """The laser's median noise at rest in the latest looks without a fault."""
     noises = [float(look["laser_noise"]) for look in history.looks if look["outcome"] != "broken"]
     return float(np.median(noises[-_RECENT:])) if noises else None
 
 
 def _broken(calibration: Calibration, sentence: str) -> Verdict:
-    return Verdict(*_place(calibration), "broken", Figures.of(calibration), None, (sentence,))
+    return Verdict(*_place(calibration), "broken", PlaceMetrics.of(calibration), None, (sentence,))

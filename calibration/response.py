@@ -18,7 +18,7 @@ from instruments import Aim, Capture, ConfigurationError, DataError, InstrumentE
 from instruments.arrays import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
-    from calibration.estimate import Estimate
+    from calibration.estimate import FrfEstimate
 
 __all__ = ["MEASURED", "Response", "measure_response", "quick_response", "response_from"]
 
@@ -128,9 +128,9 @@ def measure_response(
 
     The default is the paper's sweep, at several levels, which also shows the patch's hysteresis. `level` is
     the peak in volts at the patch; None takes what the rig's limits allow. A multisine takes 2.05 s or a few
-    periods more. With the `hysteresis` of an earlier calibration, or with the one that a multisine from
-    rest shows by itself, the strain that this makes of the measured drive is what the response is from, so
-    that distortion no longer matters: the result is what sweeps at `hysteresis.level` would have shown.
+    periods more. With the `hysteresis` of an earlier calibration, or with the one identified from a multisine
+    from rest, the response is computed from the linear volts of the measured drive, which removes the
+    distortion: the result equals that of sweeps at `hysteresis.level`.
 
     Raises InstrumentError when the operator does not confirm, a signal leaves its range or the
     drive does not reach the patch; DataError when the point does not follow the patch;
@@ -184,8 +184,8 @@ def response_from(
     volts, velocity, channels = _signals(rig, capture, monitor)
     if hysteresis is None and multisine.from_rest:
         hysteresis = hysteresis_of_play(multisine, commanded, volts, velocity, channels)
-    strained = hysteresis.strain(volts) if hysteresis is not None else None
-    found = from_multisine(multisine, commanded, volts, velocity, channels, strained)
+    linear_volts = hysteresis.to_linear_volts(volts) if hysteresis is not None else None
+    found = from_multisine(multisine, commanded, volts, velocity, channels, linear_volts)
     peak, said = float(np.abs(commanded).max()), str(multisine)
     lag = 1.0 + 0.0j
     if hysteresis is not None:
@@ -264,7 +264,7 @@ def _swept(
 
 def _response(
     rig: Rig,
-    found: Estimate,
+    found: FrfEstimate,
     patch: str,
     point: str,
     *,

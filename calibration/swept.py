@@ -7,7 +7,7 @@ from scipy.fft import fft, ifft, next_fast_len, rfft
 from scipy.ndimage import uniform_filter1d
 
 from calibration.channels import Channels
-from calibration.estimate import Estimate
+from calibration.estimate import FrfEstimate
 from calibration.excitation import LinearSweep
 from calibration.spectra import fade
 from instruments.arrays import ComplexArray, FloatArray
@@ -29,7 +29,7 @@ a few repeats tell its level within 10 %."""
 
 def from_sweeps(
     sweep: LinearSweep, commanded: FloatArray, drives: FloatArray, velocities: FloatArray, channels: Channels
-) -> Estimate:
+) -> FrfEstimate:
     """Divide the spectra of whole records, sweep and ringing, so that there is no leakage.
 
     `commanded` is (samples,) V, one sweep at the full level; `drives` (plays, samples) V and
@@ -63,7 +63,7 @@ def from_sweeps(
     smaller = [_without_harmonics(b / a, f, speed) for a, b in zip(X[repeats:], Y[repeats:], strict=True)]
     kept = (f >= low) & (f <= high)
     level_gain = [np.vdot(H[kept], h[kept]) / np.linalg.norm(H[kept]) ** 2 for h in smaller]
-    return Estimate(
+    return FrfEstimate(
         frequencies=f[kept],
         velocity=H[kept],
         deviation=np.sqrt(residual / power)[kept],

@@ -100,21 +100,21 @@ def read_uff(
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {files.why(error)}.") from None
+        raise DataError(f"{path} cannot be read: {files.os_error_text(error)}.") from None
     sets = _sets(path)
     length = next((float(s["length"]) for s in sets if s.get("type") == 164), 1.0)
     functions = [s for s in sets if s.get("type") == 58]
     coherences = {_place(s): s for s in functions if s["func_type"] == _COHERENCE}
     source = f"imported from {path.name}, sha256 {hashlib.sha256(content).hexdigest()}"
-    wanted = [s for s in functions if s["func_type"] == _FRF and int(s["rsp_dir"]) in _Z]
-    if not wanted:
+    responses = [s for s in functions if s["func_type"] == _FRF and int(s["rsp_dir"]) in _Z]
+    if not responses:
         kinds = sorted({int(s["func_type"]) for s in functions})
         raise DataError(
             f"{path} holds no frequency response out of the plane (data set 58, type 4, direction z); "
             + (f"its functions have the types {kinds}." if kinds else "it has no data set 58 at all.")
         )
     return tuple(
-        _response(path, s, coherences.get(_place(s)), length, source, rig, patch, point) for s in wanted
+        _response(path, s, coherences.get(_place(s)), length, source, rig, patch, point) for s in responses
     )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from acquisition import (
         ButtonPress,
-        Judged,
+        PressVerdict,
         Protocol,
         Recording,
         Representative,
@@ -76,13 +76,13 @@ __all__ = [
     "Drive",
     "HaploopError",
     "InstrumentError",
-    "Judged",
     "Learning",
     "LimitError",
     "Limits",
     "LinearSweep",
     "Model",
     "Multisine",
+    "PressVerdict",
     "Protocol",
     "Recording",
     "Representative",
@@ -121,7 +121,7 @@ __all__ = [
 _ROOMS = {
     "acquisition": (
         "ButtonPress",
-        "Judged",
+        "PressVerdict",
         "Protocol",
         "Recording",
         "Representative",

@@ -1,4 +1,4 @@
-"""What stands in the cells of the command line's tables, and in its JSON."""
+"""Formatting of values for the command line's tables and JSON."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from rich.box import SIMPLE
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["fixed", "number", "pairs", "percent", "verdict"]
+__all__ = ["fixed", "json_number", "percent", "property_table", "verdict"]
 
 
-def pairs(title: str) -> Table:
-    """A table of names and values."""
+def property_table(title: str) -> Table:
+    """A table with two columns: property and value."""
     table = Table(box=SIMPLE, title=title, title_justify="left", show_header=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
@@ -21,20 +21,20 @@ def pairs(title: str) -> Table:
 
 
 def verdict(passed: bool) -> Text:
-    """Whether something passed, in colour."""
+    """The word "pass" or "FAIL", in colour."""
     return Text("pass", style="bold green") if passed else Text("FAIL", style="bold red")
 
 
 def percent(value: float | None) -> str:
-    """A share; a dash where there is none."""
+    """A fraction as a percentage; "-" for None and NaN."""
     return "-" if value is None or not math.isfinite(value) else f"{100 * value:.1f} %"
 
 
 def fixed(value: float | None, digits: int, unit: str = "") -> str:
-    """A number with so many digits, and its unit; a dash where there is none."""
+    """A number with fixed decimals and its unit; "-" for None."""
     return "-" if value is None else f"{value:.{digits}f}{unit and ' ' + unit}"
 
 
-def number(value: Any) -> float | None:
-    """A number that JSON can say, or None."""
+def json_number(value: Any) -> float | None:
+    """A finite float for JSON; None for None, NaN and infinity."""
     return float(value) if value is not None and math.isfinite(value) else None

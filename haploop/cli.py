@@ -1,7 +1,7 @@
 """The command line. Each family of commands has a file in `haploop.commands`.
 
-How a command ends stands in `haploop.exits`. Heavy imports wait until a command needs them, so that
-`haploop --help` answers at once.
+`haploop.exits` defines how commands end. Heavy imports are deferred until a command needs them, so that
+`haploop --help` is fast.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ __all__ = ["cli", "main"]
 @click.group(cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="haploop", message="haploop %(version)s")
 def cli() -> None:
-    """From a physical button to a verified digital one.
+    """Measure physical buttons and reproduce them as verified digital ones.
 
-    Exit codes: 0 done and passed, 1 out of tolerance, 2 wrong request, 3 an instrument failed.
+    Exit codes: 0 done and passed, 1 result out of tolerance, 2 invalid request, file or configuration,
+    3 instrument failure.
     """
 
 
@@ -63,7 +64,7 @@ for command in (
 def main() -> None:
     """The `haploop` command."""
     for stream in (sys.stdout, sys.stderr):
-        # A console or a pipe that cannot show a sign gets a replacement, not an error.
+        # A console or pipe that cannot encode a character gets a replacement, not an error.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     cli()

@@ -1,4 +1,4 @@
-"""How the command line speaks: progress on standard error, results on standard output."""
+"""Console output: progress on standard error, results on standard output."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Steps(Bars):
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, step: str, done: float, of: float) -> None:
-        """`step` is `done` of `of`; a step that was not heard of before begins."""
+        """`step` is `done` of `of`; a new step is added."""
         if step not in self._tasks:
             self._tasks[step] = self._progress.add_task(step, total=of)
             if self._progress.disable:
@@ -65,12 +65,12 @@ class Steps(Bars):
 
 
 def note(sentence: str) -> None:
-    """A sentence to the person, on standard error."""
+    """Print a sentence on standard error."""
     _console(stderr=True).print(sentence, markup=False, highlight=False, soft_wrap=True)
 
 
 def print_json(values: Mapping[str, Any]) -> None:
-    """The one JSON object that a command with `--json` prints. Refuses what JSON cannot say (nan)."""
+    """Print the JSON object of a command with `--json`. NaN and infinity raise ValueError."""
     print(json.dumps(values, indent=2, allow_nan=False))
 
 

@@ -1,4 +1,4 @@
-"""The whole loop on a simulated rig: press, record, represent, calibrate, drive, check, report."""
+"""The complete workflow on a simulated rig: record, representative press, calibrate, drive, check, report."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import numpy as np
 from acquisition import ButtonPress, Recording, Representative, accepted_presses, record, representative
 from calibration import Calibration, Check, calibrate, check, drive_for
 from haploop import figures
-from haploop.report import Plate, render
+from haploop.report import CaptionedFigure, render
 from instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from instruments.arrays import ComplexArray
 from instruments.clock import Clock, RealClock
@@ -106,7 +106,9 @@ def run_demo(
     progress(step, 0, 1)
     summary = _summary(demo)
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    (folder / "report.html").write_text(render(summary, _plates(demo)), encoding="utf-8", newline="\n")
+    (folder / "report.html").write_text(
+        render(summary, _captioned_figures(demo)), encoding="utf-8", newline="\n"
+    )
     progress(step, 1, 1)
     return summary
 
@@ -125,8 +127,8 @@ def claim_folder(out: str | Path | None) -> Path:
     taken = [name for name in _RESULTS if (out / name).exists()]
     if taken:
         raise ConfigurationError(
-            f"The folder {out} holds {taken[0]} of an earlier demo, and nothing is overwritten: "
-            "name another folder, or leave --out away for a new one."
+            f"The folder {out} already holds {taken[0]} of an earlier demo, which is not overwritten: "
+            "choose another folder, or omit --out to create a new one."
         )
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -134,7 +136,7 @@ def claim_folder(out: str | Path | None) -> Path:
             pass
     except OSError as error:
         raise ConfigurationError(
-            f"The folder {out} cannot be written ({error.strerror or error}): name another one with --out."
+            f"The folder {out} cannot be written ({error.strerror or error}): choose another one with --out."
         ) from None
     return out
 
@@ -162,7 +164,7 @@ def _loop(
     presses: dict[str, Representative] = {}
     (out / "presses").mkdir()
     for button in BUTTONS:
-        step = f"Find the press that stands for the {button} button's"
+        step = f"Compute the representative press of the {button} button"
         progress(step, 0, 1)
         presses[button] = representative(recordings[button])
         presses[button].save(out / "presses" / f"{button}.h5")
@@ -190,7 +192,10 @@ def _loop(
         rig_file=source,
         mode=str(rig.mode),
         simulation=rig.file.simulation.model_dump(),
-        limits=(max(rig.limits.low, -rig.limits.swing / 2), min(rig.limits.high, rig.limits.swing / 2)),
+        limits=(
+            max(rig.limits.min, -rig.limits.peak_to_peak / 2),
+            min(rig.limits.max, rig.limits.peak_to_peak / 2),
+        ),
         buttons=tuple(
             ButtonResult(
                 button,
@@ -267,7 +272,7 @@ def _button(result: ButtonResult) -> dict[str, Any]:
         if result.true_forces
         else None,
         "drive_peak_v": _number(drive.peak),
-        "drive_swing_v": _number(float(np.ptp(drive.volts))),
+        "drive_peak_to_peak_v": _number(float(np.ptp(drive.volts))),
         "drive_measured_peak_v": _number(measured.drive_measured_peak),
         "scale": _number(drive.scale),
         "band_hz": [_number(edge) for edge in drive.band],
@@ -303,7 +308,7 @@ def _band(demo: Demo) -> tuple[float, float]:
     return float(min(low for low, _ in bands)), float(max(high for _, high in bands))
 
 
-def _plates(demo: Demo) -> Sequence[Plate]:
+def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
     """The report's figures, each with the caption that says what is seen and which figure it follows."""
     results = demo.buttons
     response = demo.calibration.response
@@ -311,36 +316,36 @@ def _plates(demo: Demo) -> Sequence[Plate]:
     truth = {r.button: float(np.mean(r.true_forces)) for r in results if r.true_forces}
     carrier = results[0].check.drive.carrier_hz
     return (
-        Plate(
+        CaptionedFigure(
             figures.profiles([figures.Profile.of(r.press) for r in results]),
-            "The press that stands for each button",
+            "Representative press of each button",
             "Normalised vertical acceleration (blue; the band is one standard deviation of the aligned "
             "presses), force (red) and activation state (green), and the power spectral density (PSD) of "
             "the acceleration. After the paper's figure 6.",
         ),
-        Plate(
+        CaptionedFigure(
             figures.activation_forces(forces, truth),
             "Force at activation",
             "Each press (dots), and mean and standard deviation for each participant and for all together "
-            "(upper right). The black lines are the simulated plant's own values, which no estimator saw. "
+            "(upper right). The black lines are the true values of the simulated plant. "
             "After the paper's figure 7.",
         ),
-        Plate(
+        CaptionedFigure(
             figures.response(demo.calibration, demo.true_response),
             f"The table's response, patch {response.patch} to the button point",
-            "Velocity per volt measured at the patch (linear sine sweep), the rational model fitted to "
-            "it, the plant's own response without its patches' hysteresis (dashed), and the coherence. The "
-            "dotted line is the resonance, which is the drive's carrier.",
+            "Velocity per volt measured at the patch (linear sine sweep), the fitted rational model, the "
+            "true response of the plant without patch hysteresis (dashed), and the coherence. The dotted "
+            "line is the resonance, which is the carrier frequency of the drive.",
         ),
-        Plate(
+        CaptionedFigure(
             figures.drives([r.check.drive for r in results], demo.limits),
             f"The drives at patch {response.patch}",
-            f"Each press modulated with {carrier:.2f} Hz and taken back through the response, as large "
-            "as the rig's limits allow. After the paper's figure 8.",
+            f"Each press modulated onto {carrier:.2f} Hz and divided by the response, as large as the "
+            "rig's limits allow. After the paper's figure 8.",
         ),
-        Plate(
+        CaptionedFigure(
             figures.comparison([(r.press, r.check) for r in results]),
-            "What the table was measured to do",
+            "Measured motion of the table",
             "Left: the recorded press (blue) and the reconstructed acceleration (grey), each scaled to "
             "its peak. Middle: target and measured acceleration around the largest peak. Right: their "
             "spectra, and that of the recorded press to the same scale; the band that the drive uses is "

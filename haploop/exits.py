@@ -1,8 +1,7 @@
-"""How every command ends: one sentence on standard error, and an exit code.
+"""How every command ends: an error is one sentence on standard error, and sets the exit code.
 
-0 done and passed; 1 done, and what was measured is out of tolerance; 2 the request or the
-configuration is wrong; 3 an instrument failed; 130, 143 or 129 stopped by Ctrl-C, SIGTERM or a
-closed terminal.
+0 done and passed; 1 done, and the result is out of tolerance; 2 invalid request, file or
+configuration; 3 instrument failure; 130, 143 or 129 stopped by Ctrl-C, SIGTERM or a closed terminal.
 """
 
 from __future__ import annotations
@@ -23,14 +22,14 @@ import click
 from instruments import HaploopError
 from instruments.signals import STOPPING, uninterrupted
 
-__all__ = ["Commands", "Session"]
+__all__ = ["CommandState", "Commands"]
 
 INTERNAL_ERROR = 70
-"""A bug in haploop: none of the documented codes, and sysexits' EX_SOFTWARE."""
+"""A bug in haploop: EX_SOFTWARE of sysexits."""
 
 
 class _Terminated(KeyboardInterrupt):
-    """SIGTERM or a closed terminal, which leave by Ctrl-C's way: through every context's exit."""
+    """SIGTERM or a closed terminal, handled like Ctrl-C: every context exits."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -38,32 +37,32 @@ class _Terminated(KeyboardInterrupt):
 
 
 @dataclass
-class Session:
-    """What an interrupted command can say about itself."""
+class CommandState:
+    """State of a running command, for the message when it is interrupted."""
 
     rig_opened: bool = False
     recordings: Path | None = None
 
 
 class Commands(click.Group):
-    """A group whose every failure is one sentence and an exit code."""
+    """A command group that reports every failure as one sentence and an exit code."""
 
     def main(self, *args: Any, **extra: Any) -> NoReturn:
-        """Run a command, and end the process as the module says."""
-        session = Session()
-        extra |= {"standalone_mode": False, "obj": session}
+        """Run a command, and exit as the module describes."""
+        state = CommandState()
+        extra |= {"standalone_mode": False, "obj": state}
         try:
             with _stopping_as_interrupt():
                 result = super().main(*args, **extra)
             sys.stdout.flush()
         except BrokenPipeError:
-            # Whoever read the output has gone, as in `haploop show FILE | head`.
+            # The reader of the pipe has exited, as in `haploop show FILE | head`.
             sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115
             sys.exit(0)
         except click.Abort as stop:
-            self._fail(*_interrupted(session, stop.__cause__))
+            self._fail(*_interrupted(state, stop.__cause__))
         except KeyboardInterrupt as stop:
-            self._fail(*_interrupted(session, stop))
+            self._fail(*_interrupted(state, stop))
         except click.exceptions.NoArgsIsHelpError as error:
             click.echo(error.format_message())
             result = 0
@@ -80,15 +79,15 @@ class Commands(click.Group):
             if os.environ.get("HAPLOOP_TRACEBACK"):
                 raise
             self._fail(
-                f"haploop itself failed ({type(error).__name__}: {error}). "
-                "Please report it, with what HAPLOOP_TRACEBACK=1 shows.",
+                f"Internal error in haploop ({type(error).__name__}: {error}). "
+                "Please report it, with the traceback that HAPLOOP_TRACEBACK=1 shows.",
                 INTERNAL_ERROR,
             )
         sys.exit(result if isinstance(result, int) else 0)
 
     @staticmethod
     def _fail(sentence: str, code: int) -> NoReturn:
-        # One more Ctrl-C keeps nobody from reading how it ended.
+        # A further Ctrl-C does not suppress the message.
         with uninterrupted():
             click.echo("Error: " + " ".join(sentence.split()), err=True)
             sys.exit(code)
@@ -111,11 +110,11 @@ def _stopping_as_interrupt() -> Iterator[None]:
             signal.signal(kind, handler)
 
 
-def _interrupted(session: Session, cause: BaseException | None) -> tuple[str, int]:
-    # Had the safe state not been read back, its own error would have come here instead.
+def _interrupted(state: CommandState, cause: BaseException | None) -> tuple[str, int]:
+    # If the safe state had not been confirmed, its own error would have been raised instead.
     sentence = "Stopped."
-    if session.rig_opened:
+    if state.rig_opened:
         sentence = "Stopped: the output is zero and the relay is open."
-    if session.recordings is not None and any(session.recordings.glob("*.h5")):
-        sentence += f" What was recorded until now is in {session.recordings} and can be read."
+    if state.recordings is not None and any(state.recordings.glob("*.h5")):
+        sentence += f" The recordings so far are in {state.recordings} and are readable."
     return sentence, cause.exit_code if isinstance(cause, _Terminated) else 130

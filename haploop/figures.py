@@ -163,8 +163,9 @@ def drives(waveforms: Sequence[Drive], limits: tuple[float, float] | None = None
             axes.plot(time, drive.volts, color=colour(row), linewidth=0.6)
             axes.set_xlim(0, 1e3 * end)
             axes.set_ylabel("Voltage (V)")
-            swing = float(np.ptp(drive.volts))
-            letter(axes, row, f"{drive.button.capitalize()}, patch {drive.patch}: {swing:.1f} V peak to peak")
+            peak_to_peak = float(np.ptp(drive.volts))
+            title = f"{drive.button.capitalize()}, patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
+            letter(axes, row, title)
         if limits:
             # A line beside its name: which of the dashes is the limit needs no legend.
             grid[0].annotate(

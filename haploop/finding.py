@@ -1,4 +1,4 @@
-"""What `haploop doctor` says of one thing that it looked at."""
+"""A finding of `haploop doctor`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Status = Literal["green", "yellow", "red"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """The result of one test.
 
-    Green is as the rig file says; yellow works, or could not be judged; red must be mended before
-    the rig is used.
+    Green: as the rig file says. Yellow: usable, or not tested. Red: must be repaired before the rig is
+    used.
     """
 
     name: str
@@ -23,4 +23,4 @@ class Finding:
     """The role in the rig file, or the sensor."""
     status: Status
     sentence: str
-    """What was measured, and what to do about it."""
+    """The measurement, and what to do about it."""

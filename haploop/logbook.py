@@ -1,4 +1,4 @@
-"""`haploop log` and `haploop reset`: a rig's audit log, and its latch."""
+"""`haploop log` and `haploop reset`: a rig's audit log, and its lockout."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from haploop.console import note, print_json, print_table
 from instruments import ConfigurationError, RigFile
 from instruments.audit import Audit, entries, state_folder
 from instruments.driver import Mode
-from instruments.latch import latch_of, lift
+from instruments.latch import clear_lockout, lockout_of
 from instruments.opening import hardware
 
 __all__ = ["reset", "tell"]
@@ -24,12 +24,12 @@ _WHO = ("rig", "rig_sha256", "simulated", "user", "host", "pid", "command", "ver
 
 
 def tell(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
-    """Print the last entries that programs have made for rigs of this name, and the latch."""
+    """Print the last entries that programs have made for rigs of this name, and the lockout."""
     folder = state_folder(file, mode is not None)
     found = deque((entry for entry in entries(folder) if entry.get("rig") == file.name), last)
-    latch = latch_of(folder, hardware(file, mode))
+    lockout = lockout_of(folder, hardware(file, mode))
     if as_json:
-        print_json({"rig": file.name, "latched": latch and latch.sentence, "entries": list(found)})
+        print_json({"rig": file.name, "lockout": lockout and lockout.sentence, "entries": list(found)})
         return
     table = Table("when", "what", "how", "who", "rig file", title=f"The rig {file.name}: {folder}")
     for entry in found:
@@ -42,21 +42,23 @@ def tell(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
             str(entry.get("rig_sha256"))[:8],
         )
     print_table(table)
-    note(latch.sentence if latch else "The rig is not latched.")
+    note(lockout.sentence if lockout else "The rig is not locked out.")
 
 
 def reset(file: RigFile, mode: Mode | None, reason: str) -> None:
-    """Take the latch off a rig, after a person's reason is in the log. Raises ConfigurationError."""
+    """Clear a rig's lockout, once the person's reason is in the log. Raises ConfigurationError."""
     if not reason.strip():
-        raise ConfigurationError("A reset needs a reason: say what stopped the play, and what was done.")
+        raise ConfigurationError(
+            "A reset needs a reason: state the cause of the trip and what was done about it."
+        )
     folder, pieces = state_folder(file, mode is not None), hardware(file, mode)
-    latch = latch_of(folder, pieces)
-    if latch is None:
-        raise ConfigurationError(f"The rig {file.name!r} is not latched: there is nothing to reset.")
+    lockout = lockout_of(folder, pieces)
+    if lockout is None:
+        raise ConfigurationError(f"The rig {file.name!r} is not locked out: there is nothing to reset.")
     Audit(file, folder, mode is not None).note(
-        "reset", reason=reason.strip(), latched=latch.when, why=latch.why
+        "reset", reason=reason.strip(), locked_out=lockout.when, why=lockout.why
     )
-    lift(folder, pieces)
+    clear_lockout(folder, pieces)
     note(f"The rig {file.name} plays again.")
 
 

@@ -1,12 +1,12 @@
-"""Does each patch move the table, and is it the patch that the relay's channel is said to be?
+"""Tests whether each patch moves the table, and whether the relay's channels connect the right patches.
 
-Short sweeps of a few volts go into each patch, seen by the laser near each patch's own place. Where
-a patch itself sits the table answers it in phase: every mode that it drives moves its own place the
-same way. At another place some modes move the other way. So the in-phase part of the response,
-summed over the band, S(place, patch), obeys S(p, q)^2 < S(p, p) S(q, q), whatever each patch's
-strength, and the pairing of places with channels that makes the product of all S largest is the
-true one. (Largest amplitude alone would not do: a strong patch outdoes a weak one at its own place,
-and of two that mirror each other every mode's amplitude is the same.)
+Short sweeps of a few volts go into each patch, and the laser measures near the place of each patch.
+A collocated response is in phase: every mode that a patch drives moves the patch's own place in the
+same direction. At another place some modes move in the opposite direction. So the in-phase part of the
+response, summed over the band, S(place, patch), obeys S(p, q)^2 < S(p, p) S(q, q), whatever the
+strength of each patch, and the true pairing of places with channels has the largest product of all S.
+(The largest amplitude is not sufficient: a strong patch exceeds a weak one at the weak one's place, and
+two mirrored patches have the same amplitude in every mode.)
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from haploop.finding import Finding
 from instruments import Aim, Capture, HaploopError, InstrumentError, Rig
 from instruments.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["judge_patches"]
+__all__ = ["check_patches"]
 
 _LEVEL = 10.0
 """V at the patch."""
@@ -71,7 +71,7 @@ class _Answers:
         return best
 
 
-def judge_patches(rig: Rig) -> Iterator[Finding]:
+def check_patches(rig: Rig) -> Iterator[Finding]:
     """See the module. Raises InstrumentError when the operator does not aim or an instrument fails."""
     answers = _measure(rig)
     for patch, sentence in answers.refused.items():
@@ -94,13 +94,13 @@ def judge_patches(rig: Rig) -> Iterator[Finding]:
         moved = f"{answer.seen * 1e6:.2g} µm/s per V"
         if patch in seen:
             times = answer.seen / answers.silence.seen
-            sentence = f"It moves the table: {moved}, {times:.0f} times the noise."
+            sentence = f"The patch moves the table: {moved}, {times:.0f} times the noise."
             yield Finding(f"Patch {patch}", "table", "green", sentence)
         else:
             sentence = (
-                f"{answers.level:g} V reach its wires and the laser sees no more than noise ({moved}), "
-                "while it sees other patches: the patch is dead. Check its solder joints and glue, or "
-                "replace it."
+                f"{answers.level:g} V reach the wires of this patch, but the laser measures only noise "
+                f"({moved}); other patches do move the table: the patch is dead. Check its solder joints "
+                "and glue, or replace it."
             )
             yield Finding(f"Patch {patch}", "table", "red", sentence)
     known = [p for p in rig.table.patch_places if p in seen]
@@ -121,7 +121,9 @@ def _measure(rig: Rig) -> _Answers:
     silence: _Answer | None = None
     for place, point in points.items():
         if not rig.operator.confirm(Aim(point)):
-            raise InstrumentError(f"The operator did not confirm this, so no patch was judged: {Aim(point)}")
+            raise InstrumentError(
+                f"The operator did not confirm this request, so no patch was tested: {Aim(point)}"
+            )
         silence = silence or _play(rig, sweep, (), silent)
         for patch in (p for p in patches if p not in refused):
             try:
@@ -166,43 +168,42 @@ def _overload(rig: Rig, capture: Capture) -> str | None:
     fastest = float(np.abs(rig.vibrometer.to_velocity(capture.volts[1])).max())
     if capture.overload[1] or fastest > rig.vibrometer.range:
         return (
-            f"It jumped to the end of its {rig.vibrometer.range * 1e3:g} mm/s range during a drive of "
-            f"{_LEVEL:g} V: too little light comes back (focus it, or use reflective tape), or the range is "
-            "too small."
+            f"The velocity reached the end of the {rig.vibrometer.range * 1e3:g} mm/s range at {_LEVEL:g} V: "
+            "there is too little light (focus the laser, or use reflective tape), or the range is too small."
         )
     if capture.overload[0]:
-        return "The drive monitor left its input range: widen the range of its channel in the rig file."
+        return "The drive monitor left its input range: increase the range of its channel in the rig file."
     return None
 
 
 def _drive_findings(answers: _Answers) -> Iterator[Finding]:
-    """What the drive monitor says: about the amplifier, and about contacts that do not switch."""
+    """Findings from the drive monitor: the amplifier's gain, and contacts that do not switch."""
     best, silence, level = answers.best(), answers.silence, answers.level
     if abs(silence.drive) > _CLOSED:
         sentence = (
-            f"With every channel open the drive monitor still shows {silence.drive:.2f} V per V: a contact "
-            "is welded closed. Switch the amplifier off and replace the box."
+            f"With every channel open, the drive monitor still measures {silence.drive:.2f} V per V: a "
+            "contact is welded closed. Switch the amplifier off and replace the box."
         )
         yield Finding("Contacts", "relay", "red", sentence)
     reached = {p: a.drive for p, a in best.items() if abs(a.drive) > _REACHED}
     if best and not reached:
         sentence = (
-            f"{level:g} V were commanded and the drive monitor shows none of it at any patch: is the "
+            f"{level:g} V were commanded, but the drive monitor measures nothing at any patch: is the "
             "amplifier on, and its input connected? If it has tripped, switch it off and on again."
         )
         yield Finding("Gain", "amplifier", "red", sentence)
         return
     for patch in best.keys() - reached.keys():
         sentence = (
-            "The box says that it is connected, and no voltage reaches it: the contact does not close, or "
-            "its wire is off."
+            "The box reports this patch as connected, but no voltage reaches it: the contact does not "
+            "close, or the wire is disconnected."
         )
         yield Finding(f"Patch {patch}", "relay", "red", sentence)
     if reached:
         gain = float(np.median(list(reached.values())))
-        measured = f"{gain:.3f} V arrive at the patch for each volt that was commanded"
+        measured = f"{gain:.3f} V arrive at the patch for each volt commanded"
         if abs(gain - 1) > _GAIN:
-            what = "correct the amplifier's gain switch, or gain in [amplifier] and ratio in [sensors.drive]."
+            what = "correct the gain switch, or gain in [amplifier] and ratio in [sensors.drive]."
             yield Finding("Gain", "amplifier", "red", f"{measured}: {what}")
         else:
             yield Finding("Gain", "amplifier", "green", f"{measured}.")
@@ -212,8 +213,8 @@ def _wiring(in_phase: dict[tuple[str, str], float], patches: list[str]) -> Findi
     """Which channel drives the patch at each place."""
     if len(patches) < 2:
         sentence = (
-            "Not judged: give patch_places in [table], and at least two patches that move the table, to "
-            "tell whether the relay's channels are swapped."
+            "Not tested: the test for swapped relay channels needs patch_places in [table], and at least "
+            "two patches that move the table."
         )
         return Finding("Wiring", "relay", "yellow", sentence)
     strength = np.abs([[in_phase[place, patch] for patch in patches] for place in patches])
@@ -222,16 +223,18 @@ def _wiring(in_phase: dict[tuple[str, str], float], patches: list[str]) -> Findi
     gain = float(np.exp(logs[np.arange(len(patches)), found].sum() - np.trace(logs)))
     wrong = [(place, patches[i]) for place, i in zip(patches, found, strict=True) if place != patches[i]]
     if not wrong:
-        return Finding("Wiring", "relay", "green", "Each channel drives the patch that the rig file says.")
+        return Finding("Wiring", "relay", "green", "Each channel drives the patch that the rig file states.")
     told = ", ".join(f"the channel of {patch} drives patch {place}" for place, patch in wrong)
     if gain < _CLEAR:
-        sentence = f"Not clear: it seems that {told}. Measure the places of the patches in [table] again."
+        sentence = f"Uncertain: it seems that {told}. Check patch_places in [table]."
         return Finding("Wiring", "relay", "yellow", sentence)
     if len(wrong) == 2:
         one, other = wrong[0]
         sentence = (
-            f"The channels of patches {one} and {other} are swapped: {told}. Swap their wires, or their "
-            "numbers in [relay]."
+            f"The channels of patches {one} and {other} are swapped: {told}. Swap the wires, or the "
+            "channel numbers in [relay]."
         )
         return Finding("Wiring", "relay", "red", sentence)
-    return Finding("Wiring", "relay", "red", f"Channels are mixed up: {told}. Correct the wires, or [relay].")
+    return Finding(
+        "Wiring", "relay", "red", f"The channels are mixed up: {told}. Correct the wires, or [relay]."
+    )

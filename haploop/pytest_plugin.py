@@ -28,19 +28,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """`--rig`, and which rig file it simulates."""
     group = parser.getgroup("haploop")
     group.addoption(
-        "--rig", default="twin", metavar="twin|wire|FILE", help="what to run on; FILE describes hardware"
+        "--rig",
+        default="twin",
+        metavar="twin|wire|FILE",
+        help="what the tests run on: a simulated rig, or the hardware that the rig file FILE describes",
     )
-    parser.addini("rig_file", "the rig that --rig twin and --rig wire simulate", default="simulated")
+    parser.addini("rig_file", "rig file that --rig twin and --rig wire simulate", default="simulated")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """The marks."""
-    config.addinivalue_line("markers", "rig: runs on an open rig, and so on whatever --rig names")
+    config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
     config.addinivalue_line(
         "markers",
-        "requires(name, ...): needs what not every rig has, and is skipped without it: an instrument "
-        "or a sensor, as the rig file names it, 'table', or 'simulation'; in a conformance suite, one "
-        "of its capabilities",
+        "requires(name, ...): skipped on a rig without these parts: instruments or sensors by their "
+        "rig-file names, 'table', or 'simulation'; in a conformance suite, one of its capabilities",
     )
 
 
@@ -76,7 +78,7 @@ class Rigs:
         file = load_rig_file(_beside(self._project, name)) if simulate and name else self._asked_for()
         simulated = bool(simulate or file.simulate)
         if plant and not simulated:
-            pytest.skip("another plant exists in a simulation only")
+            pytest.skip("needs simulation settings, which hardware does not have")
         for mark in node.iter_markers("requires"):
             for needed in mark.args:
                 if not _has(file, needed, simulated):
@@ -87,7 +89,7 @@ class Rigs:
         try:
             return open_rig(file)
         except (ConfigurationError, InstrumentError) as error:
-            pytest.skip(f"the rig {self.mode} is not there: {error}")
+            pytest.skip(f"the rig {self.mode} could not be opened: {error}")
 
     def close(self) -> None:
         """Let others use the hardware."""
@@ -172,5 +174,5 @@ def _has(file: RigFile, needed: str, simulated: bool) -> bool:
     parts |= dict(file.sensors)
     parts |= {"table": file.table, "simulation": simulated or None}
     if needed not in parts:
-        pytest.fail(f"no rig has {needed!r}; requires() knows {', '.join(parts)}", pytrace=False)
+        pytest.fail(f"requires() does not know {needed!r}; it accepts {', '.join(parts)}", pytrace=False)
     return parts[needed] is not None

@@ -1,4 +1,4 @@
-"""What `haploop recalibrate` did: on standard output, and as one HTML file with before and after."""
+"""Result of `haploop recalibrate`: on standard output, and as an HTML report with before and after."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from calibration.files import new_file, why
+from calibration.files import new_file, os_error_text
 from calibration.history import History
 from calibration.recalibration import Outcome, calibrations_of
 from haploop.console import print_json, print_line, print_table
-from haploop.report import Plate, render
+from haploop.report import CaptionedFigure, render
 from haploop.show_history import before_and_after, responses
 from instruments import DataError
 
@@ -22,8 +22,8 @@ __all__ = ["tell", "write"]
 
 _TITLES = {
     "unchanged": "The calibration holds",
-    "restored": "The table had drifted, and every button is back",
-    "drifted": "The table has drifted, and not every button could be brought back",
+    "restored": "The table had drifted; every button is within tolerance again",
+    "drifted": "The table has drifted; not every button could be brought within tolerance",
     "broken": "Something is broken; nothing was changed",
 }
 
@@ -36,19 +36,23 @@ def write(history: History, outcome: Outcome) -> Path | None:
     if not outcome.before:
         return None
     path = history.folder / "reports" / f"{outcome.when:%Y%m%dT%H%M%SZ}-{outcome.kind}.html"
-    html = render(_summary(outcome), _plates(history, outcome), "recalibration.html")
+    html = render(_summary(outcome), _captioned_figures(history, outcome), "recalibration.html")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with new_file(path) as part:
             part.write_text(html, encoding="utf-8", newline="\n")
     except (OSError, DataError) as error:
-        said = error if isinstance(error, DataError) else f"{path.parent} cannot be made: {why(error)}."
-        raise DataError(f"There is no report. {said} Active: {outcome.active.name}.") from None
+        said = str(error)
+        if not isinstance(error, DataError):
+            said = f"{path.parent} cannot be created: {os_error_text(error)}."
+        raise DataError(
+            f"The report could not be written: {said} The active calibration is {outcome.active.name}."
+        ) from None
     return path
 
 
 def tell(outcome: Outcome, assumed: Sequence[str], report: Path | None, as_json: bool) -> None:
-    """Say what was found and done. `assumed` is what nobody was there to confirm."""
+    """Print the outcome. `assumed` lists requests that no operator was present to confirm."""
     summary = {**outcome.summary(), "assumed": list(assumed), "report": str(report) if report else None}
     if as_json:
         print_json(summary)
@@ -67,7 +71,7 @@ def tell(outcome: Outcome, assumed: Sequence[str], report: Path | None, as_json:
     for sentence in outcome.sentences:
         print_line(sentence)
     for sentence in assumed:
-        print_line(f"Taken as done, with nobody there: {sentence}")
+        print_line(f"Assumed, with no operator present: {sentence}")
     print_line(f"Active: {outcome.active.name}")
     if outcome.simulated:
         print_line("Simulated: no real instrument measured this.")
@@ -84,27 +88,27 @@ def _summary(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _plates(history: History, outcome: Outcome) -> list[Plate]:
+def _captioned_figures(history: History, outcome: Outcome) -> list[CaptionedFigure]:
     after = {name: button.check for name, button in outcome.after.items()}
-    plates = [
-        Plate(
+    captioned = [
+        CaptionedFigure(
             before_and_after(outcome.before, after),
             "Before and after",
-            "What each button's drive should make the table do (orange) and what the laser measured (black), "
-            "around the largest acceleration. Left: the old drive on the table as it was found. Right: the "
-            "new one. A new drive has a target of its own: it is modulated with the resonance of today.",
+            "Target (orange) and measured acceleration (black) of each button, around the largest "
+            "acceleration. Left: the old drive on the drifted table. Right: the new drive. A new drive has a "
+            "new target, because its carrier is the present resonance.",
         )
     ]
     if outcome.kind == "restored":
         old = calibrations_of(history.find(outcome.active.parent))
-        plates.append(
-            Plate(
+        captioned.append(
+            CaptionedFigure(
                 responses(old, calibrations_of(outcome.active)),
                 "The table's response",
-                "The model of the calibration before, and of the one that is active now.",
+                "Models of the previous and of the active calibration.",
             )
         )
-    return plates
+    return captioned
 
 
 def _error(check: dict[str, Any] | None) -> str:

@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 
 from haploop.plotting import png
 
-__all__ = ["Plate", "render"]
+__all__ = ["CaptionedFigure", "render"]
 
 
 @dataclass(frozen=True, eq=False)
-class Plate:
+class CaptionedFigure:
     """A figure with its title and its caption."""
 
     figure: Figure
@@ -25,8 +25,10 @@ class Plate:
     caption: str
 
 
-def render(summary: Mapping[str, Any], plates: Sequence[Plate], template: str = "report.html") -> str:
-    """A summary as HTML by a template of this package, with the plates as PNG inside."""
+def render(
+    summary: Mapping[str, Any], captioned: Sequence[CaptionedFigure], template: str = "report.html"
+) -> str:
+    """A summary as HTML by a template of this package, with the figures embedded as PNG."""
     environment = Environment(
         loader=PackageLoader("haploop", ""),
         autoescape=True,
@@ -37,13 +39,13 @@ def render(summary: Mapping[str, Any], plates: Sequence[Plate], template: str = 
     environment.filters.update(percent=_percent, fixed=_fixed, minute=_minute, rest=_rest)
     images = [
         {
-            "title": plate.title,
-            "caption": plate.caption,
-            "data": base64.b64encode(png(plate.figure)).decode("ascii"),
+            "title": one.title,
+            "caption": one.caption,
+            "data": base64.b64encode(png(one.figure)).decode("ascii"),
         }
-        for plate in plates
+        for one in captioned
     ]
-    return environment.get_template(template).render(s=summary, plates=images)
+    return environment.get_template(template).render(s=summary, figures=images)
 
 
 def _percent(value: float | None, digits: int = 1) -> str:

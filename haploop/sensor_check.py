@@ -1,4 +1,4 @@
-"""Do the sensors and the cards that sample them show what they must?"""
+"""Tests of the sensors and of the DAQ cards that sample them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from instruments import Capture, HaploopError, Press, Rest, Rig
 from instruments.arrays import FloatArray
 from instruments.operator import Place, Remove
 
-__all__ = ["cards", "judge_clock", "judge_force", "judge_gravity", "judge_noise"]
+__all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"]
 
 _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
@@ -51,8 +51,8 @@ def cards(rig: Rig) -> dict[str, list[str]]:
     return groups
 
 
-def judge_noise(rig: Rig) -> Iterator[Finding]:
-    """What each channel shows while nothing happens: neither more noise than it may have, nor none."""
+def check_noise(rig: Rig) -> Iterator[Finding]:
+    """Noise floor of each channel: neither too high, nor zero."""
     rig.operator.tell(Rest(1.0))
     for card, channels in cards(rig).items():
         rate_hz = rig.file.rate_hz
@@ -80,33 +80,36 @@ def _noise_floor(
     never_zero = [c for s in (sensors.force, sensors.acceleration) if s for c in s.channels]
     if overload:
         return "red", (
-            f"It stands at the end of its range ({measured}): the sensor is saturated, its wire is off, or "
-            "the range in the rig file is too narrow."
+            f"The signal is at the end of its range ({measured}): the sensor is saturated, its wire is "
+            "disconnected, or the range in the rig file is too small."
         )
     if rms == 0:
-        return "red", f"It never changes ({measured}): the converter or its cable is stuck."
+        return "red", f"The signal is constant ({measured}): check the converter and the cable."
     if name in never_zero and abs(mean) < 10 * converter and rms < 2 * converter:
         return (
             "yellow",
-            f"It shows the card's own noise and nothing else ({measured}): is the sensor connected?",
+            f"The signal is only the card's own noise ({measured}): is the sensor connected?",
         )
     if rms > _NOISY * full_scale:
-        return "yellow", f"It is noisy ({measured}): look for hum, a floating ground or hands on the table."
-    return "green", f"{measured}; the card alone would have about {_volts(converter)}."
+        return (
+            "yellow",
+            f"The signal is noisy ({measured}): check for hum, a floating ground or hands on the table.",
+        )
+    return "green", f"{measured}; the card's own noise is about {_volts(converter)}."
 
 
 def _volts(value: float) -> str:
     return f"{value:.3g} V" if abs(value) >= 0.1 else f"{value * 1e3:.2g} mV"
 
 
-def judge_force(rig: Rig, mass: float) -> Iterator[Finding]:
+def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
     """A known mass (kg), put on the force sensor by the operator."""
     sensor = rig.sensors.force
     assert sensor is not None
     rig.operator.tell(Rest(1.0))
     rest = _captured(rig, sensor.channels, 1.0).volts.mean(axis=1)
     if not rig.operator.confirm(Place(mass)):
-        yield Finding("Known mass", "force", "yellow", "Not judged: no mass was put on the force sensor.")
+        yield Finding("Known mass", "force", "yellow", "Not tested: no mass was put on the force sensor.")
         return
     loaded = _captured(rig, sensor.channels, 1.0).volts.mean(axis=1)
     rig.operator.confirm(Remove())
@@ -114,27 +117,27 @@ def judge_force(rig: Rig, mass: float) -> Iterator[Finding]:
     weight = mass * _GRAVITY
     off, aside = float(force[2] / weight - 1), float(np.abs(force[:2]).max() / weight)
     measured = (
-        f"{mass:g} kg reads {force[2]:.2f} N where {weight:.2f} N stands on it ({off:+.0%}), and "
+        f"{mass:g} kg reads {force[2]:.2f} N instead of {weight:.2f} N ({off:+.0%}), and "
         f"{force[0]:.2f} N and {force[1]:.2f} N sideways"
     )
     if force[2] < 0.2 * weight and abs(off) > _MASS_TOLERANCE:
-        what = "the sensor upside down, or not connected: look at its mounting and its cable."
+        what = "the sensor is upside down or not connected. Check its mounting and its cable."
         yield Finding("Known mass", "force", "red", f"{measured}: {what}")
     elif abs(off) > _MASS_TOLERANCE or aside > _MASS_TOLERANCE:
-        what = "its matrix is not this sensor's. Check the serial number on the .cal file."
+        what = "the matrix belongs to another sensor. Check the serial number on the .cal file."
         yield Finding("Known mass", "force", "red", f"{measured}: {what}")
     else:
         yield Finding("Known mass", "force", "green", f"{measured}.")
 
 
-def judge_gravity(rig: Rig) -> Iterator[Finding]:
-    """What the accelerometer shows at rest, z up."""
+def check_gravity(rig: Rig) -> Iterator[Finding]:
+    """The accelerometer at rest, z up."""
     sensor = rig.sensors.acceleration
     assert sensor is not None
     rig.operator.tell(Rest(1.0))
     volts = _captured(rig, sensor.channels, 1.0).volts
     x, y, z = sensor.to_si(volts).mean(axis=1)
-    measured = f"It rests at {x:.1f}, {y:.1f}, {z:.1f} m/s² along x, y, z"
+    measured = f"At rest it reads {x:.1f}, {y:.1f}, {z:.1f} m/s² along x, y, z"
     what = sensor.fault_at_rest(volts)
     if what is None:
         yield Finding("Gravity", "acceleration", "green", f"{measured}: upright, with 9.8 expected on z.")
@@ -142,15 +145,15 @@ def judge_gravity(rig: Rig) -> Iterator[Finding]:
     yield Finding("Gravity", "acceleration", "red", f"{measured}: {what}")
 
 
-def judge_clock(rig: Rig) -> Iterator[Finding]:
-    """Whether two cards sample on one clock: two presses, half a minute apart, as each card sees them."""
+def check_clock(rig: Rig) -> Iterator[Finding]:
+    """Whether two cards share one clock: both measure two presses, half a minute apart."""
     groups = cards(rig)
     names = " and ".join(groups)
     both = [channels[0] for channels in groups.values()]
     force, acceleration = rig.sensors.force, rig.sensors.acceleration
     if force is None or acceleration is None:
         _captured(rig, both, 1.0)
-        sentence = f"{names} sample on one clock; no press is seen by both, so that was not measured."
+        sentence = f"Not tested: {names} have no pair of sensors that both measure a press."
         yield Finding("One clock", "daq", "yellow", sentence)
         return
     rate_hz = rig.file.rate_hz
@@ -174,17 +177,17 @@ def judge_clock(rig: Rig) -> Iterator[Finding]:
         lags.append(_lag(pushed, shaken, rate_hz))
     if any(lag is None for lag in lags):
         sentence = (
-            f"{names} sample together, but no press was seen by both: press any button on the rig when asked."
+            f"Not tested: no press was measured by both {names}. Press any button on the rig when prompted."
         )
         yield Finding("One clock", "daq", "yellow", sentence)
         return
     before, after = (float(lag) for lag in lags if lag is not None)
     measured = (
-        f"{names} see one press {abs(before) * 1e3:.1f} ms apart, and another one {_BETWEEN_PRESSES:g} s "
-        f"later {abs(after) * 1e3:.1f} ms"
+        f"{names} measure one press {abs(before) * 1e3:.1f} ms apart, and another one {_BETWEEN_PRESSES:g} s "
+        f"later {abs(after) * 1e3:.1f} ms apart"
     )
     if max(abs(before), abs(after)) > _APART or abs(after - before) > _DRIFTED:
-        what = "they run on clocks of their own. Check the RTSI cable, and that it is declared in NI MAX."
+        what = "the cards run on clocks of their own. Check the RTSI cable and its entry in NI MAX."
         yield Finding("One clock", "daq", "red", f"{measured}: {what}")
     else:
         drift = _DRIFTED / _BETWEEN_PRESSES * 1e6
@@ -194,7 +197,7 @@ def judge_clock(rig: Rig) -> Iterator[Finding]:
 
 
 def _lag(force: FloatArray, acceleration: FloatArray, rate_hz: float) -> float | None:
-    """Seconds by which a press shows later in the acceleration than in the force; None without a press."""
+    """Delay (s) of a press in the acceleration relative to the force; None without a press."""
     band = butter(2, _PRESS_BAND, "band", fs=rate_hz, output="sos")
     shapes = []
     for signal in (force, acceleration):

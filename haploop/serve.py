@@ -1,4 +1,4 @@
-"""`haploop twin`: simulated instruments, served to programs that are not ours."""
+"""`haploop twin`: serve simulated instruments to other programs."""
 
 from __future__ import annotations
 
@@ -17,30 +17,39 @@ _SERVED = {
     "ofv": ("vibrometer", "port"),
     "scpi": ("generator", "resource"),
 }
-"""Kind of wire: the role that it serves, and the driver's setting that is its address."""
+"""Kind of wire: its role, and the driver setting that holds its address."""
 
-_rig = click.option("--rig", "-r", metavar="FILE", help="Serve the instruments of this rig.")
+_rig = click.option("--rig", "-r", metavar="FILE", help="Rig whose instruments are simulated.")
 
 
 @click.group(no_args_is_help=True)
 def twin() -> None:
-    """Serve simulated instruments to other programs, in real time."""
+    """Serve simulated instruments to other programs.
+
+    The instruments run in real time and use their own protocols.
+    """
 
 
 @twin.command()
-@click.option("--port", type=click.IntRange(0, 65535), default=0, show_default=True, help="0: any free one.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    show_default=True,
+    help="TCP port; 0 selects a free one.",
+)
 @_rig
 @click.option(
     "--devices",
     type=click.Path(path_type=Path),
     metavar="FILE.ini",
-    help="Serve those of a text export of NI MAX.",
+    help="Serve the devices in this NI MAX text export.",
 )
 def ni(port: int, rig: str | None, devices: Path | None) -> None:
-    """Simulated NI-DAQmx devices, for any program that uses nidaqmx over gRPC.
+    """Serve simulated NI-DAQmx devices over gRPC, for any program that uses nidaqmx.
 
-    The first line on standard output is "Server listening on port N". Ctrl-C ends it. A rig's
-    devices stand on its plant; without one they are the devices of the rig "simulated".
+    The first line on standard output is "Server listening on port N". Ctrl-C stops the server. The
+    devices measure the rig's simulated plant; the default rig is "simulated".
     """
     from instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
     from instruments.ni_daqmx import NiDaq  # noqa: PLC0415
@@ -49,14 +58,14 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
     from mocks.plant import Plant  # noqa: PLC0415
 
     if devices is not None and rig is not None:
-        raise click.UsageError("--rig and --devices both name devices: give one of them.")
+        raise click.UsageError("--rig and --devices exclude each other: use one of them")
     if devices is not None:
         run(inventory_from_file(devices), port)
         return
     file = load_rig_file(rig or "simulated")
     if file.daq.driver != "ni-daqmx" or not file.daq.settings.get("devices"):
         raise ConfigurationError(
-            f"The rig {file.name!r} names no NI devices in [daq]: name another rig, or give --devices."
+            f"The rig {file.name!r} has no NI devices in [daq]: name another rig, or use --devices."
         )
     settings = validate(NiDaq.Settings, file.daq.settings, f"[daq] of {file.name}")
     plant = Plant(file, RealClock())
@@ -91,7 +100,7 @@ def _serve(kinds: tuple[str, ...], rig: str | None, as_json: bool) -> None:
                 kind = wanted[role]
                 addresses[kind] = str(simulation.serve(device.driver, settings)[_SERVED[kind][1]])
             else:
-                # What is not served stands in the plant all the same: a laser must be in place.
+                # Instruments that are not served are part of the plant too: a laser must be in place.
                 simulation.instrument(role, device, driver, "twin")
         missing = [kind for kind in kinds if kind not in addresses]
         if missing:
@@ -118,7 +127,7 @@ def _command(name: str, kinds: tuple[str, ...], help_text: str) -> None:
         _serve(kinds, rig, as_json)
 
 
-_command("all", tuple(_SERVED), "Every wire of a rig, on one plant.")
-_command("yocto", ("yocto",), "A Yoctopuce hub with a relay box.")
-_command("ofv", ("ofv",), "An OFV-5000 vibrometer's serial line.")
-_command("scpi", ("scpi",), "A function generator's SCPI socket.")
+_command("all", tuple(_SERVED), "Serve all simulated instruments of a rig, on one plant.")
+_command("yocto", ("yocto",), "Serve a Yoctopuce hub with a relay box over HTTP.")
+_command("ofv", ("ofv",), "Serve an OFV-5000 vibrometer on a serial line.")
+_command("scpi", ("scpi",), "Serve a function generator on a SCPI socket.")

@@ -1,4 +1,4 @@
-"""What the command line says about results: tables on standard output, or one JSON object."""
+"""Results on standard output: tables, or one JSON object."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from acquisition import Recording, Representative, accepted_presses, find_presses
-from acquisition.store import check_target
+from acquisition.store import check_destination
 from calibration import Calibration, Check, DigitalButton, Drive
-from calibration.files import why
+from calibration.files import os_error_text
 from calibration.map import VibrationMap
 from haploop import figures, show_button, show_map
-from haploop.cells import fixed, number, pairs, percent, verdict
+from haploop.cells import fixed, json_number, percent, property_table, verdict
 from haploop.console import print_json, print_line, print_table
 from haploop.plotting import mark_simulated, png
 from haploop.show_press import recording_contents, recording_figure, representative_contents
 from haploop.show_table import calibration_contents, drive_contents
-from haploop.targets import new_picture
+from haploop.targets import check_new_picture
 from instruments import ConfigurationError, DataError
 
 __all__ = ["check", "claim", "demo", "keep", "save", "show"]
@@ -31,13 +31,13 @@ _SIMULATED = "Simulated: no real instrument measured this."
 
 
 def show(path: Path, as_json: bool, plot: Path | None = None) -> None:
-    """Say what is in a file that haploop wrote, and draw it into `plot` (PNG).
+    """Print the contents of a file written by haploop, and plot it into `plot` (PNG).
 
     Raises DataError for a file that is missing, damaged, or of another kind, and
-    ConfigurationError when there is nothing to draw to.
+    ConfigurationError when `plot` cannot be written.
     """
     if plot is not None:
-        new_picture(plot)
+        check_new_picture(plot)
     values, table, draw = _contents(path)
     if plot is not None:
         save(draw(), plot, values["simulated"])
@@ -53,7 +53,7 @@ def show(path: Path, as_json: bool, plot: Path | None = None) -> None:
 
 
 def save(figure: Figure, path: Path, simulated: bool) -> None:
-    """Write a figure as a new PNG, which says so if it shows simulated data. Raises ConfigurationError."""
+    """Write a figure as a new PNG, marked if it shows simulated data. Raises ConfigurationError."""
     if simulated:
         mark_simulated(figure)
     content = png(figure)
@@ -65,35 +65,35 @@ def save(figure: Figure, path: Path, simulated: bool) -> None:
 
 
 def _unwritten(path: Path, error: OSError | RuntimeError) -> ConfigurationError:
-    return ConfigurationError(f"{path} cannot be written: {why(error)}.")
+    return ConfigurationError(f"{path} cannot be written: {os_error_text(error)}.")
 
 
 def check(press: Representative, result: Check, as_json: bool) -> None:
-    """The outcome of one check."""
+    """Print the result of one check."""
     drive = result.drive
     values = {
         "simulated": result.simulated,
         "button": drive.button,
         "patch": drive.patch,
         "presses": press.members,
-        "drive_peak_v": number(drive.peak),
-        "drive_measured_peak_v": number(result.drive_measured_peak),
-        "scale": number(drive.scale),
-        "in_band": number(drive.in_band),
+        "drive_peak_v": json_number(drive.peak),
+        "drive_measured_peak_v": json_number(result.drive_measured_peak),
+        "scale": json_number(drive.scale),
+        "in_band": json_number(drive.in_band),
         "plays": result.plays,
-        "nrmse": number(result.nrmse),
-        "tolerance": number(result.tolerance),
-        "correlation": number(result.correlation),
-        "envelope_correlation": number(result.envelope_correlation),
-        "third_octave_error_db": number(result.third_octave_error_db),
-        "floor": number(result.floor),
+        "nrmse": json_number(result.nrmse),
+        "tolerance": json_number(result.tolerance),
+        "correlation": json_number(result.correlation),
+        "envelope_correlation": json_number(result.envelope_correlation),
+        "third_octave_error_db": json_number(result.third_octave_error_db),
+        "floor": json_number(result.floor),
         "passed": bool(result.passed),
         "reasons": list(result.reasons),
     }
     if as_json:
         print_json(values)
         return
-    table = pairs(f"Check of the {drive.button} button, {result.plays} plays")
+    table = property_table(f"Check of the {drive.button} button, {result.plays} plays")
     table.add_row("Error", f"{percent(result.nrmse)}, at most {percent(result.tolerance)}")
     table.add_row(
         "Correlation", f"{result.correlation:.4f}, of the envelopes {result.envelope_correlation:.4f}"
@@ -112,13 +112,13 @@ def check(press: Representative, result: Check, as_json: bool) -> None:
 
 
 def claim(out: Path, button: str) -> None:
-    """Refuse, before anything is played, a folder that cannot take what `keep` will write."""
+    """Raise ConfigurationError, before anything is played, if `keep` could not write into the folder."""
     for path in _kept(out, button):
-        check_target(path)
+        check_destination(path)
 
 
 def keep(out: Path, press: Representative, result: Check) -> None:
-    """Write what a check used and found into a folder. Raises ConfigurationError and DataError."""
+    """Save the inputs and results of a check in a folder. Raises ConfigurationError and DataError."""
     press_file, drive_file, picture = _kept(out, press.button)
     try:
         press.save(press_file)
@@ -133,7 +133,7 @@ def _kept(out: Path, button: str) -> tuple[Path, Path, Path]:
 
 
 def demo(summary: Mapping[str, Any]) -> None:
-    """The outcome of a demo."""
+    """Print the result of a demo."""
     table = Table(box=SIMPLE, title="From a press to a verified digital button", title_justify="left")
     table.add_column("Button")
     for heading in (
@@ -167,7 +167,7 @@ def demo(summary: Mapping[str, Any]) -> None:
             print_line(f"{name}: {reason}")
     for note in summary["notes"]:
         print_line(note)
-    print_line("In band: the share of the modulated press's energy that is played and compared.")
+    print_line("In band: share of the modulated press's energy within the band that is played and compared.")
     print_line(
         f"Resonance {summary['resonance_hz']:.2f} Hz (true: {summary['resonance_true_hz']:.2f} Hz). "
         f"{summary['simulated_s']:.0f} s of simulated time in {summary['wall_s']:.0f} s."
@@ -200,18 +200,18 @@ def _contents(path: Path) -> tuple[dict[str, Any], Table, Any]:
 
 
 def _kind(path: Path) -> str:
-    """What a file says it is: recording, representative, calibration, drive or button. Raises DataError."""
+    """The kind of a file: recording, representative, calibration, drive or button. Raises DataError."""
     if not path.is_file():
-        raise DataError(f"There is no file {path}.")
+        raise DataError(f"There is no file {path}: check the name.")
     try:
         with h5py.File(path, "r") as file:
-            # A recording says what it is in its format, everything else beside it.
+            # A recording states its kind in `format`, every other file in `kind`.
             kind = str(file.attrs.get("kind", file.attrs.get("format", "")))
     except (OSError, KeyError, RuntimeError, ValueError):
-        raise DataError(f"{path} is damaged, or not a file that haploop wrote.") from None
+        raise DataError(f"{path} is damaged, or was not written by haploop.") from None
     if not kind.startswith("haploop "):
-        raise DataError(f"{path} is not a file that haploop wrote.")
+        raise DataError(f"{path} was not written by haploop.")
     kind = kind.removeprefix("haploop ")
     if kind not in ("recording", "representative", "calibration", "drive", "button"):
-        raise DataError(f"{path} holds a {kind}, which `haploop show` does not know.")
+        raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
     return kind

@@ -1,4 +1,4 @@
-"""What the command line says about a digital button, and its picture."""
+"""Contents of a digital button, as a table, as JSON values and as a figure."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from calibration import DigitalButton
-from haploop.cells import number
+from haploop.cells import json_number
 from haploop.plotting import active, colour, legend_above, letter, new_figure, style
 
 __all__ = ["contents", "figure"]
 
 
 def contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
-    """The values for `--json`, and the table for people."""
+    """JSON values, and a table."""
     drive, check, learning = button.drive, button.check, button.learning
     response = button.calibration.response
     values: dict[str, Any] = {
@@ -31,25 +31,25 @@ def contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         "patch": drive.patch,
         "point": drive.point,
         "method": drive.method,
-        "carrier_hz": number(drive.carrier_hz),
-        "band_hz": [number(edge) for edge in drive.band],
-        "in_band": number(drive.in_band),
-        "scale": number(drive.scale),
-        "drive_peak_v": number(drive.peak),
+        "carrier_hz": json_number(drive.carrier_hz),
+        "band_hz": [json_number(edge) for edge in drive.band],
+        "in_band": json_number(drive.in_band),
+        "scale": json_number(drive.scale),
+        "drive_peak_v": json_number(drive.peak),
         "unreached": drive.unreached,
-        "nrmse": number(check.nrmse),
-        "floor": number(check.floor),
-        "beyond_noise": number(check.beyond_noise),
-        "correlation": number(check.correlation),
-        "envelope_correlation": number(check.envelope_correlation),
-        "third_octave_error_db": number(check.third_octave_error_db),
+        "nrmse": json_number(check.nrmse),
+        "floor": json_number(check.floor),
+        "beyond_noise": json_number(check.beyond_noise),
+        "correlation": json_number(check.correlation),
+        "envelope_correlation": json_number(check.envelope_correlation),
+        "third_octave_error_db": json_number(check.third_octave_error_db),
         "plays": check.plays,
         "iterations": [
             {
-                "nrmse": number(i.nrmse),
-                "floor": number(i.floor),
+                "nrmse": json_number(i.nrmse),
+                "floor": json_number(i.floor),
                 "kept": bool(i.kept),
-                "why": i.why,
+                "reason": i.reason,
             }
             for i in learning.iterations
         ],
@@ -79,11 +79,11 @@ def contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
     )
     table.add_row(
         "Error",
-        f"{check.nrmse:.1%} in {check.plays} plays, of which their own noise {check.floor:.1%}; "
-        f"without it {check.beyond_noise:.1%}",
+        f"{check.nrmse:.1%} over {check.plays} plays; repeatability floor {check.floor:.1%}, error without "
+        f"noise {check.beyond_noise:.1%}",
     )
     table.add_row(
-        "Likeness",
+        "Similarity",
         f"correlation {check.correlation:.3f}, of envelopes {check.envelope_correlation:.3f}, third octaves "
         f"{check.third_octave_error_db:.1f} dB",
     )
@@ -93,7 +93,7 @@ def contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         kept = "kept" if iteration.kept else "not kept"
         table.add_row(
             "Learning" if index == 0 else "",
-            f"{index}: {iteration.nrmse:.1%}, {kept}: {iteration.why}",
+            f"{index}: {iteration.nrmse:.1%}, {kept}: {iteration.reason}",
         )
     table.add_row("", learning.stopped)
     table.add_row("Calibration", f"{response.created}, SHA-256 {drive.calibration}")

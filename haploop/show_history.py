@@ -1,4 +1,4 @@
-"""The history of a rig's calibrations, drawn and told: the trend, and what one generation has."""
+"""Display of a rig's calibration history: the trend, and the contents of one generation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from calibration import Calibration, Check
-from calibration.drift import Figures
+from calibration.drift import PlaceMetrics
 from calibration.history import Generation, History
 from calibration.recalibration import buttons_of, calibrations_of
 from haploop.plotting import (
@@ -47,13 +47,13 @@ _PANELS = (
 
 
 @dataclass(frozen=True)
-class _Reign:
-    """A generation while it was the active one: (begin, end), and its figures and thresholds by place."""
+class _ActivePeriod:
+    """A generation while it was the active one: (begin, end), and its metrics and thresholds by place."""
 
     name: str
     begin: datetime
     end: datetime
-    figures: Mapping[Place, Figures]
+    metrics: Mapping[Place, PlaceMetrics]
     thresholds: Mapping[str, float]
 
 
@@ -64,14 +64,14 @@ def trend(history: History) -> Figure:
     which nothing was ever active.
     """
     looks = history.looks
-    reigns = _reigns(history, [datetime.fromisoformat(look["when"]) for look in looks])
-    places = list(dict.fromkeys(place for reign in reigns for place in reign.figures))
+    periods = _active_periods(history, [datetime.fromisoformat(look["when"]) for look in looks])
+    places = list(dict.fromkeys(place for period in periods for place in period.metrics))
     with style():
         figure = new_figure(6.2)
         grid = figure.subplots(len(_PANELS), 1, sharex=True)
         for index, (axes, panel) in enumerate(zip(grid, _PANELS, strict=True)):
             for number, place in enumerate(places):
-                _trace(axes, panel, place, reigns, looks, colour(number))
+                _trace(axes, panel, place, periods, looks, colour(number))
             for look in looks:
                 if look["outcome"] == "broken":
                     axes.axvline(
@@ -84,24 +84,24 @@ def trend(history: History) -> Figure:
         locator = AutoDateLocator()  # type: ignore[no-untyped-call]
         grid[-1].xaxis.set_major_locator(locator)
         grid[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator, show_offset=False))  # type: ignore[no-untyped-call]
-        grid[-1].set_xlabel(f"When (UTC; from {reigns[0].begin:%Y-%m-%d})")
+        grid[-1].set_xlabel(f"When (UTC; from {periods[0].begin:%Y-%m-%d})")
         return figure
 
 
-def _reigns(history: History, looks: Sequence[datetime]) -> list[_Reign]:
+def _active_periods(history: History, looks: Sequence[datetime]) -> list[_ActivePeriod]:
     activations = history.activations
     if not activations:
-        raise DataError(f"{history.folder} holds no active calibration, so there is no trend to draw.")
+        raise DataError(f"{history.folder} holds no active calibration, so there is no trend to plot.")
     begins = [datetime.fromisoformat(activation.when) for activation in activations]
     last = max([*begins, *looks])
-    found: dict[str, tuple[Mapping[Place, Figures], Mapping[str, float]]] = {}
+    found: dict[str, tuple[Mapping[Place, PlaceMetrics], Mapping[str, float]]] = {}
     for name in {activation.generation for activation in activations}:
         calibrations = calibrations_of(history.find(name))
         file = RigFile.model_validate_json(calibrations[0].response.rig_file)
-        figures = {(c.response.patch, c.response.point): Figures.of(c) for c in calibrations}
-        found[name] = (figures, file.recalibration.model_dump())
+        metrics = {(c.response.patch, c.response.point): PlaceMetrics.of(c) for c in calibrations}
+        found[name] = (metrics, file.recalibration.model_dump())
     return [
-        _Reign(activation.generation, begin, end, *found[activation.generation])
+        _ActivePeriod(activation.generation, begin, end, *found[activation.generation])
         for activation, begin, end in zip(activations, begins, [*begins[1:], last], strict=True)
     ]
 
@@ -110,21 +110,21 @@ def _trace(
     axes: Any,
     panel: tuple[str, str, float, str],
     place: Place,
-    reigns: Sequence[_Reign],
+    periods: Sequence[_ActivePeriod],
     looks: Sequence[Mapping[str, Any]],
     paint: str,
 ) -> None:
     name, _, factor, bound = panel
-    for reign in reigns:
-        if place not in reign.figures:
+    for period in periods:
+        if place not in period.metrics:
             continue
-        level = factor * getattr(reign.figures[place], name)
-        span = (reign.begin, reign.end)
+        level = factor * getattr(period.metrics[place], name)
+        span = (period.begin, period.end)
         axes.plot(span, (level, level), color=paint, linewidth=1.1, solid_capstyle="butt")
         if bound:
-            width = reign.thresholds[bound] * level
+            width = period.thresholds[bound] * level
             axes.fill_between(span, level - width, level + width, color=paint, alpha=0.12, linewidth=0)
-        axes.plot([reign.begin], [level], "s", markersize=4, color=paint)
+        axes.plot([period.begin], [level], "s", markersize=4, color=paint)
     for kind, marker, size in (("unchanged", "o", 2.6), ("drifted", "^", 4.2), ("broken", "x", 3.6)):
         seen = [
             (datetime.fromisoformat(look["when"]), factor * found["now"][name])
@@ -263,7 +263,7 @@ def describe(history: History, generation: Generation) -> tuple[dict[str, Any], 
         "reason": generation.reason,
         "simulated": any(c.response.simulated for c in calibrations),
         "rig": calibrations[0].response.rig,
-        "places": {"-".join(_place(c)): vars(Figures.of(c)) for c in calibrations},
+        "places": {"-".join(_place(c)): vars(PlaceMetrics.of(c)) for c in calibrations},
         "buttons": {
             name: {
                 "nrmse": float(b.check.nrmse),
@@ -283,7 +283,7 @@ def describe(history: History, generation: Generation) -> tuple[dict[str, Any], 
     table.add_row("Why", generation.reason)
     table.add_row("Made from", generation.parent or "nothing before it")
     for c in calibrations:
-        f = Figures.of(c)
+        f = PlaceMetrics.of(c)
         told = (
             f"{f.resonance_hz:.2f} Hz, damping {f.damping:.2%}, gain {f.gain:.3g} m/s² per V, "
             f"coherence {f.coherence:.4f}"
@@ -294,7 +294,7 @@ def describe(history: History, generation: Generation) -> tuple[dict[str, Any], 
         told = f"error {b.check.nrmse:.1%}, correlation {b.check.correlation:.4f}, {verdict}"
         table.add_row(name, told)
     for a in activations:
-        table.add_row("Activated", f"{a.when} by {a.who}: {a.reason}")
+        table.add_row("Activated", f"{a.when} by {a.actor}: {a.reason}")
     return values, table
 
 
@@ -302,7 +302,7 @@ def difference(one: Generation, other: Generation) -> tuple[dict[str, Any], Tabl
     """What changed from one generation to another. Raises DataError when one is not whole."""
     one.verify()
     other.verify()
-    places = [{_place(c): Figures.of(c) for c in calibrations_of(g)} for g in (one, other)]
+    places = [{_place(c): PlaceMetrics.of(c) for c in calibrations_of(g)} for g in (one, other)]
     buttons = [buttons_of(g) for g in (one, other)]
     table = Table(box=SIMPLE, title=f"From {one.name} to {other.name}", title_justify="left")
     for heading in ("", "Before", "After", "Change"):

@@ -1,4 +1,4 @@
-"""What a vibration map says: a table, the paper's figure 3, and an animation of the best vibration."""
+"""Contents of a vibration map: a table, the paper's figure 3, and an animation of the best vibration."""
 
 from __future__ import annotations
 
@@ -74,21 +74,21 @@ def contents(found: VibrationMap) -> tuple[dict[str, Any], Table]:
         "Points", f"{len(found.points)} of {len(plan.points)} measured, x {', '.join(plan.patches)}"
     )
     table.add_row("Played", "all patches at once" if plan.together else "one patch at a time")
-    table.add_row("Time of the table", f"{found.table_seconds / 60:.1f} min at {plan.level:.1f} V peak")
+    table.add_row("Measurement time", f"{found.table_seconds / 60:.1f} min at {plan.level:.1f} V peak")
     table.add_row("Best", _sentence(best.patch, best.point, best.frequency_hz, best.displacement))
     for one in each:
         table.add_row(f"  {one.patch}", _sentence("", one.point, one.frequency_hz, one.displacement))
     table.add_row(
         "Modes", ", ".join(f"{hz:.1f}" for hz, _ in found.resonances()[:8]) + " Hz, strongest first"
     )
-    table.add_row("Left by the modes", f"{values['residual']:.2%} of the measured velocity")
+    table.add_row("Residual of the modal fit", f"{values['residual']:.2%} of the measured velocity")
     if found.superposition:
         told = ", ".join(f"{share:.2%} at point {point}" for point, share in found.superposition)
-        table.add_row("All together, less the sum", told)
+        table.add_row("Superposition error", told)
     if len(found.drift):
         table.add_row("Drift of frequencies", f"{np.abs(found.drift).max():.3%} at most")
     for point, reason in found.skipped:
-        table.add_row(f"Left out: {point}", reason)
+        table.add_row(f"Skipped: {point}", reason)
     return values, table
 
 

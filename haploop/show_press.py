@@ -1,4 +1,4 @@
-"""What a recording and a representative press hold, as a table and as values."""
+"""Contents of a recording and of a representative press, as a table and as JSON values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rich.text import Text
 
 from acquisition import ButtonPress, Recording, Representative, high_pass
 from haploop import figures
-from haploop.cells import number, pairs
+from haploop.cells import json_number, property_table
 from instruments import DataError
 
 __all__ = ["recording_contents", "recording_figure", "representative_contents"]
@@ -20,9 +20,9 @@ __all__ = ["recording_contents", "recording_figure", "representative_contents"]
 def recording_contents(
     recording: Recording, found: tuple[ButtonPress, ...], counted: tuple[ButtonPress, ...]
 ) -> tuple[dict[str, Any], Table]:
-    """The values that JSON says, and the table that a person reads."""
+    """JSON values, and a table."""
     forces = [p.force_at_activation for p in counted if p.force_at_activation is not None]
-    bad = [press for press in recording.judged if not press.accepted]
+    bad = [press for press in recording.verdicts if not press.accepted]
     mean = float(np.mean(forces)) if forces else None
     deviation = float(np.std(forces, ddof=1)) if len(forces) > 1 else None
     saturated = [number for number, p in enumerate(found, 1) if p.saturated]
@@ -39,29 +39,29 @@ def recording_contents(
         "study": recording.header.study,
         "session": recording.header.session,
         "notes": recording.header.notes,
-        "rate_hz": number(rate_hz),
-        "duration_s": number(recording.duration),
+        "rate_hz": json_number(rate_hz),
+        "duration_s": json_number(recording.duration),
         "channels": list(recording.channels),
         "complete": bool(recording.complete),
         "ended": ended,
         "content_hash": recording.content_hash,
         "presses_detected": len(found),
         "presses_accepted": len(counted),
-        "activation_force_n": number(mean),
-        "activation_force_sd_n": number(deviation),
+        "activation_force_n": json_number(mean),
+        "activation_force_sd_n": json_number(deviation),
         "saturated_presses": saturated,
         "presses": [
             {
-                "onset_s": number(p.onset / rate_hz),
-                "activation_s": number(p.activation / rate_hz if p.activation is not None else None),
-                "force_at_activation_n": number(p.force_at_activation),
-                "release_s": number(p.release / rate_hz),
+                "onset_s": json_number(p.onset / rate_hz),
+                "activation_s": json_number(p.activation / rate_hz if p.activation is not None else None),
+                "force_at_activation_n": json_number(p.force_at_activation),
+                "release_s": json_number(p.release / rate_hz),
                 "saturated": bool(p.saturated),
                 "accepted": p in counted,
             }
             for p in found
         ],
-        "judged_bad": [
+        "bad_presses": [
             {
                 "press": press.number,
                 "attempt": press.attempt,
@@ -72,10 +72,10 @@ def recording_contents(
         ],
     }
     spread = "" if deviation is None else f" ± {deviation:.3f}"
-    table = pairs(f"Recording {recording.path.name}")
+    table = property_table(f"Recording {recording.path.name}")
     table.add_row("Button", f"{recording.button}, pressed by {recording.participant}")
     if recording.header.study:
-        table.add_row("Study", Text(f"{recording.header.study}, sitting {recording.header.session}"))
+        table.add_row("Study", Text(f"{recording.header.study}, session {recording.header.session}"))
     if recording.header.notes:
         table.add_row("Notes", Text(recording.header.notes))
     table.add_row("Rig", recording.rig)
@@ -83,7 +83,7 @@ def recording_contents(
         "Length", f"{recording.duration:.2f} s, {len(recording.channels)} channels at {rate_hz:g} Hz"
     )
     table.add_row(
-        "State", "complete" if recording.complete else f"cut short. {ended or 'What is here can be read.'}"
+        "State", "complete" if recording.complete else f"incomplete: {ended or 'the recording ended early.'}"
     )
     table.add_row("Presses found", f"{len(found)}, {len(counted)} of them accepted")
     for press in bad:
@@ -101,7 +101,7 @@ def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Fi
     whole = [p for p in found if p.activation is not None and p.force_at_activation is not None]
     if not whole:
         raise DataError(
-            f"{recording.path} holds no press that switched the button, so there is none to draw."
+            f"{recording.path} holds no accepted press with an activation, so there is nothing to plot."
         )
     press = sorted(whole, key=lambda p: p.force_at_activation or 0.0)[len(whole) // 2]
     assert press.activation is not None
@@ -113,7 +113,7 @@ def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Fi
         time=np.asarray((np.arange(press.start, press.stop) - press.activation) / recording.rate_hz),
         acceleration=acceleration[part],
         force=recording.force[part],
-        # A maintained button opens at every other press: what counts is that the state changed.
+        # A maintained button opens at every other press: plot the change of state.
         activation=np.abs(recording.activation[part] - recording.activation[press.start]),
         rate_hz=recording.rate_hz,
         bandwidth_hz=sensor.bandwidth_hz if sensor else None,
@@ -122,7 +122,7 @@ def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Fi
 
 
 def representative_contents(press: Representative) -> tuple[dict[str, Any], Table]:
-    """The values that JSON says, and the table that a person reads."""
+    """JSON values, and a table."""
     peak = float(np.max(np.abs(press.acceleration)))
     force = float(press.force[press.activation_index])
     values: dict[str, Any] = {
@@ -130,18 +130,18 @@ def representative_contents(press: Representative) -> tuple[dict[str, Any], Tabl
         "simulated": press.simulated,
         "button": press.button,
         "presses": press.members,
-        "rate_hz": number(press.rate_hz),
-        "duration_s": number(len(press.acceleration) / press.rate_hz),
-        "acceleration_peak": number(peak),
-        "activation_force_n": number(force),
-        "bandwidth_hz": number(press.bandwidth_hz),
+        "rate_hz": json_number(press.rate_hz),
+        "duration_s": json_number(len(press.acceleration) / press.rate_hz),
+        "acceleration_peak": json_number(peak),
+        "activation_force_n": json_number(force),
+        "bandwidth_hz": json_number(press.bandwidth_hz),
         "method": press.method,
-        "scores": {name: number(score) for name, score in press.scores.items()},
+        "scores": {name: json_number(score) for name, score in press.scores.items()},
         "undone_hz": press.undone_hz,
-        "noise_gain": number(press.noise_gain),
+        "noise_gain": json_number(press.noise_gain),
         "sources": [{"file": name, "sha256": content} for name, content in press.sources],
     }
-    table = pairs(f"Representative press of the {press.button} button")
+    table = property_table(f"Representative press of the {press.button} button")
     table.add_row("Stands for", f"{press.members} presses in {len(press.sources)} recordings")
     table.add_row("Length", f"{1e3 * len(press.acceleration) / press.rate_hz:.0f} ms at {press.rate_hz:g} Hz")
     table.add_row("Largest acceleration", f"{peak:.2f} m/s²")

@@ -1,4 +1,4 @@
-"""What the command line says of a study, while it is recorded and afterwards, and of many recordings."""
+"""Console output for a study, while it is recorded and afterwards, and for several recordings."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from rich.progress import MofNCompleteColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from acquisition import Judged, Recording, Standing, Study, accepted_presses, load_study
+from acquisition import PressVerdict, Recording, Study, StudyProgress, accepted_presses, load_study
 from haploop import figures
 from haploop.console import Bars, print_json, print_line, print_table
 from haploop.show import save
-from haploop.targets import new_picture
+from haploop.targets import check_new_picture
 from instruments import DataError
 from instruments.arrays import FloatArray
 
-__all__ = ["Counters", "forces_in", "show_forces", "status", "told"]
+__all__ = ["Counters", "forces_in", "rejection_line", "show_forces", "status"]
 
 Forces = Mapping[str, Mapping[str, FloatArray]]
 """Force at activation (N) of each press: button -> participant -> (presses,)."""
 
 
 class Counters(Bars):
-    """How far a study is, on standard error.
+    """Progress of a study, on standard error.
 
-    Two bars on a terminal, unless somebody types there (`typed_at`), whose answers they would garble:
-    then a line for each press. Elsewhere a line for each button.
+    A terminal shows two bars. A terminal that takes answers (`typed_at`) shows a line for each press
+    instead, because bars would garble the input. Anything else shows a line for each button.
     """
 
-    def __init__(self, name: str, standings: Sequence[Standing], typed_at: bool) -> None:
+    def __init__(self, name: str, entries: Sequence[StudyProgress], typed_at: bool) -> None:
         super().__init__(
             MofNCompleteColumn(), TextColumn("{task.fields[bad]}", style="yellow"), wanted=not typed_at
         )
-        self._done = {(one.participant, one.button): len(one.accepted) for one in standings}
-        self._of = sum(one.of for one in standings)
+        self._done = {(one.participant, one.button): len(one.accepted) for one in entries}
+        self._of = sum(one.of for one in entries)
         self._bad = 0
         self._each = typed_at and self._console.is_terminal
         self._whole = self._progress.add_task(f"Study {name}", total=self._of, bad="")
@@ -54,48 +54,48 @@ class Counters(Bars):
                 self._now, description=f"{participant}, {button}", total=of, visible=True, bad=""
             )
         self._done[key] = done
-        self._progress.update(self._now, completed=done, bad=f"{self._bad} again" if self._bad else "")
+        self._progress.update(self._now, completed=done, bad=f"{self._bad} not accepted" if self._bad else "")
         self._progress.update(self._whole, completed=sum(self._done.values()))
         if done == of:
-            again = f", {self._bad} asked for again" if self._bad else ""
+            again = f", {self._bad} not accepted and repeated" if self._bad else ""
             self._say(Text(f"{participant}, {button}: {done} of {of} presses{again}.", style="green"))
         elif self._each and done:
             self._say(
                 Text(f"{done} of {of}, {sum(self._done.values())} of {self._of} in all.", style="green")
             )
 
-    def judged(self, participant: str, button: str, press: Judged) -> None:
+    def on_verdict(self, participant: str, button: str, press: PressVerdict) -> None:
         """See `run_study`."""
         if press.accepted:
             return
         self._bad += 1
-        # Whoever is at this terminal is told why with the next prompt.
+        # At this terminal the next prompt states the reason.
         if not self._each or "rejected" in press.flags:
-            self._say(Text(f"{participant}, {button}: {told(press)}", style="yellow"))
+            self._say(Text(f"{participant}, {button}: {rejection_line(press)}", style="yellow"))
 
     def _say(self, line: Text) -> None:
         self._console.print(line, highlight=False, soft_wrap=True)
 
 
-def told(press: Judged) -> str:
-    """A press that was not accepted, as a line to the operator."""
-    return f"Press {press.number}, attempt {press.attempt}: {press.reason} It is kept, and asked for again."
+def rejection_line(press: PressVerdict) -> str:
+    """One line for the operator about a press that was not accepted."""
+    return f"Press {press.number}, attempt {press.attempt}: {press.reason} It is kept and will be repeated."
 
 
-def status(study: Study, standings: Sequence[Standing], as_json: bool) -> None:
-    """How far a study is, participant by participant."""
-    done, of = sum(len(one.accepted) for one in standings), sum(one.of for one in standings)
-    by: dict[str, dict[str, Standing]] = {}
-    for one in standings:
+def status(study: Study, entries: Sequence[StudyProgress], as_json: bool) -> None:
+    """Print the progress of a study, by participant."""
+    done, of = sum(len(one.accepted) for one in entries), sum(one.of for one in entries)
+    by: dict[str, dict[str, StudyProgress]] = {}
+    for one in entries:
         by.setdefault(one.participant, {})[one.button] = one
     consented = {name: any(one.consented for one in mine.values()) for name, mine in by.items()}
-    following = next((one for one in standings if not one.complete), None)
+    following = next((one for one in entries if not one.complete), None)
     if as_json:
         print_json(
             {
                 "study": study.file.name,
                 "file": str(study.path),
-                "simulated": any(r.simulated for one in standings for r in one.recordings),
+                "simulated": any(r.simulated for one in entries for r in one.recordings),
                 "accepted": done,
                 "of": of,
                 "complete": done == of,
@@ -111,7 +111,7 @@ def status(study: Study, standings: Sequence[Standing], as_json: bool) -> None:
             }
         )
         return
-    # As text: what people write may look like rich's markup.
+    # As Text: names may look like rich markup.
     title = Text(f"Study {study.file.name}: {done} of {of} presses")
     table = Table(box=SIMPLE, title=title, title_justify="left")
     table.add_column("Participant")
@@ -127,29 +127,31 @@ def status(study: Study, standings: Sequence[Standing], as_json: bool) -> None:
         cells += [_cell(mine[button]) for button in study.file.buttons]
         table.add_row(*cells, ", ".join(study.file.order_for(name)))
     print_table(table)
-    if any(recording.simulated for one in standings for recording in one.recordings):
+    if any(recording.simulated for one in entries for recording in one.recordings):
         print_line("Simulated: no real instrument measured this.")
     if following is None:
-        print_line("Every press has been recorded. Draw the forces with `haploop show STUDY --plot OUT.png`.")
+        print_line("Every press has been recorded. Plot the forces with `haploop show STUDY --plot OUT.png`.")
     else:
         press = f"press {following.missing[0][0]}"
-        print_line(f"`haploop study run` goes on with {following.participant}, {following.button}, {press}.")
+        print_line(
+            f"`haploop study run` continues with {following.participant}, {following.button}, {press}."
+        )
 
 
-def _as_values(one: Standing) -> dict[str, Any]:
+def _as_values(one: StudyProgress) -> dict[str, Any]:
     return {
         "accepted": len(one.accepted),
         "of": one.of,
         "missing": [number for number, _ in one.missing],
         "bad": one.bad,
         "rejected": one.rejected,
-        "sittings": len(one.recordings),
+        "sessions": len(one.recordings),
         "interrupted": one.interrupted,
         "files": [str(recording.path) for recording in one.recordings],
     }
 
 
-def _cell(one: Standing) -> Text:
+def _cell(one: StudyProgress) -> Text:
     if not one.recordings:
         return Text("-", style="dim")
     cell = Text(f"{len(one.accepted)}/{one.of}", style="green" if one.complete else "yellow")
@@ -162,7 +164,7 @@ def _cell(one: Standing) -> Text:
 
 
 def forces_in(recordings: Sequence[Recording]) -> Forces:
-    """The force at activation of every press that counts. Raises DataError."""
+    """The force at activation of every accepted press. Raises DataError."""
     found: dict[str, dict[str, list[float]]] = {}
     for recording in recordings:
         mine = found.setdefault(recording.button, {}).setdefault(recording.participant, [])
@@ -179,17 +181,19 @@ def forces_in(recordings: Sequence[Recording]) -> Forces:
 
 
 def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None:
-    """Say, and draw (the paper's figure 7), how forces differ between participants and buttons.
+    """Print and plot (the paper's figure 7) the force at activation by participant and button.
 
-    `paths` are recordings, or studies, whose recordings are all meant. Raises DataError when no press
-    that counts is in them, and ConfigurationError when there is nothing to draw to.
+    `paths` are recordings, or studies with all their recordings. Raises DataError when they hold no
+    accepted press, and ConfigurationError when `plot` cannot be written.
     """
     if plot is not None:
-        new_picture(plot)
+        check_new_picture(plot)
     recordings = [recording for path in paths for recording in _recordings(path)]
     by_button = forces_in(recordings)
     if not by_button:
-        raise DataError("There is no press that counts in any of the recordings, so no force to show.")
+        raise DataError(
+            "The recordings hold no accepted press with an activation, so there is no force to show."
+        )
     simulated = any(recording.simulated for recording in recordings)
     if plot is not None:
         save(figures.activation_forces(by_button), plot, simulated)
@@ -226,7 +230,7 @@ def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None
 
 
 def _recordings(path: Path) -> list[Recording]:
-    """A recording, or all of a study's."""
+    """A recording, or all recordings of a study."""
     if not path.is_dir() and path.suffix != ".toml":
         return [Recording.open(path)]
     study = load_study(path)

@@ -1,4 +1,4 @@
-"""What a calibration and a drive hold, as a table and as values."""
+"""Contents of a calibration and of a drive, as a table and as JSON values."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 from rich.table import Table
 
 from calibration import Calibration, Drive
-from haploop.cells import number, pairs, percent
+from haploop.cells import json_number, percent, property_table
 
 __all__ = ["calibration_contents", "drive_contents"]
 
 
 def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Table]:
-    """The values that JSON says, and the table that a person reads."""
+    """JSON values, and a table."""
     response, model = calibration.response, calibration.model
     values: dict[str, Any] = {
         "kind": "calibration",
@@ -23,24 +23,26 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
         "created": response.created,
         "patch": response.patch,
         "point": response.point,
-        "band_hz": [number(response.frequencies[0]), number(response.frequencies[-1])],
+        "band_hz": [json_number(response.frequencies[0]), json_number(response.frequencies[-1])],
         "repeats": response.repeats,
         "source": response.source,
         "excitation": response.excitation,
-        "confidence": number(np.median(response.confidence()) / np.abs(response.velocity).max()),
-        "coherence_min": number(response.coherence.min()),
-        "coherence_median": number(np.median(response.coherence)),
-        "resonance_hz": number(model.resonance_hz),
-        "model_error": number(model.error),
+        "confidence": json_number(np.median(response.confidence()) / np.abs(response.velocity).max()),
+        "coherence_min": json_number(response.coherence.min()),
+        "coherence_median": json_number(np.median(response.coherence)),
+        "resonance_hz": json_number(model.resonance_hz),
+        "model_error": json_number(model.error),
         "stable": bool(model.stable),
         "resonances": [
-            {"frequency_hz": number(frequency), "damping": number(damping), "strength": number(strength)}
-            for frequency, damping, strength in (
-                (r.frequency_hz, r.damping, r.strength) for r in model.resonances
-            )
+            {
+                "frequency_hz": json_number(r.frequency_hz),
+                "damping": json_number(r.damping),
+                "strength": json_number(r.strength),
+            }
+            for r in model.resonances
         ],
     }
-    table = pairs(f"Calibration of patch {response.patch} at the {response.point} point")
+    table = property_table(f"Calibration of patch {response.patch} at the {response.point} point")
     table.add_row("Rig", f"{response.rig}, {response.created}")
     table.add_row(
         "Response",
@@ -60,27 +62,27 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
 
 
 def drive_contents(drive: Drive) -> tuple[dict[str, Any], Table]:
-    """The values that JSON says, and the table that a person reads."""
-    swing = float(np.ptp(drive.volts))
+    """JSON values, and a table."""
+    peak_to_peak = float(np.ptp(drive.volts))
     values: dict[str, Any] = {
         "kind": "drive",
         "simulated": drive.simulated,
         "button": drive.button,
         "patch": drive.patch,
-        "rate_hz": number(drive.rate_hz),
-        "duration_s": number(len(drive.volts) / drive.rate_hz),
-        "drive_peak_v": number(drive.peak),
-        "drive_swing_v": number(swing),
+        "rate_hz": json_number(drive.rate_hz),
+        "duration_s": json_number(len(drive.volts) / drive.rate_hz),
+        "drive_peak_v": json_number(drive.peak),
+        "drive_peak_to_peak_v": json_number(peak_to_peak),
         "method": drive.method,
         "unreached": drive.unreached,
-        "carrier_hz": number(drive.carrier_hz),
-        "band_hz": [number(edge) for edge in drive.band],
-        "scale": number(drive.scale),
-        "in_band": number(drive.in_band),
-        "predicted_error": number(drive.predicted_error),
+        "carrier_hz": json_number(drive.carrier_hz),
+        "band_hz": [json_number(edge) for edge in drive.band],
+        "scale": json_number(drive.scale),
+        "in_band": json_number(drive.in_band),
+        "predicted_error": json_number(drive.predicted_error),
     }
-    table = pairs(f"Drive of the {drive.button} button at patch {drive.patch}")
-    table.add_row("Voltage", f"{drive.peak:.1f} V peak, {swing:.1f} V peak to peak")
+    table = property_table(f"Drive of the {drive.button} button at patch {drive.patch}")
+    table.add_row("Voltage", f"{drive.peak:.1f} V peak, {peak_to_peak:.1f} V peak to peak")
     table.add_row("Length", f"{1e3 * len(drive.volts) / drive.rate_hz:.0f} ms at {drive.rate_hz:g} Hz")
     table.add_row("Method", drive.method)
     table.add_row("Carrier", f"{drive.carrier_hz:.2f} Hz")

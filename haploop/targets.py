@@ -1,26 +1,28 @@
-"""Where results are to be written: refused before anything is measured, not after it."""
+"""Output files: checked before anything is measured, not after."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from acquisition.store import check_target
+from acquisition.store import check_destination
 from instruments import ConfigurationError
 
-__all__ = ["new_file", "new_picture"]
+__all__ = ["check_new_file", "check_new_picture"]
 
 
-def new_file(path: Path) -> None:
-    """Refuse what could not be written as a new file: ConfigurationError."""
+def check_new_file(path: Path) -> None:
+    """Raise ConfigurationError if `path` cannot be written as a new file."""
     if path.exists():
-        raise ConfigurationError(f"{path} exists, and nothing is overwritten: name another file.")
+        raise ConfigurationError(f"{path} already exists and is not overwritten: choose another name.")
     if not path.parent.is_dir():
-        raise ConfigurationError(f"There is no folder {path.parent} to write {path.name} to.")
-    check_target(path)
+        raise ConfigurationError(
+            f"There is no folder {path.parent} for {path.name}: create it, or choose another folder."
+        )
+    check_destination(path)
 
 
-def new_picture(path: Path, suffix: str = ".png") -> None:
-    """As `new_file`, for a picture: a recording must not become one."""
+def check_new_picture(path: Path, suffix: str = ".png") -> None:
+    """As `check_new_file`, for a picture with this suffix."""
     if path.suffix.lower() != suffix:
-        raise ConfigurationError(f"{path} is no name for a picture: it must end with {suffix}.")
-    new_file(path)
+        raise ConfigurationError(f"{path} has the wrong file type: use a name that ends with {suffix}.")
+    check_new_file(path)

@@ -70,18 +70,18 @@ class Audit:
                 os.close(log)
         except OSError as error:
             raise DataError(
-                f"The audit log {path} cannot be written ({error.strerror}), and nothing is done without it: "
-                "make room, or set HAPLOOP_STATE to a folder that can be written."
+                f"The audit log {path} cannot be written ({error.strerror}), and nothing is played without "
+                "it: free disk space, or set HAPLOOP_STATE to a writable folder."
             ) from None
 
     def note_at_last(self, kind: str, **fields: Any) -> None:
-        """As `note`, where something else matters more than that it could not be kept."""
+        """As `note`, but ignore a failure to write: for the way to the safe state."""
         with suppress(DataError):
             self.note(kind, **fields)
 
 
 def entries(folder: Path) -> Iterator[Mapping[str, Any]]:
-    """Every entry of a folder's logs, oldest first. What is no entry (a torn line) is passed over."""
+    """Every entry of a folder's logs, oldest first. A torn line is skipped."""
     for path in sorted(folder.glob("log-*.jsonl")):
         with path.open(encoding="utf-8", errors="replace") as lines:
             for line in lines:
@@ -102,10 +102,10 @@ def who() -> dict[str, object]:
 
 
 def state_folder(file: RigFile, simulated: bool) -> Path:
-    """Where a rig's log and latches are: HAPLOOP_STATE, else `state` of its file, else the user's own.
+    """Where a rig's log and lockouts are: HAPLOOP_STATE, else `state` of its file, else the user's own.
 
-    What simulated rigs leave is apart; where nothing can be written for a user (a build machine,
-    say), a simulated rig's goes to the folder for temporary files. Raises ConfigurationError.
+    Simulated rigs have a folder of their own; where the user's cannot be written (on a build machine,
+    say), theirs is in the folder for temporary files. Raises ConfigurationError.
     """
     given = os.environ.get("HAPLOOP_STATE") or file.state
     try:
@@ -118,7 +118,7 @@ def state_folder(file: RigFile, simulated: bool) -> Path:
         if simulated and not given:
             return Path(tempfile.gettempdir()) / f"haploop-state-{who()['user']}" / "simulated"
         raise ConfigurationError(
-            f"haploop keeps its audit log in {given or 'the folder for the state of programs'}, which cannot "
-            f"be written ({error}): set HAPLOOP_STATE to a folder that can."
+            f"haploop keeps its audit log in {given or 'the user state folder'}, which cannot "
+            f"be written ({error}): set HAPLOOP_STATE to a writable folder."
         ) from None
     return folder

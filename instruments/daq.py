@@ -11,7 +11,7 @@ from typing import Self, final
 import numpy as np
 
 from instruments.arrays import BoolArray, FloatArray
-from instruments.gate import Gated
+from instruments.gate import Interlocked
 
 __all__ = ["Block", "Capture", "Daq", "Stream"]
 
@@ -104,11 +104,11 @@ class Stream(ABC):
         self.close()
 
 
-class Daq(Gated, ABC):
+class Daq(Interlocked, ABC):
     """One or several cards that share a sample clock.
 
     Safe state: nothing plays, every output holds zero volts. Opening a Daq changes no output. A
-    driver writes `_stream`; it is reached through `stream` alone, by what the rig's limits admit.
+    driver writes `_stream`; it is reached through `stream` alone, within what the rig's limiter authorises.
     """
 
     identity: str
@@ -133,11 +133,11 @@ class Daq(Gated, ABC):
         output holds that sample's value until the stream is closed.
 
         Raises ConfigurationError for an unknown channel or output, or a rate that the card cannot
-        run; LimitError for a waveform that is not finite, outside the output's range, or none that
-        the rig's limits have admitted (see `Rig.excite`); InstrumentError when the card refuses.
+        run; LimitError for a waveform that is not finite, outside the output's range, or that
+        the rig's limiter has not authorised (see `Rig.excite`); InstrumentError when the card refuses.
         """
         for output, volts in (play or {}).items():
-            self._gate.admit(output, volts, rate_hz)
+            self._interlock.authorise(output, volts, rate_hz)
         return self._stream(channels, rate_hz, block, samples, play)
 
     @abstractmethod

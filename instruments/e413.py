@@ -31,8 +31,8 @@ class E413(Amplifier):
         input: str | dict[str, str]
         """Name of the output that feeds it; of one amplifier for each patch, a name for each patch."""
         gain: Positive = 50.0
-        low: Annotated[float, Field(lt=0, allow_inf_nan=False)] = -100.0
-        high: Positive = 400.0
+        min: Annotated[float, Field(lt=0, allow_inf_nan=False)] = -100.0
+        max: Positive = 400.0
         current_peak: Positive = 0.1
         current_average: Positive = 0.05
 
@@ -55,7 +55,7 @@ class E413(Amplifier):
     def limits(self, patches: int) -> Limits:
         """See `Amplifier.limits`; a channel's current does not depend on how many patches share it."""
         s = self._settings
-        return Limits(low=s.low, high=s.high, current_peak=s.current_peak, current_average=s.current_average)
+        return Limits(min=s.min, max=s.max, current_peak=s.current_peak, current_average=s.current_average)
 
     def to_input(self, drive: FloatArray) -> FloatArray:
         """See `Amplifier.to_input`."""

@@ -1,7 +1,7 @@
-"""The gate at every output: what puts volts out lets nothing pass that a limiter has not admitted.
+"""The interlock at every output: an instrument puts out only what a limiter has authorised.
 
-A role's public method is a final template that asks the gate and then calls the driver's own,
-underscored method. A driver cannot replace the template, and without a rig its gate is closed.
+A role's public method is a final template that asks the interlock and then calls the driver's own,
+underscored method. A driver cannot replace the template, and without a rig its interlock refuses.
 """
 
 from __future__ import annotations
@@ -14,39 +14,39 @@ from instruments.errors import LimitError
 if TYPE_CHECKING:
     from instruments.generator import Sweep
 
-__all__ = ["Gate", "Gated"]
+__all__ = ["Interlock", "Interlocked"]
 
 
-class Gate(Protocol):
-    """What a role asks before it does anything that volts at a patch may follow from."""
+class Interlock(Protocol):
+    """A role asks it before any action that can put volts on a patch."""
 
-    def admit(self, output: str, volts: FloatArray, rate_hz: float) -> None:
-        """Let `volts` ((samples,) V at the output, at `rate_hz`) pass. Raises LimitError."""
+    def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
+        """Allow `volts` ((samples,) V at the output, at `rate_hz`). Raises LimitError."""
 
-    def admit_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
-        """Let a generator be set to a sweep (V at the output), or start it. Raises LimitError."""
+    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+        """Allow a generator to be set to a sweep (V at the output), or to start it. Raises LimitError."""
 
-    def admit_patches(self, patches: frozenset[str]) -> None:
-        """Let a relay connect patches. Raises LimitError."""
+    def authorise_patches(self, patches: frozenset[str]) -> None:
+        """Allow a relay to connect patches. Raises LimitError."""
 
 
-class _Closed:
-    """The gate of a driver that belongs to no rig. Its relay may switch: there is nothing to switch."""
+class _NoRig:
+    """The interlock of a driver that belongs to no rig: it refuses volts, and lets a relay switch."""
 
-    def admit(self, output: str, volts: FloatArray, rate_hz: float) -> None:
+    def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         raise _no_limits(output)
 
-    def admit_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
         raise _no_limits(output)
 
-    def admit_patches(self, patches: frozenset[str]) -> None:
+    def authorise_patches(self, patches: frozenset[str]) -> None:
         pass
 
 
-class Gated:
-    """Base of the roles that have a gate. A subclass that replaces a final method is a TypeError."""
+class Interlocked:
+    """Base of the roles that have an interlock. A subclass that replaces a final method is a TypeError."""
 
-    _gate: Gate = _Closed()
+    _interlock: Interlock = _NoRig()
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import final
 
 from instruments.errors import ConfigurationError
-from instruments.gate import Gated
+from instruments.gate import Interlocked
 
 __all__ = ["Generator", "Sweep"]
 
@@ -34,13 +34,13 @@ class Sweep:
             )
 
 
-class Generator(Gated, ABC):
+class Generator(Interlocked, ABC):
     """A function generator. Safe state: output off. Opening the driver changes nothing.
 
     A sweep is configured with the output off, armed, triggered, and after its duration switched
     off: until then the output goes on at the start frequency. What really reaches the patches is
     measured by the DAQ; no generator shares its clock. A driver writes `_configure` and `_trigger`;
-    they are reached through `configure` and `trigger` alone, by what the rig's limits admit.
+    they are reached through `configure` and `trigger` alone, within what the rig's limiter authorises.
     """
 
     identity: str
@@ -70,11 +70,11 @@ class Generator(Gated, ABC):
     def configure(self, sweep: Sweep) -> None:
         """Switch the output off, set the sweep and the load, and read each back.
 
-        Raises LimitError for more volts than the rig file allows, or a sweep that the rig's limits
-        have not admitted (see `Rig.sweep`), InstrumentError with the instrument's own words for
+        Raises LimitError for more volts than the rig file allows, or a sweep that the rig's limiter
+        has not authorised (see `Rig.sweep`), InstrumentError with the instrument's own words for
         what it refuses, or when it reads back something else.
         """
-        self._gate.admit_sweep(self.output, sweep, starts=False)
+        self._interlock.authorise_sweep(self.output, sweep, starts=False)
         self._configured = sweep
         self._configure(sweep)
 
@@ -93,11 +93,11 @@ class Generator(Gated, ABC):
     def trigger(self) -> None:
         """Switch the output on and start the armed sweep, and return at once.
 
-        Raises ConfigurationError when none is armed, LimitError when it is no longer admitted,
+        Raises ConfigurationError when none is armed, LimitError when it is no longer authorised,
         InstrumentError (with the output off).
         """
         if self._configured is not None:
-            self._gate.admit_sweep(self.output, self._configured, starts=True)
+            self._interlock.authorise_sweep(self.output, self._configured, starts=True)
         self._trigger()
 
     @abstractmethod

@@ -1,7 +1,7 @@
-"""The latch of a rig: once a play has been stopped by a limit, nothing is played until a person says so.
+"""The lockout of a rig: after an abort limit has stopped a play, every play is refused until a reset.
 
-A latch hangs on every piece of hardware that the rig consists of, not on its rig file: another file
-that names the same relay, or a renamed one, is latched as well.
+A lockout is set on every piece of the rig's hardware, not on its rig file: another or a renamed file
+that names the same relay is locked out as well.
 """
 
 from __future__ import annotations
@@ -15,68 +15,70 @@ from pathlib import Path
 
 from instruments.errors import ConfigurationError
 
-__all__ = ["Latch", "hang", "latch_of", "lift"]
+__all__ = ["Lockout", "clear_lockout", "lockout_of", "set_lockout"]
 
 
 @dataclass(frozen=True)
-class Latch:
-    """Why nothing is played."""
+class Lockout:
+    """Why, when and by whom a rig was locked out."""
 
     when: str
     """ISO 8601, UTC."""
     why: str
     who: str
-    """User, host and process that played."""
+    """User, host and process of the play that was stopped."""
     samples: str
-    """File that holds the samples around it."""
+    """File of the samples up to the trip."""
 
     @property
     def sentence(self) -> str:
-        """What a person is told who wants to play."""
+        """The message to whoever wants to play."""
         return (
-            f"Nothing is played on this rig since a play was stopped at {self.when} "
-            f"({self.why.rstrip('.')}): find out why, and then give `haploop reset --reason '...'` with "
-            "this rig."
+            f"The rig is locked out: a play was stopped at {self.when} ({self.why.rstrip('.')}). "
+            "Find the cause, and then run `haploop reset --reason '...'` with this rig."
         )
 
 
-def latch_of(folder: Path, hardware: Collection[str]) -> Latch | None:
-    """The first latch that hangs on any of these pieces of hardware. Raises ConfigurationError.
+def lockout_of(folder: Path, hardware: Collection[str]) -> Lockout | None:
+    """The first lockout of any of these pieces of hardware; None when they have none.
 
-    One that cannot be read is a latch all the same.
+    A file that cannot be read counts as a lockout.
     """
     for piece in sorted(hardware):
         path = _path(folder, piece)
         try:
-            return Latch(**json.loads(path.read_text(encoding="utf-8")))
+            return Lockout(**json.loads(path.read_text(encoding="utf-8")))
         except FileNotFoundError:
             continue
         except (OSError, ValueError, TypeError) as error:
-            return Latch("an unknown time", f"its latch {path} cannot be read: {error}", "unknown", "")
+            why = f"its lockout file {path} cannot be read: {error}"
+            return Lockout("an unknown time", why, "unknown", "")
     return None
 
 
-def hang(folder: Path, hardware: Collection[str], latch: Latch) -> None:
-    """Latch these pieces of hardware; what hangs there already stays. Raises OSError."""
+def set_lockout(folder: Path, hardware: Collection[str], lockout: Lockout) -> None:
+    """Lock out these pieces of hardware; an earlier lockout is not overwritten. Raises OSError."""
     for piece in sorted(hardware):
         path = _path(folder, piece)
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             continue
         new = path.with_suffix(f".{os.getpid()}")
-        new.write_text(json.dumps(asdict(latch)), encoding="utf-8")
+        new.write_text(json.dumps(asdict(lockout)), encoding="utf-8")
         new.replace(path)
 
 
-def lift(folder: Path, hardware: Collection[str]) -> None:
-    """Take every latch off these pieces of hardware. Raises ConfigurationError."""
+def clear_lockout(folder: Path, hardware: Collection[str]) -> None:
+    """Clear every lockout of these pieces of hardware. Raises ConfigurationError."""
     for piece in hardware:
         path = _path(folder, piece)
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            raise ConfigurationError(f"The latch {path} cannot be removed: {error.strerror}.") from None
+            raise ConfigurationError(
+                f"The lockout file {path} cannot be removed: {error.strerror}."
+            ) from None
 
 
 def _path(folder: Path, piece: str) -> Path:
-    return folder / "latched" / f"{hashlib.sha256(piece.encode()).hexdigest()[:16]}.json"
+    return folder / "lockouts" / f"{hashlib.sha256(piece.encode()).hexdigest()[:16]}.json"

@@ -1,4 +1,4 @@
-"""Leaving in time: what brings a rig to its safe state may hang, and must not keep the rest from it."""
+"""Deadlines on the way to the safe state: a step that hangs must not keep the others from being taken."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import TypeVar
 
 from instruments.errors import InstrumentError
 
-__all__ = ["in_time", "left_in_time"]
+__all__ = ["exit_within", "run_within"]
 
 Value = TypeVar("Value")
 
 DEADLINE = 5.0
-"""Real seconds that one step may take: a box whose relay cannot be told has opened by itself by then."""
+"""Real seconds that one step may take: by then a relay box that cannot be reached has opened by itself."""
 
 
-def in_time(what: str, action: Callable[[], object]) -> None:
-    """Return or raise what `action` does; TimeoutError when it does neither before `DEADLINE`.
+def run_within(what: str, action: Callable[[], object]) -> None:
+    """Run `action`, and raise its error; raise TimeoutError when it has not ended within `DEADLINE`.
 
-    It runs in a thread of its own, which is left behind when it hangs.
+    It runs in a thread of its own, which is abandoned when it hangs.
     """
     outcome: Future[object] = Future()
 
@@ -35,7 +35,7 @@ def in_time(what: str, action: Callable[[], object]) -> None:
     try:
         thread.start()
     except RuntimeError:
-        # The interpreter is going down and starts no thread any more: late is better than never.
+        # The interpreter is shutting down and starts no thread any more: run it without a deadline.
         run()
     else:
         thread.join(DEADLINE)
@@ -45,8 +45,8 @@ def in_time(what: str, action: Callable[[], object]) -> None:
 
 
 @contextmanager
-def left_in_time(what: str, context: AbstractContextManager[Value]) -> Iterator[Value]:
-    """`context`, whose exit's hanging is an InstrumentError."""
+def exit_within(what: str, context: AbstractContextManager[Value]) -> Iterator[Value]:
+    """Enter `context`; its exit is an InstrumentError when it has not ended within `DEADLINE`."""
     value = context.__enter__()
     try:
         yield value
@@ -60,6 +60,6 @@ def left_in_time(what: str, context: AbstractContextManager[Value]) -> Iterator[
 
 def _exit(what: str, leave: Callable[[], object]) -> None:
     try:
-        in_time(what, leave)
+        run_within(what, leave)
     except TimeoutError as error:
         raise InstrumentError(str(error)) from None

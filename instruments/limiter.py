@@ -1,7 +1,7 @@
 """The one limiter of a rig: between every waveform and every output, in volts at the patch.
 
-It is the gate of every instrument of the rig. What a drive may be is checked once, whole, before
-anything is written; then exactly that drive, and nothing else, is let through, while its permit lasts.
+It is the interlock of every instrument of the rig. A drive is checked once, whole, before anything is
+written; then exactly that drive, and nothing else, is authorised while its permit lasts.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from instruments.audit import Audit
 from instruments.clock import Clock
 from instruments.errors import LimitError
 from instruments.generator import Sweep
-from instruments.latch import Latch, latch_of
+from instruments.latch import Lockout, lockout_of
 from instruments.limits import Limits, sounding
 
 __all__ = ["Limiter", "Ratings", "combined"]
@@ -40,7 +40,7 @@ _FINE = 64
 
 @dataclass(frozen=True, eq=False)
 class _Permit:
-    """What may be played now. `volts` is (samples,) V at each output; a sweep's are V there too."""
+    """The drives authorised now. `volts` is (samples,) V at each output; a sweep's are V there too."""
 
     patches: frozenset[str]
     rate_hz: float
@@ -54,15 +54,15 @@ def combined(ratings: Ratings) -> Limits:
 
 
 class Limiter:
-    """See `instruments.gate.Gate`. Safe to ask from any thread; one permit lasts at a time.
+    """See `instruments.gate.Interlock`. Safe to ask from any thread; one permit lasts at a time.
 
     It knows no rig: every instrument of the rig knows it, and a rig that is closed would otherwise stay
     in memory with all that was in it.
     """
 
     def __init__(self, clock: Clock, audit: Audit, hardware: Collection[str]) -> None:
-        self.latched: Latch | None = None
-        """What tripped while the rig was open; None when nothing has."""
+        self.unsaved_lockout: Lockout | None = None
+        """A lockout that could not be written to disk: it lasts while the rig is open."""
         self._clock = clock
         self._audit = audit
         self._hardware = hardware
@@ -73,11 +73,11 @@ class Limiter:
         self._played: deque[tuple[float, float]] = deque()
 
     @property
-    def latch(self) -> Latch | None:
-        """Why nothing is let through until `haploop reset`; None when drives are."""
-        return self.latched or latch_of(self._audit.folder, self._hardware)
+    def lockout(self) -> Lockout | None:
+        """The lockout that refuses every drive until `haploop reset`; None without one."""
+        return self.unsaved_lockout or lockout_of(self._audit.folder, self._hardware)
 
-    # What a rig asks for
+    # Called by the rig
 
     @contextmanager
     def permit(
@@ -91,10 +91,10 @@ class Limiter:
     ) -> Iterator[dict[str, FloatArray]]:
         """While the context lasts each drive ((samples,) V at the patch) may be played on its output.
 
-        One drive is for all patches in parallel; several are for a patch each. `ratings` are what so
-        many patches in parallel are held to. `rendered` says what an output makes of a waveform that
-        does not play it sample by sample. Gives each drive as (samples,) V at its output. Raises
-        LimitError, and then nothing was written.
+        One drive is for all patches in parallel; several are for a patch each. `ratings` gives the
+        limits for a number of patches in parallel. `rendered` gives the waveform that an output makes
+        of a drive when it does not play it sample by sample. Yields each drive as (samples,) V at its
+        output. Raises LimitError before anything is written.
         """
         held_to = ratings(len(patches) if len(drives) == 1 else 1)
         own = {output: np.array(drive) for output, drive in drives.items()}
@@ -109,8 +109,8 @@ class Limiter:
             volts = {output: amplifier.to_input(drive) for output, drive in own.items()}
             if rendered is not None:
                 gain = 1 / float(amplifier.to_input(np.ones(1))[0])
-                # It rings before and after the drive, so that its ends and its length say nothing.
-                free = {"end": np.inf, "mean": np.inf, "burst": np.inf}
+                # It rings before and after the drive, so its ends and its length are not checked.
+                free = {"max_end": np.inf, "max_offset": np.inf, "max_duration": np.inf}
                 for at_output in volts.values():
                     made, made_hz = rendered(at_output, rate_hz)
                     self._check(gain * made, made_hz, held_to, **free)
@@ -142,11 +142,11 @@ class Limiter:
             t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
             pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
             volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
-            # A generator cannot fade its sweep out, nor take its mean off: what is checked of it ends
-            # with its last whole half wave.
+            # A generator cannot fade its sweep out, nor remove its mean: only the part up to its last
+            # whole half wave is checked.
             crossed = np.flatnonzero(np.diff(np.signbit(volts)))
             whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
-            self._check(whole, rate_hz, held_to, longer=rest, end=np.inf, mean=np.inf)
+            self._check(whole, rate_hz, held_to, longer=rest, max_end=np.inf, max_offset=np.inf)
             self._check_duty(sweep.duration + rest, held_to)
         peak = float(amplifier.to_input(np.array([sweep.amplitude]))[0])
         at_output = replace(sweep, amplitude=peak)
@@ -160,10 +160,10 @@ class Limiter:
         ):
             yield at_output
 
-    # What the instruments ask
+    # Called by the instruments
 
-    def admit(self, output: str, volts: FloatArray, rate_hz: float) -> None:
-        """See `Gate.admit`: the permitted waveform, with silence after it, once, and no other."""
+    def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
+        """See `Interlock.authorise`: the permitted waveform, with silence after it, once, and no other."""
         permit = self._current(output)
         allowed = permit.volts.get(output)
         if (
@@ -173,18 +173,18 @@ class Limiter:
             or not np.array_equal(volts[: len(allowed)], allowed)
             or np.any(volts[len(allowed) :])
         ):
-            raise self._not_admitted(output)
+            raise self._not_authorised(output)
         self._playing.add(output)
 
-    def admit_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
-        """See `Gate.admit_sweep`: the permitted sweep, once, and no other."""
+    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+        """See `Interlock.authorise_sweep`: the permitted sweep, once, and no other."""
         if self._current(output).sweeps.get(output) != sweep or output in self._playing:
-            raise self._not_admitted(output)
+            raise self._not_authorised(output)
         if starts:
             self._playing.add(output)
 
-    def admit_patches(self, patches: frozenset[str]) -> None:
-        """See `Gate.admit_patches`. Opening is always let pass."""
+    def authorise_patches(self, patches: frozenset[str]) -> None:
+        """See `Interlock.authorise_patches`. Opening is always allowed."""
         permit = self._permit
         if not patches:
             return
@@ -198,12 +198,12 @@ class Limiter:
     def _current(self, output: str) -> _Permit:
         permit = self._permit
         if permit is None:
-            raise self._not_admitted(output)
+            raise self._not_authorised(output)
         return permit
 
-    def _not_admitted(self, output: str) -> LimitError:
+    def _not_authorised(self, output: str) -> LimitError:
         error = LimitError(
-            f"Nothing was played on {output!r}: a rig plays only what its limits have admitted, so play it "
+            f"Nothing was played on {output!r}: a rig plays only what its limiter has authorised, so play it "
             "with rig.excite or rig.sweep."
         )
         self._audit.note("refused", why=str(error))
@@ -212,18 +212,23 @@ class Limiter:
     # Checks
 
     def _check(
-        self, drive: FloatArray, rate_hz: float, ratings: Ratings, longer: float = 0.0, **lifted: float
+        self, drive: FloatArray, rate_hz: float, ratings: Ratings, longer: float = 0.0, **waived: float
     ) -> None:
-        latch = self.latch
-        if latch is not None:
-            raise LimitError(latch.sentence)
+        lockout = self.lockout
+        if lockout is not None:
+            raise LimitError(lockout.sentence)
         strictest = combined(ratings)
         try:
-            replace(strictest, **{"burst": strictest.burst - longer, **lifted}).check(drive, rate_hz)
+            left = {"max_duration": strictest.max_duration - longer, **waived}
+            replace(strictest, **left).check(drive, rate_hz)
         except LimitError as error:
-            # Whose limit it is, is asked only when there is something to say.
+            # The owner of the limit is looked up only for the message.
             for whose, rating in ratings.items():
-                own = {"burst": rating.burst - longer, **lifted, "capacitance": strictest.capacitance}
+                own = {
+                    "max_duration": rating.max_duration - longer,
+                    **waived,
+                    "capacitance": strictest.capacitance,
+                }
                 try:
                     replace(rating, **own).check(drive, rate_hz, whose)
                 except LimitError as named:
@@ -232,7 +237,7 @@ class Limiter:
             raise
 
     def _check_duty(self, seconds: float, ratings: Ratings) -> None:
-        """Of the minute that ends with this drive, no more than the duty is played."""
+        """Refuse a drive that would exceed the duty in the minute that ends with it."""
         duty, now = combined(ratings).duty, self._clock.now()
         begin = now + seconds - _MINUTE
         while self._played and self._played[0][1] <= now - _MINUTE:

@@ -21,37 +21,37 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Limits:
-    """What a drive may be. The defaults limit nothing; `within` takes the stricter of two."""
+    """Limits of a drive. The defaults limit nothing; `within` takes the stricter of two."""
 
-    low: float = -np.inf
+    min: float = -np.inf
     """Lowest voltage (V)."""
-    high: float = np.inf
+    max: float = np.inf
     """Highest voltage (V)."""
-    swing: float = np.inf
+    peak_to_peak: float = np.inf
     """Largest peak-to-peak voltage (V); the paper's is 100."""
     slew: float = np.inf
-    """Steepest change (V/s)."""
+    """Largest slew rate (V/s)."""
     current_peak: float = np.inf
     """Largest C dv/dt (A)."""
     current_average: float = np.inf
     """Largest mean of C |dv/dt| / 2 (A) over any second: charge that the amplifier delivers."""
     capacitance: float = 0.0
     """Of the connected patches together (F)."""
-    burst: float = np.inf
+    max_duration: float = np.inf
     """Longest drive (s), from its first sample that is not zero to its last."""
     duty: float = 1.0
     """Largest share of any minute in which something is played; a limiter remembers."""
-    mean: float = np.inf
-    """Largest mean voltage (V)."""
-    end: float = np.inf
-    """Largest voltage of the first and last sample (V): a step excites every mode."""
+    max_offset: float = np.inf
+    """Largest magnitude of the mean voltage (V)."""
+    max_end: float = np.inf
+    """Largest magnitude of the first and last sample (V): a step excites every mode."""
 
     def within(self, other: Self) -> Self:
         """The stricter of both, limit by limit."""
         return replace(
             self,
             **{
-                f.name: (max if f.name in ("low", "capacitance") else min)(
+                f.name: (max if f.name in ("min", "capacitance") else min)(
                     getattr(self, f.name), getattr(other, f.name)
                 )
                 for f in fields(self)
@@ -60,31 +60,31 @@ class Limits:
 
     @property
     def peak(self) -> float:
-        """Largest voltage of a drive that swings evenly about zero (V)."""
-        return float(min(self.high, -self.low, self.swing / 2))
+        """Largest peak voltage of a drive that is symmetric about zero (V)."""
+        return float(min(self.max, -self.min, self.peak_to_peak / 2))
 
     def check_measured(self, volts: FloatArray, margin: float) -> None:
-        """Refuse what was measured at the patch ((samples,) V), beyond low, high or swing.
+        """Refuse volts measured at the patch ((samples,) V) beyond min, max or peak_to_peak.
 
-        `margin` is the share by which a monitor may be off. Raises LimitError.
+        The limits are widened by the factor `margin`, for the drive monitor's own error. Raises LimitError.
         """
         lowest, highest = float(volts.min()), float(volts.max())
         within = (
-            lowest >= margin * self.low
-            and highest <= margin * self.high
-            and highest - lowest <= margin * self.swing
+            lowest >= margin * self.min
+            and highest <= margin * self.max
+            and highest - lowest <= margin * self.peak_to_peak
         )
         if not within:
             raise LimitError(
-                f"The patch got {lowest:.1f} to {highest:.1f} V, and the rig's limits are {self.low:g} to "
-                f"{self.high:g} V and {self.swing:g} V from peak to peak."
+                f"The patch got {lowest:.1f} to {highest:.1f} V, and the rig's limits are {self.min:g} to "
+                f"{self.max:g} V and {self.peak_to_peak:g} V from peak to peak."
             )
 
     def check(self, drive: FloatArray, rate_hz: float, whose: str = "the rig") -> None:
         """Refuse a drive ((samples,) V at the patch) that breaks any limit.
 
-        Silence before and after it is not a part of the drive. `whose` limits these are is said.
-        Raises LimitError, which says the limit, by how much, and at which sample.
+        Zeros before and after it are not part of the drive. `whose` names the owner of these limits
+        in the error. Raises LimitError with the limit, the excess and the sample.
         """
         if not isinstance(drive, np.ndarray) or drive.dtype.kind != "f":
             raise LimitError("A drive is a numpy array of real numbers, in volts at the patch.")
@@ -92,30 +92,28 @@ class Limits:
             raise LimitError(f"A drive is one row of samples, and this one has the shape {drive.shape}.")
         bad = np.flatnonzero(~np.isfinite(drive))
         if len(bad):
-            raise LimitError(
-                f"The drive is {drive[bad[0]]} at sample {bad[0]}: every sample must be a number."
-            )
+            raise LimitError(f"The drive is {drive[bad[0]]} at sample {bad[0]}: every sample must be finite.")
         ends = np.abs(drive[[0, -1]])
         first, stop = sounding(drive)
         drive = drive[first:stop]
         steps = np.abs(np.diff(drive, prepend=0.0, append=0.0)) * rate_hz
         current = self.capacitance * steps
         average = _averages(current, round(_SUSTAINED * rate_hz)) / 2
-        # What is compared, the limit, its unit, and the sample where it is worst.
+        # Phrase, value, limit, unit, sample of the worst value, and the sign of the comparison.
         rows = (
-            ("falls to", drive.min(), self.low, "V", int(drive.argmin()), -1),
-            ("rises to", drive.max(), self.high, "V", int(drive.argmax()), 1),
-            ("swings over", np.ptp(drive), self.swing, "V", int(drive.argmax()), 1),
+            ("falls to", drive.min(), self.min, "V", int(drive.argmin()), -1),
+            ("rises to", drive.max(), self.max, "V", int(drive.argmax()), 1),
+            ("has a peak-to-peak voltage of", np.ptp(drive), self.peak_to_peak, "V", int(drive.argmax()), 1),
             ("slews at", steps.max(), self.slew, "V/s", int(steps.argmax()), 1),
             ("draws a peak of", current.max(), self.current_peak, "A", int(current.argmax()), 1),
             ("draws on average", average.max(), self.current_average, "A", int(average.argmax()), 1),
-            ("lasts", len(drive) / rate_hz, self.burst, "s", len(drive) - 1, 1),
-            ("has a mean of", abs(drive.mean()), self.mean, "V", 0, 1),
-            ("starts or ends at", ends.max(), self.end, "V", int(ends.argmax()) * (len(drive) - 1), 1),
+            ("lasts", len(drive) / rate_hz, self.max_duration, "s", len(drive) - 1, 1),
+            ("has an offset of", abs(drive.mean()), self.max_offset, "V", 0, 1),
+            ("starts or ends at", ends.max(), self.max_end, "V", int(ends.argmax()) * (len(drive) - 1), 1),
         )
         for what, value, limit, unit, sample, sign in rows:
             beyond = sign * (float(value) - limit)
-            # A limit that is no number is broken by every drive.
+            # A NaN limit refuses every drive.
             if not beyond <= _ROUNDING * max(1.0, abs(limit)):
                 raise LimitError(
                     f"The drive {what} {float(value):.4g} {unit} at sample {first + sample}, {beyond:.3g} "

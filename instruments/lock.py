@@ -30,8 +30,8 @@ class InUse(InstrumentError):  # noqa: N818
 def reserve(hardware: Collection[str], what: str) -> Iterator[None]:
     """Keep every other program off these pieces of hardware while this context lasts.
 
-    This program's rigs may open them, one after the other. `what` begins the sentence that is told
-    to those who come too late. Raises InUse, which says who has them.
+    This program's rigs may open them, one after the other. `what` begins the error message.
+    Raises InUse, which names the holder.
     """
     with ExitStack() as stack:
         for piece in sorted(set(hardware) - _reserved):
@@ -45,8 +45,8 @@ def reserve(hardware: Collection[str], what: str) -> Iterator[None]:
 def hold(hardware: Collection[str], what: str) -> Iterator[None]:
     """Keep everybody else off these pieces of hardware: other programs, and this one's other rigs.
 
-    The operating system lets go of a lock when its holder ends, however it ends: what a crash
-    leaves behind is a file that nobody holds. Raises InUse, which says who has them.
+    The operating system releases a lock when its holder ends, however it ends; a crash leaves only
+    an unlocked file. Raises InUse, which names the holder.
     """
     with ExitStack() as stack:
         for piece in sorted(set(hardware)):

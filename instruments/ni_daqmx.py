@@ -288,11 +288,11 @@ class _NiStream(Stream):
             count = self._block if self._samples is None else min(self._block, self._samples - first)
             volts = self._read(first, count)
             size = np.abs(volts)
-            # Not a number compares as false with everything.
+            # NaN fails this comparison too.
             if not np.all(size <= self._beyond):
                 raise InstrumentError(
-                    f"{' and '.join(home for home, _ in self._plan.inputs)} delivered what cannot be volts "
-                    f"from sample {first} on: nothing of it is taken. Restart the driver or device server."
+                    f"{' and '.join(home for home, _ in self._plan.inputs)} delivered values beyond range "
+                    f"from sample {first} on: the block was discarded. Restart the driver or device server."
                 )
             overload = np.any(size >= self._end, axis=1)
             yield Block(first, volts[self._rows], overload[self._rows])

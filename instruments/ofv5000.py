@@ -21,8 +21,8 @@ from instruments.ofv5000_codec import (
     frequency_of,
     is_command,
     level_of,
-    sensitivity_of,
-    sensitivity_text,
+    scale_of,
+    scale_text,
 )
 from instruments.serial_line import SerialLine
 from instruments.text_line import Line
@@ -52,7 +52,7 @@ class Ofv5000(Vibrometer):
         """Serial port (COM3, /dev/ttyUSB0), or a URL of pyserial's (socket://HOST:PORT)."""
         channel: str
         """Name of the DAQ channel that its output is wired to."""
-        sensitivity: Positive
+        scale: Positive
         """m/s per V that the decoder is set to: 0.005 is its range `5mm/s/V`."""
         decoder: Annotated[str, Field(pattern=r"^VeloDec,\d$")] = "VeloDec,0"
         """The velocity decoder whose output is wired (VD-08 is often VeloDec,0 and VD-09 VeloDec,1)."""
@@ -76,7 +76,7 @@ class Ofv5000(Vibrometer):
         self.identity = self._identity()
         self.delay = self._get("SignalDelay", duration_of)
         self.bandwidth_hz = self._bandwidth()
-        self._take(self._get("Range", sensitivity_of))
+        self._take(self._get("Range", scale_of))
 
     @classmethod
     def connect(cls, settings: Settings, clock: Clock) -> Self:
@@ -110,26 +110,26 @@ class Ofv5000(Vibrometer):
 
     def check_range(self) -> None:
         """Read the range again. Raises ConfigurationError when it is not the rig file's."""
-        self._take(self._get("Range", sensitivity_of))
-        wanted = self._settings.sensitivity
-        if not math.isclose(self.sensitivity, wanted, rel_tol=1e-3):
+        self._take(self._get("Range", scale_of))
+        wanted = self._settings.scale
+        if not math.isclose(self.scale, wanted, rel_tol=1e-3):
             raise ConfigurationError(
                 f"{self.identity}: {self._settings.decoder} is set to the range "
-                f"{sensitivity_text(self.sensitivity)}, but the rig file says {sensitivity_text(wanted)}: "
-                "set the range, or correct 'sensitivity' in [vibrometer]."
+                f"{scale_text(self.scale)}, but the rig file says {scale_text(wanted)}: "
+                "set the range, or correct 'scale' in [vibrometer]."
             )
 
-    def set_range(self, sensitivity: float) -> None:
-        """Switch the decoder to the range of `sensitivity` (m/s per V), and read that back.
+    def set_range(self, scale: float) -> None:
+        """Switch the decoder to the range of `scale` (m/s per V), and read that back.
 
         Raises InstrumentError when it reads back another: the decoder has no such range.
         """
-        self._send(Command("Set", self._settings.decoder, "Range", sensitivity_text(sensitivity)))
-        self._take(self._get("Range", sensitivity_of))
-        if not math.isclose(self.sensitivity, sensitivity, rel_tol=1e-3):
+        self._send(Command("Set", self._settings.decoder, "Range", scale_text(scale)))
+        self._take(self._get("Range", scale_of))
+        if not math.isclose(self.scale, scale, rel_tol=1e-3):
             raise InstrumentError(
                 f"{self.identity}: {self._settings.decoder} was given the range "
-                f"{sensitivity_text(sensitivity)} but reads {sensitivity_text(self.sensitivity)}: "
+                f"{scale_text(scale)} but reads {scale_text(self.scale)}: "
                 "choose a range that it has."
             )
 
@@ -178,9 +178,9 @@ class Ofv5000(Vibrometer):
             )
         return min(known)
 
-    def _take(self, sensitivity: float) -> None:
-        self.sensitivity = sensitivity
-        self.range = sensitivity * self._settings.full_scale
+    def _take(self, scale: float) -> None:
+        self.scale = scale
+        self.range = scale * self._settings.full_scale
 
     def _get(self, attribute: str, parse: Callable[[str], Value]) -> Value:
         return self._value(Command("Get", self._settings.decoder, attribute), parse)

@@ -18,8 +18,8 @@ __all__ = [
     "frequency_of",
     "is_command",
     "level_of",
-    "sensitivity_of",
-    "sensitivity_text",
+    "scale_of",
+    "scale_text",
 ]
 
 Verb = Literal["Get", "Set", "GetDevInfo"]
@@ -68,14 +68,14 @@ def is_command(text: str) -> bool:
     return text.startswith(("Get,", "Set,", "GetDevInfo,"))
 
 
-def sensitivity_of(text: str) -> float:
+def scale_of(text: str) -> float:
     """A velocity decoder's range, `5mm/s/V`, as m/s per V. Raises ValueError."""
     return _quantity(text, r"(?P<unit>[uµ]m|mm|m)/s/V", _VELOCITY, _SENSITIVITIES)
 
 
-def sensitivity_text(sensitivity: float) -> str:
+def scale_text(scale: float) -> str:
     """m/s per V as the controller names its ranges, in mm/s."""
-    return f"{sensitivity * 1e3:.6g}mm/s/V"
+    return f"{scale * 1e3:.6g}mm/s/V"
 
 
 def duration_of(text: str) -> float:
@@ -103,7 +103,7 @@ def level_of(text: str) -> float:
 def _quantity(text: str, unit: str, scales: dict[str, float], within: tuple[float, float]) -> float:
     found = re.fullmatch(rf"{_NUMBER}\s*{unit}", text.strip(), re.ASCII)
     if found is None:
-        raise ValueError("no number with a known unit")
+        raise ValueError("not a number with a known unit")
     value = float(found["number"]) * scales[(found["unit"] or "").lower()]
     low, high = within
     if not low <= value <= high:

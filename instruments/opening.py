@@ -54,7 +54,7 @@ def open_rig(
 
 
 def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
-    """Names of what a rig consists of: what a lock and a latch are for. A simulated world is one piece."""
+    """Names of a rig's hardware, for its lock and its lockouts. A simulated world is one piece."""
     if mode is not None:
         return frozenset({f"the simulated rig {file.name}, {file.digest}"})
     return frozenset().union(

@@ -1,6 +1,6 @@
 """Polytec PDV-100: set by hand and read through its analog output, so its settings are declared.
 
-Sensitivity of the 20 mm/s range and the 1.1 ms delay were found; the other ranges and the filters
+The scale of the 20 mm/s range and the 1.1 ms delay were found; the other ranges and the filters
 are estimates (hardware.md, section 5a).
 """
 
@@ -48,7 +48,7 @@ class Pdv100(Vibrometer):
         self.identity = "PDV-100"
         self.channel = settings.channel
         self.range = settings.range
-        self.sensitivity = settings.range / _FULL_SCALE
+        self.scale = settings.range / _FULL_SCALE
         self.bandwidth_hz = float(settings.low_pass_hz)
         self.delay = _DELAY
         self.declared = (

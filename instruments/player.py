@@ -7,18 +7,18 @@ from contextlib import AbstractContextManager
 from typing import final
 
 from instruments.arrays import ComplexArray, FloatArray
-from instruments.gate import Gated
+from instruments.gate import Interlocked
 
 __all__ = ["Player"]
 
 
-class Player(Gated, ABC):
+class Player(Interlocked, ABC):
     """Plays waveforms into the amplifier, begun when it likes and on its own clock.
 
     Safe state: nothing plays, and its output rests at zero volts. Opening it changes no output.
     Neither its volts nor its time are to be believed: what reaches the patches is measured by the
     DAQ, and `Rig.excite` finds there when a waveform began and how fast its clock runs. A driver
-    writes `_play`; it is reached through `play` alone, by what the rig's limits admit.
+    writes `_play`; it is reached through `play` alone, within what the rig's limiter authorises.
     """
 
     identity: str
@@ -37,11 +37,11 @@ class Player(Gated, ABC):
         still plays, and raises InstrumentError when the waveform was not played whole and without
         a gap. When the body raises, it stops at once, and the body's error is the one that counts.
 
-        Raises LimitError for a waveform that cannot be played as it is (too large, not a number, a
-        mean that an AC-coupled output loses), or none that the rig's limits have admitted: it is
+        Raises LimitError for a waveform that cannot be played as it is (too large, not finite, a
+        mean that an AC-coupled output loses), or that the rig's limiter has not authorised: it is
         never clipped. Raises InstrumentError.
         """
-        self._gate.admit(self.output, volts, rate_hz)
+        self._interlock.authorise(self.output, volts, rate_hz)
         return self._play(volts, rate_hz)
 
     @abstractmethod

@@ -6,12 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection
 from typing import final
 
-from instruments.gate import Gated
+from instruments.gate import Interlocked
 
 __all__ = ["Relay"]
 
 
-class Relay(Gated, ABC):
+class Relay(Interlocked, ABC):
     """A relay box between the amplifier and the patches.
 
     Safe state: every channel open. Opening the driver changes no channel. Switch only while the
@@ -35,7 +35,7 @@ class Relay(Gated, ABC):
         LimitError while the rig plays a drive that is not for these patches, InstrumentError when
         the box does not answer or reads back anything else.
         """
-        self._gate.admit_patches(frozenset(patches))
+        self._interlock.authorise_patches(frozenset(patches))
         self._connect(patches)
 
     @abstractmethod

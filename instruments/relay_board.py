@@ -1,7 +1,7 @@
-"""What every relay box of numbered channels does alike: switch over in order, read back, keep alive.
+"""The logic of every relay box with numbered channels: switch over in order, read back, keep alive.
 
-A driver is a `RelayBoard`, which speaks to one product, under this logic; a twin is a simulated
-board under the same logic.
+`ChannelRelay` is the logic, and a `RelayBoard` its port to one product. A driver's board speaks the
+product's protocol; a twin's is an adapter to a simulated box.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from instruments.clock import Clock
 from instruments.errors import ConfigurationError, InstrumentError
 from instruments.relay import Relay
 
-__all__ = ["BoardRelay", "BoardSettings", "ChannelState", "RelayBoard", "read_back"]
+__all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "RelayBoard", "read_back"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -28,7 +28,7 @@ _MILLISECOND = 1e-3
 
 
 class BoardSettings(BaseModel):
-    """What the `[relay]` table of a rig file holds for any board."""
+    """Keys of the `[relay]` table that every board has."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -60,7 +60,7 @@ class ChannelState:
 
 
 class RelayBoard(Protocol):
-    """One product. Every method raises InstrumentError, within a deadline, when the board does not do it."""
+    """The port to one product. Every method raises InstrumentError, within a deadline, when it fails."""
 
     identity: str
     dead_man: float
@@ -76,11 +76,11 @@ class RelayBoard(Protocol):
         """Tell a channel to close, or to stay closed, for `dead_man` seconds from now on."""
 
     def release(self) -> None:
-        """Let go of the connection, if there is one. May be called again."""
+        """Close the connection, if there is one. May be called again."""
 
 
-class BoardRelay(Relay):
-    """See `Relay`. Breaks before it makes, and believes only what is read back.
+class ChannelRelay(Relay):
+    """See `Relay`. Break before make; a state counts only once it is read back.
 
     Channels that no patch is wired to are left alone. After an error nothing is renewed, so that
     the board's dead-man opens whatever had been closed.

@@ -18,10 +18,10 @@ from instruments.clock import Clock
 from instruments.daq import Block, Capture, Stream
 from instruments.driver import Mode, Simulation
 from instruments.errors import ConfigurationError, InstrumentError
-from instruments.gate import Gated
+from instruments.gate import Interlocked
 from instruments.generator import Sweep
-from instruments.latch import Latch
-from instruments.leaving import left_in_time
+from instruments.latch import Lockout
+from instruments.leaving import exit_within
 from instruments.limiter import Limiter, combined
 from instruments.limits import Limits
 from instruments.operator import ConfirmSettings
@@ -29,7 +29,7 @@ from instruments.rig_file import RigFile
 from instruments.roles import Instruments
 from instruments.safe_state import SafeState
 from instruments.signals import at_console_close, deliver, ending_in_order, uninterrupted
-from instruments.watch import Watch, trip
+from instruments.watch import AbortMonitor, trip
 
 __all__ = ["Rig"]
 
@@ -53,7 +53,7 @@ class Rig(Instruments):
         self.simulation = simulation
         self.mode = mode
         self.hardware = frozenset(hardware)
-        """What no second rig may use at once, and what a latch hangs on."""
+        """Hardware that no second rig may use at once, and that a lockout is set on."""
         self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
         self._limiter = Limiter(clock, self.audit, self.hardware)
         self._confirmed: set[str] = set()
@@ -66,9 +66,9 @@ class Rig(Instruments):
         self._stack.enter_context(context)
 
     def adopt(self, role: str, instrument: Any) -> None:
-        """Take an open instrument, to be let go of when the rig is closed; its gate is the rig's limiter."""
-        if isinstance(instrument, Gated):
-            instrument._gate = self._limiter
+        """Own an open instrument, and close it with the rig; its interlock is the rig's limiter."""
+        if isinstance(instrument, Interlocked):
+            instrument._interlock = self._limiter
         self._roles[role] = instrument
         if hasattr(instrument, "close"):
             self._stack.callback(self._safe.let_go, role)
@@ -97,9 +97,9 @@ class Rig(Instruments):
         return combined(self._ratings(patches))
 
     @property
-    def latch(self) -> Latch | None:
-        """Why nothing is played until `haploop reset`; None when drives are played."""
-        return self._limiter.latch
+    def lockout(self) -> Lockout | None:
+        """The lockout that refuses every play until `haploop reset`; None without one."""
+        return self._limiter.lockout
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
@@ -191,7 +191,7 @@ class Rig(Instruments):
         amplifier's input. Recording begins before the sweep and goes on for `tail` seconds after
         it, in which the output is off. No clock is shared and nothing is aligned: the capture has
         the sweep somewhere in it, and the drive monitor shows where. No generator fades its sweep out:
-        of the limits, the mean, the ends and the step with which it is switched off are not held.
+        of the limits, the offset, the ends and the step with which it is switched off are not held.
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
@@ -260,7 +260,7 @@ class Rig(Instruments):
             count = samples + max(1, round(tail * rate_hz))
             padded = {output: np.pad(v, (0, count - samples)) for output, v in volts.items()}
             with (
-                self._watched(patches, channels, progress) as (recorded, each),
+                self._monitored(patches, channels, progress) as (recorded, each),
                 self._connected(patches),
                 self._streamed(recorded, count, padded) as stream,
             ):
@@ -278,10 +278,10 @@ class Rig(Instruments):
         rate_hz, monitor = self.table.rate_hz, self._monitor()
         total = count + round(self.player.room * rate_hz)
         with (
-            self._watched(patches, channels, progress) as (recorded, each),
+            self._monitored(patches, channels, progress) as (recorded, each),
             self._connected(patches),
             self._streamed(recorded, total) as stream,
-            left_in_time(self.player.identity, self.player.play(volts, rate_hz)),
+            exit_within(self.player.identity, self.player.play(volts, rate_hz)),
         ):
             capture = stream.capture(each)
         if drive.any():
@@ -305,7 +305,7 @@ class Rig(Instruments):
         total = round((sweep.duration + tail + _SLACK) * self.table.rate_hz)
         self.generator.configure(sweep)
         with (
-            self._watched(patches, channels, progress) as (recorded, each),
+            self._monitored(patches, channels, progress) as (recorded, each),
             self._connected(patches),
         ):
 
@@ -333,9 +333,9 @@ class Rig(Instruments):
         """Everybody's limits, with `patches` patches in parallel."""
         table = self.table
         patch = Limits(
-            low=table.patch_low, high=table.patch_high, capacitance=patches * table.patch_capacitance
+            min=table.patch_min, max=table.patch_max, capacitance=patches * table.patch_capacitance
         )
-        relay = Limits(low=-self.relay.rating, high=self.relay.rating)
+        relay = Limits(min=-self.relay.rating, max=self.relay.rating)
         return {
             "the amplifier": self.amplifier.limits(patches),
             "the relay": relay,
@@ -349,7 +349,7 @@ class Rig(Instruments):
         """A stream at the table's rate, in blocks of a tenth of a second."""
         rate_hz = self.table.rate_hz
         stream = self.daq.stream(channels, rate_hz, round(rate_hz / 10), samples, play)
-        return left_in_time(self.daq.identity, stream)
+        return exit_within(self.daq.identity, stream)
 
     @contextmanager
     def _connected(self, patches: Collection[str]) -> Iterator[None]:
@@ -363,31 +363,34 @@ class Rig(Instruments):
             self.make_safe()
 
     @contextmanager
-    def _watched(
+    def _monitored(
         self, patches: Collection[str], channels: Sequence[str], progress: Callable[[float], None]
     ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
-        """What to record, with what is watched among it, and what is done with every block.
+        """The channels to record, the monitored ones among them, and the function to call on every block.
 
-        The relay's dead man, and who waits, are told; a block that trips a limit is an
-        InstrumentError, whoever plays, and latches the rig once the safe state has been tried. From
-        before the first volt until the safe state signals are held back; here they may end the play.
+        The function renews the relay's dead man, tests the block, reports progress and delivers signals,
+        which are otherwise held back from before the first volt until the safe state. A block that trips
+        is an InstrumentError; the rig is locked out once the safe state has been tried.
         """
         laser = self.vibrometer if "vibrometer" in self._roles else None
-        watch = Watch(self.file.abort, self.sensors, laser, self.limits_for(len(frozenset(patches))))
-        recorded = tuple(dict.fromkeys([*channels, *watch.channels]))
+        limits = self.limits_for(len(frozenset(patches)))
+        abort_monitor = AbortMonitor(self.file.abort, self.sensors, laser, limits)
+        recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
 
         def each(block: Block) -> None:
             self.relay.renew()
-            watch.look(block, recorded)
+            abort_monitor.check(block, recorded)
             progress(block.volts.shape[1] / self.table.rate_hz)
             deliver()
 
         try:
             yield recorded, each
         finally:
-            if watch.tripped is not None:
+            if abort_monitor.tripped is not None:
                 rate_hz = self.table.rate_hz
-                self._limiter.latched = trip(self.audit, self.hardware, watch, recorded, rate_hz)
+                self._limiter.unsaved_lockout = trip(
+                    self.audit, self.hardware, abort_monitor, recorded, rate_hz
+                )
 
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:

@@ -1,4 +1,4 @@
-"""`rig.toml`: the one file that describes a rig, validated whole before anything is opened."""
+"""`rig.toml`: the file that describes a rig, validated completely before anything is opened."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = [
     "Recalibration",
     "RigFile",
     "SimulationSettings",
-    "Table",
+    "TableSettings",
     "fault_kinds",
     "load_rig_file",
     "validate",
@@ -61,7 +61,7 @@ class Device(BaseModel):
         return dict(self.model_extra or {})
 
 
-class Table(_Section):
+class TableSettings(_Section):
     """The touch table: its grid of measuring points, row by row, and where the buttons are."""
 
     rows: Annotated[int, Field(ge=1)] = 7
@@ -69,8 +69,8 @@ class Table(_Section):
     button_point: Annotated[int, Field(ge=0)]
     patches: tuple[str, ...] = ("A", "B", "C", "D")
     patch_capacitance: Positive
-    patch_low: Negative
-    patch_high: Positive
+    patch_min: Negative
+    patch_max: Positive
     rate_hz: Positive = 50_000.0
     """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
     the drive lie far above the table's band."""
@@ -96,16 +96,16 @@ class Table(_Section):
 
 
 class DriveLimits(_Section):
-    """The `[limits]` table: the rig's own limits, below those of its parts (see `Limits`)."""
+    """The `[limits]` table: the rig's own limits, besides those of its parts (see `Limits`)."""
 
-    swing: Positive = 100.0
-    low: Negative = -50.0
-    high: Positive = 50.0
+    peak_to_peak: Positive = 100.0
+    min: Negative = -50.0
+    max: Positive = 50.0
     slew: Positive = 0.5e6
-    burst: Positive = 60.0
+    max_duration: Positive = 60.0
     duty: Annotated[float, Field(gt=0, le=1)] = 1.0
-    mean: NotNegative = 0.5
-    end: NotNegative = 0.5
+    max_offset: NotNegative = 0.5
+    max_end: NotNegative = 0.5
 
     def limits(self) -> Limits:
         """As a value that checks drives."""
@@ -113,7 +113,7 @@ class DriveLimits(_Section):
 
 
 class AbortLimits(_Section):
-    """The `[abort]` table: what stops a play, in any of its blocks, and latches the rig."""
+    """The `[abort]` table: measured values that stop a play, in any of its blocks, and lock the rig out."""
 
     drive: Positive | None = None
     """V at the patch; None stops a tenth beyond what `rig.limits` allows."""
@@ -138,7 +138,7 @@ class SimulationSettings(_Section):
     """Width of the patches' loop over its height; 10 to 15 % is an estimate (hardware.md, section 13)."""
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
-    clumsy: Fraction = 0.0
+    bad_press_rate: Fraction = 0.0
     """Share of presses that go wrong: too soft, too hard, twice, or with a hand that rests on the button."""
     faults: tuple[dict[str, Any], ...] = ()
     """What goes wrong in the plant, a table each: its `kind`, and what that kind takes (docs/faults.md)."""
@@ -180,12 +180,12 @@ class RigFile(_Section):
     generator: Device | None = None
     player: Device | None = None
     operator: Device = Device(driver="console")
-    table: Table | None = None
+    table: TableSettings | None = None
     sensors: Sensors = Sensors()
     limits: DriveLimits = DriveLimits()
     abort: AbortLimits = AbortLimits()
     state: str | None = None
-    """Folder of the audit log and the latch, for a lab where several people use one rig; None takes
+    """Folder of the audit log and the lockouts, for a lab where several people use one rig; None takes
     each user's own. The environment's HAPLOOP_STATE comes first."""
     recalibration: Recalibration = Recalibration()
     simulation: SimulationSettings = SimulationSettings()
@@ -193,9 +193,9 @@ class RigFile(_Section):
     @field_validator("state")
     @classmethod
     def _one_place(cls, state: str | None) -> str | None:
-        # A latch that depends on where a program is started is none.
+        # A lockout that depends on the working directory protects nothing.
         if state is not None and not Path(state).expanduser().is_absolute():
-            raise ValueError("name the folder from the root, or from ~")
+            raise ValueError("use an absolute path, or a path that begins with ~")
         return state
 
     @property
@@ -207,7 +207,7 @@ class RigFile(_Section):
 def load_rig_file(path: str | Path) -> RigFile:
     """Read and validate a rig file; the bare name of a rig that haploop ships is found as well.
 
-    A file with `base = "NAME"` says only how it differs from another rig file (a path beside it,
+    A file with `base = "NAME"` only states its differences from another rig file (a path beside it,
     or the bare name of a shipped rig). A file that holds nothing but `[simulation]` is the
     simulated rig with another plant. Settings of instruments are validated by their drivers, where
     these are installed.
@@ -228,9 +228,11 @@ def load_rig_file(path: str | Path) -> RigFile:
 
 
 def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
-    """A file over its bases, and where the keys of each of them stand, its own first."""
+    """A file merged over its bases, and the positions of the keys in each of them, its own first."""
     if path in above:
-        raise ConfigurationError(f"{above[-1]}: the base {path} builds on this file itself.")
+        raise ConfigurationError(
+            f"{above[-1]}: the base {path} is itself based on this file: use another base."
+        )
     text = _read(path)
     try:
         raw = tomllib.loads(text)
@@ -249,14 +251,14 @@ def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Plac
 
 
 def _read_calibration(raw: dict[str, Any], path: Path) -> None:
-    """`[sensors.force] calibration` names the sensor's own `.cal` file, beside the rig file."""
+    """Read the `.cal` file that `[sensors.force] calibration` names, beside the rig file."""
     sensors = raw.get("sensors")
     force = sensors.get("force") if isinstance(sensors, dict) else None
     if not isinstance(force, dict) or "calibration" not in force:
         return
     if "matrix" in force or not isinstance(force["calibration"], str):
         raise ConfigurationError(
-            f"{path}: sensors.force takes either a matrix or the name of a calibration file."
+            f"{path}: sensors.force takes either matrix or calibration (the name of a .cal file)."
         )
     found = read_ati_cal(path.parent / force["calibration"])
     force |= {"matrix": found.matrix, "ratings": found.ratings, "gauge_range": found.gauge_range}
@@ -264,7 +266,7 @@ def _read_calibration(raw: dict[str, Any], path: Path) -> None:
 
 
 def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """`own` over `base`, table by table; another driver takes nothing over from the base's."""
+    """Merge `own` over `base`, table by table; a table with another driver replaces the base's."""
     both = {
         key: _merged(base[key], value)
         for key, value in own.items()
@@ -278,14 +280,15 @@ def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
 def validate(
     model: type[Model], raw: object, source: str | Callable[[Location], str], above: Location = ()
 ) -> Model:
-    """`raw` as a `model`; the first thing that is wrong becomes one ConfigurationError sentence.
+    """Validate `raw` as a `model`; the first error becomes a ConfigurationError of one sentence.
 
-    `source` says where the values come from, or gives that for a key; `above` leads from there to `raw`.
+    `source` is the origin of the values, or a function that returns it for a key; `above` is the location
+    of `raw` within it.
     """
     try:
         return model.model_validate(raw)
     except ValidationError as error:
-        # Of a misspelt key, not that the right one is missing.
+        # Report a misspelt key before the key that is missing because of it.
         first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
         place = source if isinstance(source, str) else source((*above, *first["loc"]))
         raise ConfigurationError(_sentence(first, model, place, above)) from None
@@ -297,18 +300,18 @@ def validate_kind(
     source: str | Callable[[Location], str],
     above: Location = (),
 ) -> Model:
-    """As `validate`, with the model that the key `kind` chooses among `kinds`."""
+    """As `validate`, with the model that the key `kind` selects among `kinds`."""
     kind = str(raw.get("kind"))
     if kind not in kinds:
         near = difflib.get_close_matches(kind, kinds, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(sorted(kinds))}."
+        hint = f"did you mean {near[0]!r}?" if near else f"the kinds are {', '.join(sorted(kinds))}."
         place = source if isinstance(source, str) else source((*above, "kind"))
-        raise ConfigurationError(f"{place}: there is no fault of the kind {kind!r}; {hint}")
+        raise ConfigurationError(f"{place}: unknown fault kind {kind!r}; {hint}")
     return validate(kinds[kind], raw, source, above)
 
 
 def fault_kinds() -> Mapping[str, type[BaseModel]]:
-    """What can go wrong in the installed plant: the settings of each kind of fault."""
+    """The settings of each kind of fault of the installed plant."""
     (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
     kinds: Mapping[str, type[BaseModel]] = entry.load().fault_kinds
     return kinds
@@ -321,7 +324,7 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ConfigurationError(
-            f"There is no rig file {path}; name an existing file, or one of: {', '.join(_names())}."
+            f"There is no rig file {path}: use an existing file, or a shipped rig ({', '.join(_names())})."
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"The rig file {path} cannot be read: {error}.") from None
@@ -333,7 +336,9 @@ def _names() -> list[str]:
 
 def _shipped(name: str) -> str:
     if name not in _names():
-        raise ConfigurationError(f"There is no rig {name!r}; haploop ships: {', '.join(_names())}.")
+        raise ConfigurationError(
+            f"There is no rig {name!r}: use a rig file, or a shipped rig ({', '.join(_names())})."
+        )
     return (resources.files("rigs") / f"{name}.toml").read_text(encoding="utf-8")
 
 
@@ -347,14 +352,14 @@ def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Lo
     if first["type"] == "missing":
         return f"{place}: the key {key!r} is missing."
     if first["type"] == "value_error":
-        # haploop's own sentence, which names what it found.
+        # A validator of haploop, whose sentence is complete.
         return f"{place}: {key or 'the file'}: {first['ctx']['error']}."
     message = first["msg"][:1].lower() + first["msg"][1:]
     return f"{place}: {key or 'the file'}: {message} (found {first['input']!r})."
 
 
 def _keys_at(kind: Any, location: Location) -> list[str]:
-    """The keys that a table may have, `location` below a model or another annotation."""
+    """The keys of the table at `location` below a model or another annotation."""
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         if not location:
             return list(kind.model_fields)

@@ -11,7 +11,7 @@ from instruments.generator import Generator
 from instruments.operator import Operator
 from instruments.player import Player
 from instruments.relay import Relay
-from instruments.rig_file import RigFile, Table
+from instruments.rig_file import RigFile, TableSettings
 from instruments.sensors import Divider, Sensors
 from instruments.vibrometer import Vibrometer
 
@@ -49,7 +49,7 @@ class Instruments:
         return self.file.sensors
 
     @property
-    def table(self) -> Table:
+    def table(self) -> TableSettings:
         """The touch table. Raises ConfigurationError for a rig that has none."""
         if self.file.table is None:
             raise ConfigurationError(f"The rig {self.name!r} has no [table]; this step needs one.")

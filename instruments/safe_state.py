@@ -1,4 +1,4 @@
-"""The safe state of a rig: how it is reached whatever fails or hangs, and how instruments are let go of."""
+"""The safe state of a rig, reached whatever fails or hangs; and the closing of its instruments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from instruments.audit import Audit
 from instruments.clock import Clock
 from instruments.errors import InstrumentError
-from instruments.leaving import in_time
+from instruments.leaving import run_within
 
 __all__ = ["SafeState"]
 
@@ -17,7 +17,7 @@ _REST = 0.05
 
 
 class SafeState:
-    """Of these instruments, by role. An instrument that has hung once is not waited for again."""
+    """The safe state of these instruments, by role. One that has hung is not waited for again."""
 
     def __init__(self, instruments: Mapping[str, Any], clock: Clock, audit: Audit) -> None:
         self._instruments = instruments
@@ -39,7 +39,7 @@ class SafeState:
             if role not in self._instruments:
                 continue
             try:
-                self._in_time(role, step)
+                self._run_within(role, step)
             except Exception as error:
                 failures.append(error)
         if failures:
@@ -52,15 +52,15 @@ class SafeState:
     def let_go(self, role: str) -> None:
         """Close an instrument. Raises InstrumentError when it hangs, and what its `close` raises."""
         if role not in self._hung:
-            self._in_time(role, lambda instrument: instrument.close())
+            self._run_within(role, lambda instrument: instrument.close())
 
-    def _in_time(self, role: str, step: Callable[[Any], object]) -> None:
+    def _run_within(self, role: str, step: Callable[[Any], object]) -> None:
         instrument = self._instruments[role]
         name = f"The {role} ({getattr(instrument, 'identity', '')})"
         if role in self._hung:
             raise InstrumentError(f"{name} still hangs.")
         try:
-            in_time(name, lambda: step(instrument))
+            run_within(name, lambda: step(instrument))
         except TimeoutError as error:
             self._hung.add(role)
             raise InstrumentError(str(error)) from None

@@ -15,21 +15,21 @@ _NUMBER = re.compile(r"[+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d
 _ERROR = re.compile(r'([+-]?\d{1,6})\s*,\s*(?:"([^"]*(?:""[^"]*)*)"|([^",]*))')
 _INFINITE = 9e37
 """SCPI writes infinity as 9.9E+37."""
-_NOT_A_NUMBER = 9.91e37
-"""... and what is no number as this."""
+_NAN = 9.91e37
+"""SCPI writes NaN as 9.91E+37."""
 
 
 def number_of(text: str) -> float:
-    """A number; infinity as `INF...` or 9.9E+37. Raises ValueError for all else, not-a-number too."""
+    """A number; infinity as `INF...` or 9.9E+37. Raises ValueError for all else, NaN included."""
     if re.fullmatch(r"INF(INITY|INITE)?", text.upper()):
         return math.inf
     if not _NUMBER.fullmatch(text):
-        raise ValueError("no number")
+        raise ValueError("not a number")
     value = float(text)
     if not abs(value) > _INFINITE:
         return value
-    if math.isclose(value, _NOT_A_NUMBER, rel_tol=1e-4) or value < 0:
-        raise ValueError("what SCPI writes for not a number")
+    if math.isclose(value, _NAN, rel_tol=1e-4) or value < 0:
+        raise ValueError("SCPI's NaN, or minus infinity")
     return math.inf
 
 

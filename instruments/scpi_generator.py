@@ -55,7 +55,7 @@ _SETUP = (
     "OUTP{n}:LOAD {load}",
     "SOUR{n}:VOLT:UNIT VPP",
     "SOUR{n}:VOLT:OFFS 0",
-    "SOUR{n}:VOLT {swing:.6g}",
+    "SOUR{n}:VOLT {peak_to_peak:.6g}",
     "SOUR{n}:FREQ:STAR {start_hz:.9g}",
     "SOUR{n}:FREQ:STOP {stop_hz:.9g}",
     "SOUR{n}:SWE:SPAC LIN",
@@ -64,7 +64,7 @@ _SETUP = (
 )
 _READ = {
     "load": "OUTP{n}:LOAD?",
-    "swing": "SOUR{n}:VOLT?",
+    "peak_to_peak": "SOUR{n}:VOLT?",
     "offset": "SOUR{n}:VOLT:OFFS?",
     "start_hz": "SOUR{n}:FREQ:STAR?",
     "stop_hz": "SOUR{n}:FREQ:STOP?",
@@ -160,7 +160,7 @@ class ScpiGenerator(Generator):
     @property
     def amplitude(self) -> float:
         """See `Generator.amplitude`."""
-        return self._number("swing") / 2
+        return self._number("peak_to_peak") / 2
 
     @property
     def is_on(self) -> bool:
@@ -181,7 +181,7 @@ class ScpiGenerator(Generator):
         self._tell("*CLS")
         wanted = {
             "load": float(self._settings.load),
-            "swing": 2 * sweep.amplitude,
+            "peak_to_peak": 2 * sweep.amplitude,
             "offset": 0.0,
             "start_hz": sweep.start_hz,
             "stop_hz": sweep.stop_hz,

@@ -23,7 +23,7 @@ from pydantic import Field
 from instruments.clock import Clock
 from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError
-from instruments.relay_board import BoardRelay, BoardSettings, ChannelState
+from instruments.relay_board import BoardSettings, ChannelRelay, ChannelState
 
 __all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
 
@@ -45,8 +45,8 @@ def answer_in(received: bytes, command: str) -> str:
     return found[1] or ""
 
 
-class SerialRelay(BoardRelay):
-    """See `Relay` and `BoardRelay`."""
+class SerialRelay(ChannelRelay):
+    """See `Relay` and `ChannelRelay`."""
 
     class Settings(BoardSettings):
         """The `[relay]` table of a rig file."""

@@ -1,5 +1,5 @@
-"""What asks a program to stop: held back while a rig is brought to its safe state, and turned into a
-way out through every context where it would end the program at once.
+"""Stop signals: held back while a rig is brought to its safe state, and turned into SystemExit where they
+would end the program at once, so that every context is left.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ __all__ = ["STOPPING", "at_console_close", "deliver", "ending_in_order", "uninte
 STOPPING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
 )
-"""What asks a program to stop: Ctrl-C, an orderly end, a closed terminal, a closed Windows console."""
+"""The stop signals: Ctrl-C, termination, a closed terminal, a closed Windows console."""
 
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold back what asks the program to stop: nothing inside is cut short by it.
+    """Hold back stop signals: they interrupt nothing inside.
 
-    What arrives meanwhile is delivered once at the end, or where `deliver` is called, unless an error
-    comes out: that the safe state was not reached matters more than that somebody was impatient. Only
-    the main thread sees signals; in any other thread this does nothing.
+    A signal that arrives meanwhile is delivered once at the end, or where `deliver` is called, unless
+    the body raises: an unconfirmed safe state matters more than a Ctrl-C. Only the main thread
+    receives signals; in any other thread this does nothing.
     """
     global _held  # noqa: PLW0603  as below
     if threading.current_thread() is not threading.main_thread():
@@ -50,7 +50,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def deliver() -> None:
-    """Let what is held back stop the program here: between two blocks of a play, say."""
+    """Deliver a signal that is held back: between two blocks of a play, say."""
     if _arrived and threading.current_thread() is threading.main_thread():
         first = _arrived[0]
         _arrived.clear()
@@ -59,10 +59,10 @@ def deliver() -> None:
 
 @contextmanager
 def ending_in_order() -> Iterator[None]:
-    """While it lasts, SIGTERM and its kind leave the program through every context, by SystemExit.
+    """Inside, SIGTERM and the other stop signals raise SystemExit, so that every context is left.
 
-    Left to themselves they end it where it stands, with the output on. What a program has arranged
-    for them is done as ever; where this is not the main thread, nothing is changed.
+    By default they end the program at once, with the output on. Handlers that the program has
+    installed are still called; outside the main thread, nothing is changed.
     """
     global _orderly  # noqa: PLW0603  handlers belong to the process, and so does who counts on them
     if threading.current_thread() is not threading.main_thread():
@@ -88,14 +88,14 @@ _orderly = 0
 _held = 0
 _arrived: list[int] = []
 _before: dict[int, Any] = {}
-"""What was arranged for a signal before ours."""
+"""The handlers installed before ours."""
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
-    """The one handler, which stays in place all the while.
+    """The one handler, installed throughout.
 
-    To hold signals back is to count, then, and no moment lies between two handlers. It is harmless
-    where it is left behind: it does what was arranged before.
+    Holding signals back is then a counter, without a gap between two handlers. Left installed, it is
+    harmless: it calls the earlier handler.
     """
     if _held:
         _arrived.append(number)
@@ -116,10 +116,10 @@ def _act(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def at_console_close(action: Callable[[], object]) -> Iterator[None]:
-    """While it lasts, closing the console on Windows (or logging off) first does `action`.
+    """Inside, closing the console on Windows (or logging off) first calls `action`.
 
-    Windows ends the program when its handler returns, or after five seconds, so that the handler
-    itself must do what is to be done; a signal's would come too late. Elsewhere a closed terminal
+    Windows ends the program when its handler returns, or after five seconds, so the handler itself
+    must call `action`; a signal handler would run too late. Elsewhere a closed terminal
     is SIGHUP, and this does nothing.
     """
     kernel: Any = getattr(ctypes, "windll", None)
@@ -136,7 +136,7 @@ def at_console_close(action: Callable[[], object]) -> Iterator[None]:
 
 
 def closing(event: int, action: Callable[[], object]) -> int:
-    """What Windows calls: do `action` when the console goes (close, log off, shut down); 0 goes on."""
+    """Windows' console handler: call `action` on close, log off and shutdown; 0 calls the next handler."""
     if event in _GOING:
         try:
             action()

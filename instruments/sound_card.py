@@ -182,7 +182,7 @@ class SoundCard(Player):
         """(samples,) of full scale at the card's rate."""
         settings = self._settings
         if not len(volts) or not np.all(np.isfinite(volts)):
-            raise LimitError(f"A waveform for {self.identity} must have samples, and each must be a number.")
+            raise LimitError(f"A waveform for {self.identity} must have samples, and each must be finite.")
         most = min(settings.highest, settings.volts_per_full_scale)
         resampled = at_rate(volts, rate_hz, settings.rate_hz)
         peak = max(float(np.abs(volts).max()), float(np.abs(resampled).max()))

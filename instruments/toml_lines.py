@@ -1,4 +1,4 @@
-"""On which line of a TOML file a key stands: Python's parser gives values, and no places."""
+"""Line numbers of the keys in a TOML file, which Python's parser does not give."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from collections.abc import Sequence
 __all__ = ["Location", "Places", "key_lines", "place"]
 
 Location = tuple[str | int, ...]
-"""A key's way down: names of tables and keys, and numbers within arrays."""
+"""Location of a key: names of tables and keys, and indices within arrays."""
 
 Places = tuple[str, dict[Location, int]]
-"""A file, and where the keys in it stand (`key_lines`)."""
+"""A file, and the line numbers of its keys (`key_lines`)."""
 
 _PART = r"(?:[\w-]+|\"[^\"]*\"|'[^']*')"
 _NAME = rf"({_PART}(?:\s*\.\s*{_PART})*)"
@@ -25,7 +25,7 @@ _LONG = re.compile(r'"""|\'\'\'')
 def key_lines(text: str) -> dict[Location, int]:
     """Line numbers, from 1, of the tables and keys of a valid TOML text.
 
-    What stands inside a value (in an inline table or an array) is not looked at: it is where its key is.
+    Keys inside a value (an inline table or an array) have the line of the key of that value.
     """
     lines: dict[Location, int] = {}
     counts: dict[Location, int] = {}
@@ -55,7 +55,7 @@ def key_lines(text: str) -> dict[Location, int]:
 
 
 def place(files: Sequence[Places], key: Location) -> str:
-    """The file and the line at which a key stands, or the nearest table above it."""
+    """The file and line of a key, or of the nearest table above it."""
     for length in range(len(key), 0, -1):
         for path, lines in files:
             if key[:length] in lines:
@@ -68,7 +68,7 @@ def _parts(name: str) -> Location:
 
 
 def _numbered(name: Location, counts: dict[Location, int]) -> Location:
-    """A table below an array of tables belongs to the array's latest."""
+    """The location of a table; below an array of tables it belongs to the last element."""
     way: Location = ()
     for part in name[:-1]:
         way = (*way, part)

@@ -20,7 +20,7 @@ class Vibrometer(ABC):
     """Name of the DAQ channel that its output is wired to."""
     range: float
     """Full scale (m/s)."""
-    sensitivity: float
+    scale: float
     """m/s per V at its output."""
     bandwidth_hz: float
     delay: float
@@ -38,7 +38,7 @@ class Vibrometer(ABC):
 
     def to_velocity(self, volts: FloatArray) -> FloatArray:
         """Volts at the output to m/s, of any shape."""
-        return volts * self.sensitivity
+        return volts * self.scale
 
     def response(self, frequencies: FloatArray) -> ComplexArray:
         """The output's pole and delay at `frequencies` (Hz)."""

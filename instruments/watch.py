@@ -1,7 +1,7 @@
-"""What is looked at in every block of a play: the volts at the patch, the surface's velocity, the force.
+"""The abort monitor: tests the patch's volts, the surface's velocity and the force in every block of a play.
 
-The first two are seen as they are. The force on the finger is what has come on the sensor since the
-play began, because a sensor at rest shows its own offset and the weight on it.
+The first two are tested as measured. The force is taken relative to the play's first block, because a
+sensor at rest shows its own offset and the weight on it.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from instruments.arrays import FloatArray
 from instruments.audit import Audit, now_utc, who
 from instruments.daq import Block
 from instruments.errors import InstrumentError, LimitError
-from instruments.latch import Latch, hang
+from instruments.latch import Lockout, set_lockout
 from instruments.limits import Limits
 from instruments.rig_file import AbortLimits
 from instruments.sensors import Sensors
 from instruments.vibrometer import Vibrometer
 
-__all__ = ["Watch", "trip"]
+__all__ = ["AbortMonitor", "trip"]
 
 _EXCESS = 1.1
-"""Measured volts over the limit at which a play is stopped: more than the monitor's noise and gain."""
+"""Measured volts over the limit at which a play is stopped: beyond the drive monitor's noise and error."""
 _KEPT = 10
 """Blocks up to a trip that are kept."""
 _FZ = 2
@@ -34,33 +34,33 @@ _FZ = 2
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
-    """One quantity that is watched: `complaint` takes (channels, samples) V and says what is wrong."""
+class _Quantity:
+    """One monitored quantity: `violation` takes (channels, samples) V and returns a message, or ""."""
 
     name: str
     channels: tuple[str, ...]
-    complaint: Callable[[FloatArray], str]
+    violation: Callable[[FloatArray], str]
 
 
-class Watch:
-    """Tests every block of one play. `tripped` says why it was stopped; None when it was not."""
+class AbortMonitor:
+    """Tests every block of one play. `tripped` is why the play was stopped; None when it was not."""
 
     def __init__(
         self, abort: AbortLimits, sensors: Sensors, vibrometer: Vibrometer | None, limits: Limits
     ) -> None:
         self.tripped: str | None = None
-        self._looks: list[_Look] = []
+        self._quantities: list[_Quantity] = []
         self._blocks: deque[Block] = deque(maxlen=_KEPT)
         drive, force = sensors.drive, sensors.force
         if drive is not None:
-            self._looks.append(
-                _Look("the drive", drive.channels, lambda v: _volts(drive.to_si(v), abort.drive, limits))
+            self._quantities.append(
+                _Quantity("the drive", drive.channels, lambda v: _volts(drive.to_si(v), abort.drive, limits))
             )
         most = abort.velocity
         if vibrometer is not None and most is not None:
-            scale = vibrometer.sensitivity
-            self._looks.append(
-                _Look("the velocity", (vibrometer.channel,), lambda v: _beyond(scale * v[0], most, "m/s"))
+            scale = vibrometer.scale
+            self._quantities.append(
+                _Quantity("the velocity", (vibrometer.channel,), lambda v: _beyond(scale * v[0], most, "m/s"))
             )
         newton = abort.force
         if force is not None and newton is not None:
@@ -72,27 +72,27 @@ class Watch:
                     rest.append(float(np.median(normal)))
                 return _beyond(normal - rest[0], newton, "N")
 
-            self._looks.append(_Look("the force", force.channels, pressed))
+            self._quantities.append(_Quantity("the force", force.channels, pressed))
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What must be recorded for it."""
-        return tuple(dict.fromkeys(channel for look in self._looks for channel in look.channels))
+        """The channels that must be recorded for the test."""
+        return tuple(dict.fromkeys(channel for quantity in self._quantities for channel in quantity.channels))
 
-    def look(self, block: Block, recorded: tuple[str, ...]) -> None:
-        """Test a block whose rows are `recorded`. Raises InstrumentError for what has tripped."""
+    def check(self, block: Block, recorded: tuple[str, ...]) -> None:
+        """Test a block whose rows are `recorded`. Raises InstrumentError on a trip."""
         self._blocks.append(block)
-        for look in self._looks:
-            rows = [recorded.index(channel) for channel in look.channels]
-            found = look.complaint(block.volts[rows])
-            if not found and look.name != "the drive" and block.overload[rows].any():
-                found = f"{look.name} stood at the end of its channel's range"
+        for quantity in self._quantities:
+            rows = [recorded.index(channel) for channel in quantity.channels]
+            found = quantity.violation(block.volts[rows])
+            if not found and quantity.name != "the drive" and block.overload[rows].any():
+                found = f"{quantity.name} stood at the end of its channel's range"
             if found:
                 self.tripped = f"{found[0].upper()}{found[1:]}"
                 raise InstrumentError(
                     f"{self.tripped.rstrip('.')}. The play was stopped. Check the amplifier's gain, a "
-                    "player's volume and 'volts_per_full_scale', and [abort]; then `haploop reset` lets this "
-                    "rig play again."
+                    "player's volume and 'volts_per_full_scale', and [abort]; then `haploop reset` clears "
+                    "the lockout."
                 )
 
     def samples(self) -> tuple[int, FloatArray]:
@@ -101,31 +101,31 @@ class Watch:
 
 
 def trip(
-    audit: Audit, hardware: Collection[str], watch: Watch, recorded: Collection[str], rate_hz: float
-) -> Latch | None:
-    """Latch the rig, keep the samples, say so in the log: each whatever becomes of the others.
+    audit: Audit, hardware: Collection[str], monitor: AbortMonitor, recorded: Collection[str], rate_hz: float
+) -> Lockout | None:
+    """Lock the rig out, save the samples and log the trip: each even when the others fail.
 
-    Gives the latch when it could not be hung, and so must be kept in mind.
+    Returns the lockout when it could not be written to disk; the caller must then hold it in memory.
     """
     now, person = now_utc(), who()
-    first, volts = watch.samples()
+    first, volts = monitor.samples()
     path = audit.folder / "trips" / f"{now:%Y%m%dT%H%M%S.%f}-{person['pid']}.npz"
     by = f"{person['user']} on {person['host']}, process {person['pid']} ({person['command']})"
-    latch = Latch(now.isoformat(timespec="seconds"), str(watch.tripped), by, str(path))
-    kept: Latch | None = latch
+    lockout = Lockout(now.isoformat(timespec="seconds"), str(monitor.tripped), by, str(path))
+    unsaved: Lockout | None = lockout
     with suppress(OSError):
-        hang(audit.folder, hardware, latch)
-        kept = None
+        set_lockout(audit.folder, hardware, lockout)
+        unsaved = None
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         channels = np.array(list(recorded))
-        np.savez(path, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=latch.why)
-    audit.note_at_last("tripped", why=latch.why, samples=latch.samples)
-    return kept
+        np.savez(path, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=lockout.why)
+    audit.note_at_last("tripped", why=lockout.why, samples=lockout.samples)
+    return unsaved
 
 
 def _volts(measured: FloatArray, most: float | None, limits: Limits) -> str:
-    """Of (monitors, samples) V, what is wrong with the first that is."""
+    """The first violation in (drive monitors, samples) V, or ""."""
     for own in measured:
         if most is not None:
             found = _beyond(own, most, "V")
@@ -141,7 +141,7 @@ def _volts(measured: FloatArray, most: float | None, limits: Limits) -> str:
 
 def _beyond(measured: FloatArray, most: float, unit: str) -> str:
     size = np.abs(measured)
-    # What is no number is beyond everything.
+    # NaN counts as beyond the limit.
     beyond = np.flatnonzero(~(size <= most))
     if not len(beyond):
         return ""

@@ -25,7 +25,7 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_va
 from instruments.clock import Clock, RealClock
 from instruments.driver import one_name
 from instruments.errors import ConfigurationError, InstrumentError
-from instruments.relay_board import BoardRelay, BoardSettings, ChannelState, read_back
+from instruments.relay_board import BoardSettings, ChannelRelay, ChannelState, read_back
 
 __all__ = ["Yocto"]
 
@@ -47,8 +47,8 @@ def _address(hub: str) -> str:
     return f"http://{host}:{parts.port or _PORT}"
 
 
-class Yocto(BoardRelay):
-    """See `Relay` and `BoardRelay`."""
+class Yocto(ChannelRelay):
+    """See `Relay` and `ChannelRelay`."""
 
     class Settings(BoardSettings):
         """The `[relay]` table of a rig file."""

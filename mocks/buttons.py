@@ -21,7 +21,7 @@ from scipy.interpolate import PchipInterpolator
 from instruments.arrays import FloatArray
 from instruments.operator import Press
 
-__all__ = ["BUTTONS", "FLAWS", "Button", "ButtonPress", "Finger", "Flaw", "button_named", "press_button"]
+__all__ = ["BUTTONS", "FLAWS", "Button", "Finger", "Flaw", "SimulatedPress", "button_named", "press_button"]
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ _VISCOSITY = 0.06
 
 
 @dataclass(frozen=True, eq=False)
-class ButtonPress:
+class SimulatedPress:
     """One press, as functions of the plant's time (s), and the truth about it."""
 
     button: str
@@ -238,7 +238,7 @@ def press_button(
     start: float,
     rng: np.random.Generator,
     flaw: Flaw = "",
-) -> ButtonPress:
+) -> SimulatedPress:
     """A press that begins at `start` (s of the plant's clock), scattered as the finger scatters.
 
     Of a press that is "double" this is one of the two.
@@ -274,7 +274,7 @@ def press_button(
     flips = [_bounce(at, rng) for at in (activation, release) if at is not None]
     if not button.maintained:
         clicks += [(rising(0.9 * c.travel), -0.6 * loud, c.partials) for c in snaps]
-    press = ButtonPress(
+    press = SimulatedPress(
         button=button.name,
         participant=request.participant,
         number=request.number,
@@ -301,7 +301,7 @@ def press_button(
     return replace(press, activation_force=float(press.force(np.array([activation]))[0]))
 
 
-def latest(presses: list[ButtonPress], begin: float, end: float, tail: float) -> Iterator[ButtonPress]:
+def latest(presses: list[SimulatedPress], begin: float, end: float, tail: float) -> Iterator[SimulatedPress]:
     """Presses that can be felt between `begin` and `end` (s), their vibration up to `tail` later."""
     return (p for p in presses if p.start < end and p.stop + tail > begin)
 

@@ -1,4 +1,4 @@
-"""Virtual time: whoever waits moves it, so that nothing in a simulated rig ever sleeps."""
+"""Virtual time: a wait advances it, so nothing in a simulated rig ever sleeps."""
 
 from __future__ import annotations
 

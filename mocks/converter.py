@@ -23,7 +23,7 @@ def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:
 def convert(
     volts: FloatArray, full_scale: FloatArray, product: Product, noise: np.random.Generator
 ) -> tuple[FloatArray, BoolArray]:
-    """What the card reports for true `volts` at its terminals, and which channels were overloaded.
+    """The volts that a card reports for true `volts` at its terminals, and which channels were overloaded.
 
     `volts` is (channels, samples), at each channel's own times of conversion and in the order in
     which the card converts them; `full_scale` is (channels,), +- V. Returns volts of the same
@@ -45,7 +45,7 @@ def convert(
 
 
 def put_out(volts: FloatArray, product: Product) -> FloatArray:
-    """What a card's output does when it is told `volts` (of any shape): the nearest of its codes."""
+    """`volts` (of any shape) as a card's output puts them out: rounded to its codes, and clipped."""
     end = 2.0 ** (product.ao_bits - 1)
     width = product.ao_range / end
     return np.asarray(np.clip(np.rint(volts / width), -end, end - 1) * width)

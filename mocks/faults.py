@@ -1,9 +1,9 @@
-"""Faults: a seeded schedule of misbehaviours of plant, twins and wires, each of which says whether it fired.
+"""Faults: a seeded schedule of misbehaviours of plant, twins and wires, each counting how often it fired.
 
-A rig file asks for them in `[[simulation.faults]]`. There are three sorts. A miswired or misset rig is
-wrong from the beginning. A spell begins at a moment and lasts. A stroke befalls single events: a
-command to the relay, a read of the DAQ, a reply on a line. Moments are seconds of the plant's clock
-since the rig was opened; `within` lets the seed choose one.
+A rig file asks for them in `[[simulation.faults]]`. There are three sorts. A permanent fault is a miswired
+or misset rig, wrong from the beginning. A timed fault is active for a while, once or several times. A
+per-event fault affects single events: a command to the relay, a read of the DAQ, a reply on a line. Times
+are seconds of the plant's clock since the rig was opened; `within` lets the seed choose one.
 """
 
 from __future__ import annotations
@@ -54,40 +54,40 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class FaultSettings(BaseModel):
-    """One table of `[[simulation.faults]]`; `kind` says which. By itself: wrong from the beginning."""
+    """One table of `[[simulation.faults]]`; `kind` says which. The base class is a permanent fault."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: str
 
 
-class _Begins(FaultSettings):
+class _Scheduled(FaultSettings):
     after: NotNegative = 0.0
     """Seconds since the rig was opened."""
     within: NotNegative = 0.0
-    """Seconds after `after` among which the seed chooses the moment."""
+    """Seconds after `after` within which the seed chooses the begin."""
 
 
-class _Spell(_Begins):
+class _Timed(_Scheduled):
     duration: Annotated[float, Field(gt=0)] = math.inf
-    """Seconds that it lasts; infinite until the rig is closed."""
+    """Seconds that it is active; infinite until the rig is closed."""
     times: Annotated[int, Field(ge=1)] = 1
     every: Positive = 1.0
-    """Seconds from one begin to the next on average, when there are several."""
+    """Mean seconds from one begin to the next, when there are several."""
 
 
-class _Stroke(_Begins):
+class _PerEvent(_Scheduled):
     times: Annotated[int, Field(ge=1)] | None = None
-    """How many events it befalls; None is all of them."""
+    """How many events it affects; None is all of them."""
 
 
-class _OfCard(_Stroke):
+class _OfCard(_PerEvent):
     times: Annotated[int, Field(ge=1)] | None = 1
     device: str | None = None
     """None takes every card."""
 
 
-class _OfRelay(_Stroke):
+class _OfRelay(_PerEvent):
     patch: str = "A"
 
 
@@ -107,13 +107,13 @@ class VibrometerRange(FaultSettings):
 
 
 class ForceCalibration(FaultSettings):
-    """The force sensor is another one than the matrix in the rig file was made for."""
+    """The force sensor is not the one whose matrix is in the rig file."""
 
     kind: Literal["force-calibration"] = "force-calibration"
     gain: Positive = 1.15
-    """What the gauges give, over what those of the matrix would give."""
+    """Ratio of the true sensor's output to that of the file's matrix."""
     crosstalk: NotNegative = 0.05
-    """Standard deviation of what one gauge's load adds to another."""
+    """Standard deviation of the crosstalk from one gauge to another."""
 
 
 class AccelerometerInverted(FaultSettings):
@@ -123,7 +123,7 @@ class AccelerometerInverted(FaultSettings):
 
 
 class PatchDead(FaultSettings):
-    """A patch takes its voltage and moves nothing: it is cracked, or came off."""
+    """A patch takes its voltage but moves nothing: it is cracked or detached."""
 
     kind: Literal["patch-dead"] = "patch-dead"
     patch: str = "A"
@@ -144,39 +144,39 @@ class AmplifierGain(FaultSettings):
 
 
 class SensorDisconnected(FaultSettings):
-    """Nothing is connected to a channel of the DAQ, and its terminal rests at ground."""
+    """A channel of the DAQ is not connected: it reads ground."""
 
     kind: Literal["sensor-disconnected"] = "sensor-disconnected"
     channel: str
 
 
-class SensorSaturated(_Spell):
+class SensorSaturated(_Timed):
     """A channel of the DAQ is driven beyond every range."""
 
     kind: Literal["sensor-saturated"] = "sensor-saturated"
     channel: str
 
 
-class LaserDropout(_Spell):
-    """Too little light comes back for moments, and the vibrometer's output jumps from end to end."""
+class LaserDropout(_Timed):
+    """Too little light returns for a short time, and the vibrometer's output jumps from end to end."""
 
     kind: Literal["laser-dropout"] = "laser-dropout"
     duration: Annotated[float, Field(gt=0)] = 5e-3
 
 
-class LaserBlocked(_Spell):
-    """Something stands in the laser's way: no velocity, and ten times the noise."""
+class LaserBlocked(_Timed):
+    """The laser's path is blocked: no velocity, and ten times the noise."""
 
     kind: Literal["laser-blocked"] = "laser-blocked"
 
 
-class AmplifierTrip(_Spell):
+class AmplifierTrip(_Timed):
     """The amplifier's protection trips: its output falls to zero."""
 
     kind: Literal["amplifier-trip"] = "amplifier-trip"
 
 
-class ClockDrift(_Begins):
+class ClockDrift(_Scheduled):
     """A card samples on a clock of its own, which is slower than the other card's."""
 
     kind: Literal["clock-drift"] = "clock-drift"
@@ -206,18 +206,18 @@ class RelayLost(_OfRelay):
 
 
 class RelayStuck(_OfRelay):
-    """A channel keeps its state, and says so."""
+    """A channel keeps its state, and reports it."""
 
     kind: Literal["relay-stuck"] = "relay-stuck"
 
 
 class RelayWelded(_OfRelay):
-    """A contact stays as it is, while the box reports what it was told."""
+    """A contact keeps its state, while the box reports the commanded one."""
 
     kind: Literal["relay-welded"] = "relay-welded"
 
 
-class Reply(_Stroke):
+class Reply(_PerEvent):
     """An instrument's answers are disturbed on their way. On a wire only: a twin has no line."""
 
     kind: Literal["reply"] = "reply"
@@ -261,17 +261,17 @@ Other = TypeVar("Other", bound=FaultSettings)
 
 
 class Fault(Generic[Settings]):
-    """One fault of a simulated rig: what was asked for, and when it had an effect."""
+    """One fault of a simulated rig: its settings, and when it fired."""
 
     def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
         self.settings = settings
         self.at: list[float] = []
         """When it fired (s of the plant's clock)."""
         self._begins = np.zeros(0)
-        if isinstance(settings, _Begins):
+        if isinstance(settings, _Scheduled):
             first = settings.after + settings.within * rng.uniform()
             gaps = np.zeros(0)
-            if isinstance(settings, _Spell):
+            if isinstance(settings, _Timed):
                 gaps = settings.every * rng.uniform(0.5, 1.5, settings.times - 1)
             self._begins = first + np.concatenate([np.zeros(1), np.cumsum(gaps)])
 
@@ -282,37 +282,37 @@ class Fault(Generic[Settings]):
 
     @property
     def fired(self) -> int:
-        """How often it had an effect: once for what is wrong all the time, else once a spell or event."""
+        """How often it had an effect: at most once if permanent, else once per active time or event."""
         return len(self.at)
 
     @property
     def begin(self) -> float:
-        """The moment (s of the plant's clock) before which it does nothing."""
+        """Time (s of the plant's clock) before which it is not active."""
         return float(self._begins[0]) if len(self._begins) else 0.0
 
-    def notes(self, now: float) -> None:
-        """It is wrong all the time, and has now had an effect."""
+    def mark(self, now: float) -> None:
+        """Record the first effect of a permanent fault."""
         if not self.at:
             self.at.append(now)
 
-    def strikes(self, now: float) -> bool:
-        """Whether it befalls an event that happens now; counts itself."""
-        assert isinstance(self.settings, _Stroke)
+    def fires(self, now: float) -> bool:
+        """Whether it affects an event that happens now; if so, record it."""
+        assert isinstance(self.settings, _PerEvent)
         times = math.inf if self.settings.times is None else self.settings.times
         if now < self.begin or self.fired >= times:
             return False
         self.at.append(now)
         return True
 
-    def lasts(self, times: FloatArray) -> BoolArray:
-        """(times,): whether a spell is on at each of `times` (s, rising); counts itself."""
-        assert isinstance(self.settings, _Spell)
+    def active(self, times: FloatArray) -> BoolArray:
+        """(times,): whether a timed fault is active at each of `times` (s, rising); records each begin."""
+        assert isinstance(self.settings, _Timed)
         on = np.zeros(len(times), dtype=np.bool_)
         for begin in self._begins:
-            spell = (times >= begin) & (times < begin + self.settings.duration)
-            if spell.any() and begin not in self.at:
+            during = (times >= begin) & (times < begin + self.settings.duration)
+            if during.any() and begin not in self.at:
                 self.at.append(float(begin))
-            on |= spell
+            on |= during
         return on
 
     def __repr__(self) -> str:
@@ -320,14 +320,14 @@ class Fault(Generic[Settings]):
 
 
 class Faults(Sequence[Fault[Any]]):
-    """All faults of a plant, in the order in which they were asked for."""
+    """All faults of a plant, in the order of the rig file."""
 
     def __init__(self, faults: Sequence[Fault[Any]]) -> None:
         self._faults = tuple(faults)
 
     @classmethod
     def of_file(cls, file: RigFile) -> Faults:
-        """Those that a rig file asks for. Raises ConfigurationError for what that rig cannot have."""
+        """The faults of a rig file. Raises ConfigurationError for one that the rig cannot have."""
         faults = []
         for index, raw in enumerate(file.simulation.faults):
             settings = validate_kind(KINDS, raw, f"simulation.faults.{index} of {file.name}")
@@ -351,26 +351,26 @@ class Faults(Sequence[Fault[Any]]):
 
 
 @dataclass
-class _BoxStroke(BoxFault):
-    """A fault of the relay box that waits for its moment."""
+class _ScheduledBoxFault(BoxFault):
+    """A fault of the relay box that fires on its schedule."""
 
     fault: Fault[Any] = field(kw_only=True)
     clock: Clock = field(kw_only=True)
 
-    def strikes(self, kind: str, channel: int) -> bool:
-        """See `BoxFault.strikes`."""
-        return (kind, channel) == (self.kind, self.channel) and self.fault.strikes(self.clock.now())
+    def fires(self, kind: str, channel: int) -> bool:
+        """See `BoxFault.fires`."""
+        return (kind, channel) == (self.kind, self.channel) and self.fault.fires(self.clock.now())
 
 
 def box_faults(faults: Faults, patches: Mapping[str, int], clock: Clock) -> list[BoxFault]:
-    """Those of a relay box whose channels are wired to `patches` as given."""
+    """The faults of a relay box whose channels are wired to `patches`."""
     kinds: dict[type[_OfRelay], Literal["lost", "stuck", "welded"]] = {
         RelayLost: "lost",
         RelayStuck: "stuck",
         RelayWelded: "welded",
     }
     return [
-        _BoxStroke(kind, patches[fault.settings.patch], fault=fault, clock=clock)
+        _ScheduledBoxFault(kind, patches[fault.settings.patch], fault=fault, clock=clock)
         for settings, kind in kinds.items()
         for fault in faults.of(settings)
         if fault.settings.patch in patches

@@ -44,12 +44,12 @@ class _Line:
     def serve(self, client: socket.socket) -> None:
         """One connection: requests go on as they are, answers as the faults would have them."""
         with socket.create_connection(("127.0.0.1", self._port)) as server:
-            struck: list[Fault[Reply] | None] = [None]
-            back = threading.Thread(target=self._answers, args=(server, client, struck))
+            current: list[Fault[Reply] | None] = [None]
+            back = threading.Thread(target=self._answers, args=(server, client, current))
             back.start()
             try:
                 while request := client.recv(1 << 16):
-                    struck[0] = self._strike(request)
+                    current[0] = self._fault_for(request)
                     server.sendall(request)
             finally:
                 for end in (server, client):
@@ -57,21 +57,21 @@ class _Line:
                         end.shutdown(socket.SHUT_RDWR)
                 back.join()
 
-    def _strike(self, request: bytes) -> Fault[Reply] | None:
+    def _fault_for(self, request: bytes) -> Fault[Reply] | None:
         text, now = request.decode("latin-1"), self._clock.now()
-        return next((f for f in self._faults if f.settings.asked in text and f.strikes(now)), None)
+        return next((f for f in self._faults if f.settings.asked in text and f.fires(now)), None)
 
     def _answers(
-        self, server: socket.socket, client: socket.socket, struck: list[Fault[Reply] | None]
+        self, server: socket.socket, client: socket.socket, current: list[Fault[Reply] | None]
     ) -> None:
         with suppress(OSError):
             while answer := server.recv(1 << 16):
-                fault = struck[0]
+                fault = current[0]
                 if fault is None:
                     client.sendall(answer)
                 elif not self._disturbed(fault.settings, client, answer):
                     break
-            if struck[0] is not None and struck[0].settings.how == "silence":
+            if current[0] is not None and current[0].settings.how == "silence":
                 return  # The far end has hung up, as in HTTP, and the client still waits.
         # The far end has gone: the other direction waits for the client no longer.
         for end in (server, client):

@@ -156,7 +156,7 @@ class Box:
             channel.values = {h: float(v[0]) for h, v in self._numbers.items()}
             channel.values |= {h: float(v) for h, v in _BOOLEANS.items()}
             channel.words = {h: word_of(w[0].upper(), w) for h, w in self._words.items()}
-            channel.swing, channel.offset, channel.load = 0.2, 0.0, 50.0
+            channel.peak_to_peak, channel.offset, channel.load = 0.2, 0.0, 50.0
             channel.points.clear()
             channel.arb = '"INT:\\BUILTIN\\EXP_RISE.ARB"'
         self._apply(1)
@@ -173,7 +173,7 @@ class Box:
             for h, w in self._words.items()
         }
         entries |= {
-            "[:SOURce#]:VOLTage[:LEVel][:IMMediate][:AMPLitude]": Entry(self._get_swing, self._put_swing),
+            "[:SOURce#]:VOLTage[:LEVel][:IMMediate][:AMPLitude]": Entry(self._get_level, self._put_level),
             "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:OFFSet": Entry(self._get_offset, self._put_offset),
             "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:HIGH": Entry(
                 partial(self._get_end, 1), partial(self._put_end, 1)
@@ -228,7 +228,7 @@ class Box:
             raise ScpiError(-221, "Settings conflict; not able to use dBm units with infinite load")
         channel = self._channel(n)
         channel.words[header] = word
-        most = (_HIGHEST - channel.swing) / 2
+        most = (_HIGHEST - channel.peak_to_peak) / 2
         if abs(channel.offset) > most and not channel.is_direct:
             channel.offset = math.copysign(most, channel.offset)
             self.fail(ScpiError(-221, "Settings conflict; offset changed due to function"))
@@ -243,17 +243,17 @@ class Box:
 
     # Volts are kept without load, and told at the load that is set
 
-    def _get_swing(self, n: int, argument: str) -> str:
+    def _get_level(self, n: int, argument: str) -> str:
         channel = self._channel(n)
-        rms = channel.swing * channel.share / 2 / math.sqrt(2)
+        rms = channel.peak_to_peak * channel.share / 2 / math.sqrt(2)
         match channel.words[_UNIT]:
             case "VRMS":
                 return self._text(rms)
             case "DBM":
                 return self._text(10 * math.log10(1e3 * rms**2 / channel.load))
-        return self._text(channel.swing * channel.share)
+        return self._text(channel.peak_to_peak * channel.share)
 
-    def _put_swing(self, n: int, argument: str) -> None:
+    def _put_level(self, n: int, argument: str) -> None:
         channel = self._channel(n)
         ends = {"MINimum": _LOWEST * channel.share, "MAXimum": _HIGHEST * channel.share}
         volts = number_of(argument, ends)
@@ -263,7 +263,7 @@ class Box:
             case "DBM":
                 volts = 2 * math.sqrt(2) * math.sqrt(channel.load * 1e-3 * 10 ** (volts / 10))
         most = _HIGHEST - (0 if channel.is_direct else 2 * abs(channel.offset))
-        channel.swing = self._within(volts / channel.share, _LOWEST, most)
+        channel.peak_to_peak = self._within(volts / channel.share, _LOWEST, most)
         self._apply(n)
 
     def _get_offset(self, n: int, argument: str) -> str:
@@ -271,22 +271,22 @@ class Box:
 
     def _put_offset(self, n: int, argument: str) -> None:
         channel = self._channel(n)
-        most = (_HIGHEST - (0 if channel.is_direct else channel.swing)) / 2
+        most = (_HIGHEST - (0 if channel.is_direct else channel.peak_to_peak)) / 2
         channel.offset = self._within(number_of(argument) / channel.share, -most, most)
         self._apply(n)
 
     def _get_end(self, side: int, n: int, argument: str) -> str:
         channel = self._channel(n)
-        return self._text((channel.offset + side * channel.swing / 2) * channel.share)
+        return self._text((channel.offset + side * channel.peak_to_peak / 2) * channel.share)
 
     def _put_end(self, side: int, n: int, argument: str) -> None:
         channel = self._channel(n)
-        other = channel.offset - side * channel.swing / 2
+        other = channel.offset - side * channel.peak_to_peak / 2
         end = self._within(number_of(argument) / channel.share, -_HIGHEST / 2, _HIGHEST / 2)
         if side * (end - other) < _LOWEST:
             other = end - side * _LOWEST  # as the instruments do: the other end gives way
             self.fail(ScpiError(-221, "Settings conflict; high level must be above low level"))
-        channel.swing, channel.offset = side * (end - other), (end + other) / 2
+        channel.peak_to_peak, channel.offset = side * (end - other), (end + other) / 2
         self._apply(n)
 
     def _get_load(self, n: int, argument: str) -> str:
@@ -351,7 +351,7 @@ class Box:
             Waveform(
                 on=bool(values[_ON]),
                 shape=words[_SHAPE],
-                amplitude=channel.swing / 2 * (-1 if words[":OUTPut#:POLarity"] == "INV" else 1),
+                amplitude=channel.peak_to_peak / 2 * (-1 if words[":OUTPut#:POLarity"] == "INV" else 1),
                 offset=channel.offset,
                 frequency=values[_FREQUENCY],
                 duty=values[_DUTY] / 100,
@@ -390,7 +390,7 @@ class _Channel:
         self.words: dict[str, str] = {}
         self.points: dict[str, list[float]] = {}
         self.arb = ""
-        self.swing = 0.0
+        self.peak_to_peak = 0.0
         """V peak to peak without load."""
         self.offset = 0.0
         self.load = 50.0

@@ -15,7 +15,7 @@ __all__ = ["Hysteresis"]
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
 """Half-widths of the play operators (V)."""
 _ASYMMETRY = 0.01
-"""Share by which a patch strains more at +50 V and less at -50 V than a symmetric law says (an
+"""Share by which a patch expands more at +50 V and less at -50 V than a symmetric law says (an
 estimate). It keeps the plant from having the very law that an estimator may assume."""
 _AMPLITUDE = 50.0
 """Amplitude (V) at which the loop has the asked width and the gain is one: the paper's 100 Vpp."""
@@ -36,7 +36,10 @@ class Hysteresis:
         self._last = 0.0
 
     def follow(self, volts: FloatArray) -> FloatArray:
-        """(steps,) volts to (steps,) volts of strain; remembers where it ends."""
+        """(steps,) volts to (steps,) linear volts; keeps its final state.
+
+        Linear volts are the volts that would produce the same motion without hysteresis.
+        """
         if not self._weights.any():
             return volts
         if np.all(volts == self._last):
@@ -64,5 +67,5 @@ class Hysteresis:
         return _bent(out)
 
 
-def _bent(strain: FloatArray) -> FloatArray:
-    return strain * (1 + _ASYMMETRY / _AMPLITUDE * strain)
+def _bent(linear_volts: FloatArray) -> FloatArray:
+    return linear_volts * (1 + _ASYMMETRY / _AMPLITUDE * linear_volts)

@@ -65,7 +65,7 @@ class LineServer(Loopback):
         """Answer one command; False when the connection ends with it."""
         with self._turn:
             reply = "".join(f"{line}\n" for line in self._answer(command)).encode("latin-1")
-        fault = next((f for f in self.faults if f.strikes(command)), None)
+        fault = next((f for f in self.faults if f.fires(command)), None)
         if fault is None:
             link.sendall(reply)
             return True

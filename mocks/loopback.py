@@ -1,4 +1,4 @@
-"""What every wire over TCP does alike: serve on loopback, misbehave when asked to, stop cleanly."""
+"""The base of every wire over TCP: serve on loopback, inject faults, stop cleanly."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _LOOK = 0.02
 class ReplyFault:
     """A misbehaviour of the far end or of the line to it, put into the `faults` of a wire.
 
-    It strikes requests that contain `asked`, after letting `after` of them through, `times` times.
-    What was asked for has been done all the same, except with "not found", which is what a hub
+    It fires on requests that contain `asked`, after letting `after` of them through, `times` times.
+    The request is executed all the same, except with "not found", which is what a hub
     answers for a module that is unplugged.
     """
 
@@ -49,14 +49,14 @@ class ReplyFault:
     seen: int = 0
     fired: int = 0
 
-    def strikes(self, request: str) -> bool:
-        """Whether it does so now; counts itself."""
+    def fires(self, request: str) -> bool:
+        """Whether it fires on this request; if so, count it."""
         if self.asked not in request:
             return False
         self.seen += 1
-        struck = self.seen > self.after and self.fired < self.times
-        self.fired += struck
-        return struck
+        fires = self.seen > self.after and self.fired < self.times
+        self.fired += fires
+        return fires
 
     def send(self, link: socket.socket, reply: bytes, closing: threading.Event, spare: int = 0) -> bool:
         """Send a reply as this fault would have it, the first `spare` bytes intact.

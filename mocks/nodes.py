@@ -1,4 +1,4 @@
-"""What a plant offers to anything that is wired to it: nodes that carry a voltage."""
+"""The plant's interface to everything wired to it: nodes that carry a voltage."""
 
 from __future__ import annotations
 

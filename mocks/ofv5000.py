@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from instruments.clock import Clock
 from instruments.ofv5000 import Ofv5000
-from instruments.ofv5000_codec import LEVEL_FULL, Command, sensitivity_of, sensitivity_text
+from instruments.ofv5000_codec import LEVEL_FULL, Command, scale_of, scale_text
 from mocks.line_server import DirectLine, LineServer
 from mocks.plant import LaserHead, Plant
 
@@ -58,7 +58,7 @@ class Controller:
         return {
             "GetDevInfo,Controller,0,Name": "OFV-5000 Vibrometer Controller",
             "GetDevInfo,SensorHead,0,Focus": "0,3300",
-            f"Get,{self._decoder},Range": sensitivity_text(self.head.sensitivity),
+            f"Get,{self._decoder},Range": scale_text(self.head.scale),
             f"Get,{self._decoder},SignalDelay": f"{self.head.delay * 1e6:.4g} us",
             f"Get,{self._decoder},MaxFreq": f"{self.head.bandwidth_hz / 1e3:g} kHz",
             "Get,SignalLevel,0,Value": str(round(self.head.level * LEVEL_FULL)),
@@ -69,9 +69,9 @@ class Controller:
     def _set(self, device: str, attribute: str, value: str) -> None:
         match device, attribute:
             case (self._decoder, "Range"):
-                known = {sensitivity_text(r): sensitivity_of(sensitivity_text(r)) for r in RANGES}
+                known = {scale_text(r): scale_of(scale_text(r)) for r in RANGES}
                 if value in known:
-                    self.head.sensitivity = known[value]
+                    self.head.scale = known[value]
                     self.head.range = known[value] * self._full_scale
             case "Interface,0", "Echo" if value in ("On", "Off"):
                 self.echo = value == "On"
@@ -82,9 +82,9 @@ class Controller:
 
 def controller_in(plant: Plant, settings: Ofv5000.Settings) -> Controller:
     """A controller set as the rig file says, its head installed in the plant."""
-    sensitivity = settings.sensitivity
+    scale = settings.scale
     bandwidth = settings.bandwidth_hz or _BANDWIDTH_HZ
-    head = LaserHead(sensitivity * settings.full_scale, sensitivity, bandwidth, _DELAY)
+    head = LaserHead(scale * settings.full_scale, scale, bandwidth, _DELAY)
     plant.install(settings.channel, head)
     return Controller(head, settings.decoder, settings.full_scale, plant.clock)
 

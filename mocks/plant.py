@@ -19,9 +19,8 @@ import numpy as np
 from instruments.arrays import FloatArray
 from instruments.clock import Clock
 from instruments.operator import Press
-from instruments.rig_file import RigFile
-from instruments.rig_file import Table as TableSection
-from mocks.buttons import FLAWS, ButtonPress, Finger, Flaw, button_named, press_button
+from instruments.rig_file import RigFile, TableSettings
+from mocks.buttons import FLAWS, Finger, Flaw, SimulatedPress, button_named, press_button
 from mocks.faults import (
     AmplifierGain,
     AmplifierTrip,
@@ -38,10 +37,10 @@ from mocks.faults import (
     box_faults,
 )
 from mocks.nodes import Run, Source
-from mocks.relay import BoxFault, RelayBox
+from mocks.relay import BoxFault, SimulatedBox
 from mocks.sensed import GRAVITY, LaserHead, laser, wired
-from mocks.table import Plate, Table, make_plate, warmed
-from mocks.truth import Fed, Truth
+from mocks.table import Plate, TouchTable, make_plate, warmed
+from mocks.truth import AmplifierOutput, Truth
 
 __all__ = ["LaserHead", "Plant"]
 
@@ -62,28 +61,28 @@ class Plant:
     def __init__(self, file: RigFile, clock: Clock) -> None:
         self.clock = clock
         self.settings = file.simulation
-        self.presses: list[ButtonPress] = []
+        self.presses: list[SimulatedPress] = []
         self.closed: set[str] = set()
         self.peak = 0.0
-        self.fed: list[Fed] | None = None
+        self.amplifier_record: list[AmplifierOutput] | None = None
         self.file = file
-        self.section = file.table or TableSection(
-            button_point=20, patch_capacitance=90e-9, patch_low=-100, patch_high=400
+        self.section = file.table or TableSettings(
+            button_point=20, patch_capacitance=90e-9, patch_min=-100, patch_max=400
         )
         self.faults = Faults.of_file(file)
         self._lock = threading.RLock()
         self.aimed = "button"
         self._switched: list[tuple[float, int, str, bool]] = []
-        self._boxes: list[RelayBox] = []
+        self._boxes: list[SimulatedBox] = []
         self._sources: dict[str, Source] = {}
         self._now = clock.now()
-        self._fed_by = self._feeding_nodes()
-        self._inputs = dict.fromkeys(self._fed_by.values(), 0.0)
+        self._input_of = self._amplifier_inputs()
+        self._inputs = dict.fromkeys(self._input_of.values(), 0.0)
         self._heads: list[tuple[LaserHead, LaserHead]] = []
         self.loads: list[tuple[float, float]] = []
         self._pane = self._make_plate()
         self._tuned = -np.inf
-        self.table = Table(self._pane, self.settings.hysteresis)
+        self.table = TouchTable(self._pane, self.settings.hysteresis)
         gain = next((fault.settings.gain for fault in self.faults.of(AmplifierGain)), AMPLIFIER_GAIN)
         self._gain = gain * (1 + AMPLIFIER_GAIN_ERROR * self.rng("amplifier").uniform(-1, 1))
         self._terminals: dict[str, str] = {
@@ -96,7 +95,7 @@ class Plant:
         self._noise = {node: self.rng(f"noise of {node}") for node in self._nodes}
 
     def rng(self, name: str) -> np.random.Generator:
-        """The generator of one part of the plant: parts do not disturb each other's chance."""
+        """The random generator of one part of the plant, independent of the other parts'."""
         return np.random.default_rng([self.settings.seed, zlib.crc32(name.encode())])
 
     @property
@@ -121,7 +120,7 @@ class Plant:
         """Put a vibrometer in place, its output wired to `node`; `head` as the rig file describes it."""
         self._heads.append((head, replace(head)))
         for fault in self.faults.of(VibrometerRange):
-            head.sensitivity *= fault.settings.range / head.range
+            head.scale *= fault.settings.range / head.range
             head.range = fault.settings.range
         self.table.laser_pole_hz = head.bandwidth_hz
         self._nodes[node] = partial(laser, head=head)
@@ -142,10 +141,10 @@ class Plant:
                 self.presses.append(press_button(button, finger, request, again, rng, flaw))
 
     def _flaw(self, press: str, attempt: int) -> Flaw:
-        """What goes wrong with an attempt at a press, if anything. The third time, people take care."""
+        """The flaw of an attempt at a press, or "". A third attempt has none."""
         rng = self.rng(f"{press}, attempt {attempt}: clumsy")
-        clumsy = rng.random() < self.settings.clumsy and attempt <= 2
-        return FLAWS[int(rng.integers(len(FLAWS)))] if clumsy else ""
+        bad = rng.random() < self.settings.bad_press_rate and attempt <= 2
+        return FLAWS[int(rng.integers(len(FLAWS)))] if bad else ""
 
     def aim(self, point: str) -> None:
         """Aim the laser at a point of the table."""
@@ -155,12 +154,10 @@ class Plant:
 
     @property
     def set_as_filed(self) -> bool:
-        """Whether every vibrometer is set as the rig file says: what an honest operator answers."""
+        """Whether every vibrometer is set as the rig file says; the simulated operator answers this."""
         for fault in self.faults.of(VibrometerRange):
-            fault.notes(self.clock.now())
-        return all(
-            (head.range, head.sensitivity) == (filed.range, filed.sensitivity) for head, filed in self._heads
-        )
+            fault.mark(self.clock.now())
+        return all((head.range, head.scale) == (filed.range, filed.scale) for head, filed in self._heads)
 
     def put(self, mass: float) -> None:
         """Leave nothing but `mass` (kg) on the force sensor, from now on."""
@@ -175,7 +172,7 @@ class Plant:
         """Whether a cable joins the cards' clocks."""
         missing = self.faults.of(RtsiMissing)
         for fault in missing:
-            fault.notes(self.clock.now())
+            fault.mark(self.clock.now())
         return not missing
 
     def switch(self, patch: str, closed: bool, at: float) -> None:
@@ -183,12 +180,12 @@ class Plant:
         with self._lock:
             for fault in self.faults.of(RelaySwapped):
                 if patch in fault.settings.patches:
-                    fault.notes(at)
+                    fault.mark(at)
                     one, other = fault.settings.patches
                     patch = other if patch == one else one
             insort(self._switched, (max(at, self._now), len(self._switched), patch, closed))
 
-    def wire(self, box: RelayBox) -> None:
+    def wire(self, box: SimulatedBox) -> None:
         """See `mocks.relay.Contacts.wire`."""
         self._boxes.append(box)
 
@@ -224,7 +221,7 @@ class Plant:
                 at, _, patch, closed = self._switched.pop(0)
                 self._step_to(at)
                 self.closed ^= {patch} if closed is not (patch in self.closed) else set()
-                self._feed(at, np.inf, {node: np.array([v]) for node, v in self._inputs.items()})
+                self._apply(at, np.inf, {node: np.array([v]) for node, v in self._inputs.items()})
             self._step_to(until)
 
     def _step_to(self, until: float) -> None:
@@ -235,13 +232,13 @@ class Plant:
                     key = (run.start, run.period, len(run.values))
                     together.setdefault(key, {})[node] = self._amplified(run)
         before = -np.inf
-        for (start, period, count), fed in sorted(together.items(), key=lambda item: item[0]):
+        for (start, period, count), driven in sorted(together.items(), key=lambda item: item[0]):
             if start < before:
                 raise NotImplementedError(
                     "Outputs that step at once, but not on one clock, are not simulated."
                 )
             held = {node: np.full(count, v) for node, v in self._inputs.items()}
-            self._feed(start, period, held | fed)
+            self._apply(start, period, held | driven)
             before = start + (count - 1) * period
         self._now = max(self._now, until)
 
@@ -249,40 +246,40 @@ class Plant:
         volts = np.clip(run.values * self._gain, AMPLIFIER_LOW, AMPLIFIER_HIGH)
         for gain in self.faults.of(AmplifierGain):
             if volts.any():
-                gain.notes(run.start)
+                gain.mark(run.start)
         for trip in self.faults.of(AmplifierTrip):
-            # A trip is felt by what is put out, not by an output that rests.
+            # A trip at zero output has no effect, so it does not fire.
             if volts.any():
                 times = np.asarray(run.start + np.arange(len(volts)) * run.period, dtype=np.float64)
-                volts = volts * ~trip.lasts(times)
+                volts = volts * ~trip.active(times)
         return np.asarray(volts)
 
-    def _feed(self, start: float, period: float, fed: Mapping[str, FloatArray]) -> None:
-        """`fed` is (steps,) V by the amplifier's input that they come from."""
-        self._inputs.update({node: float(volts[-1]) for node, volts in fed.items()})
-        steps = len(next(iter(fed.values()), ()))
+    def _apply(self, start: float, period: float, outputs: Mapping[str, FloatArray]) -> None:
+        """Step the table. `outputs` is (steps,) V of the amplifier by its input."""
+        self._inputs.update({node: float(volts[-1]) for node, volts in outputs.items()})
+        steps = len(next(iter(outputs.values()), ()))
         rest = np.zeros(steps)
         at = {
-            p: fed.get(self._fed_by.get(p, ""), rest) if p in self.closed else rest
+            p: outputs.get(self._input_of.get(p, ""), rest) if p in self.closed else rest
             for p in self.table.plate.patches
         }
         for fault in self.faults.of(PatchDead):
             if at.get(fault.settings.patch, rest).any():
-                fault.notes(start)
+                fault.mark(start)
         if steps:
             if self.settings.daily_drift and start - self._tuned >= _TUNED:
                 self._tuned = start
                 self.table.tune(self._warmed(start))
             self.table.step(start, period, at)
-        for node, volts in fed.items():
-            closed = frozenset(p for p in self.closed if self._fed_by.get(p) == node)
+        for node, volts in outputs.items():
+            closed = frozenset(p for p in self.closed if self._input_of.get(p) == node)
             if closed:
                 self.peak = max(self.peak, float(np.abs(volts).max()))
-            if self.fed is not None:
-                self.fed.append(Fed(start, period, volts, closed))
+            if self.amplifier_record is not None:
+                self.amplifier_record.append(AmplifierOutput(start, period, volts, closed))
 
-    def _feeding_nodes(self) -> dict[str, str]:
-        """By patch, the amplifier's input that feeds it."""
+    def _amplifier_inputs(self) -> dict[str, str]:
+        """The amplifier's input for each patch."""
         named = self.file.amplifier.settings.get("input") if self.file.amplifier else None
         if isinstance(named, dict):
             return {str(patch): str(node) for patch, node in named.items()}
@@ -305,10 +302,10 @@ class Plant:
         """When a node's card really samples; raises what the card says when it has lost samples."""
         device = self._terminals.get(node)
         for overrun in self.faults.of(DaqOverrun):
-            if device and overrun.settings.device in (None, device) and overrun.strikes(float(times[-1])):
+            if device and overrun.settings.device in (None, device) and overrun.fires(float(times[-1])):
                 raise _lost(device, True)
         for overflow in self.faults.of(DaqOverflow):
-            if device and overflow.settings.device in (None, device) and overflow.strikes(float(times[-1])):
+            if device and overflow.settings.device in (None, device) and overflow.fires(float(times[-1])):
                 raise _lost(device, False)
         late = self.lateness(device, times) if device else np.zeros(len(times))
         return np.asarray(times - late)
@@ -320,11 +317,11 @@ class Plant:
             if device == self._drifting(drift.settings.device):
                 late += drift.settings.drift * np.maximum(times - drift.begin, 0.0)
                 if late[-1] > 0:
-                    drift.notes(float(times[-1]))
+                    drift.mark(float(times[-1]))
         return late
 
     def _drifting(self, named: str | None) -> str | None:
-        """The card that a clock drift befalls: the one that is named, else the first without outputs."""
+        """The card that a clock drift affects: the named one, else the first without outputs."""
         outputs = self.file.daq.settings.get("outputs", {}).values()
         owners = {str(output["terminal"]).split("/")[0] for output in outputs}
         devices = self.file.daq.settings.get("devices", {})
@@ -333,11 +330,11 @@ class Plant:
     def _as_wired(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
         for loose in self.faults.of(SensorDisconnected):
             if loose.settings.channel == node:
-                loose.notes(float(times[-1]))
+                loose.mark(float(times[-1]))
                 volts = np.zeros(len(times))
         for fault in self.faults.of(SensorSaturated):
             if fault.settings.channel == node:
-                volts = np.where(fault.lasts(times), RAIL, volts)
+                volts = np.where(fault.active(times), RAIL, volts)
         return volts
 
 

@@ -1,4 +1,4 @@
-"""The relay box as a plant part, whatever protocol it speaks, and the twin of the Yocto-MaxiCoupler."""
+"""The simulated relay box, which any protocol can serve, and the Yocto-MaxiCoupler's twin."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Literal, Protocol
 import numpy as np
 
 from instruments.clock import Clock
-from instruments.relay_board import BoardRelay, ChannelState
+from instruments.relay_board import ChannelRelay, ChannelState
 from instruments.yocto import Yocto
 
-__all__ = ["BoxBoard", "BoxFault", "Contacts", "RelayBox", "RelayTwin", "box_in"]
+__all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
 
 _LATENCY = (3e-3, 10e-3)
 """Seconds from the command to the box's own processor, jittered (estimate; hardware.md, section 13)."""
@@ -26,7 +26,7 @@ Switched = tuple[str, bool, float]
 
 
 class Contacts(Protocol):
-    """What a box asks of the plant."""
+    """The part of the plant that a box uses."""
 
     @property
     def clock(self) -> Clock:
@@ -35,7 +35,7 @@ class Contacts(Protocol):
     def rng(self, name: str) -> np.random.Generator:
         """The plant's seeded randomness for one of its parts."""
 
-    def wire(self, box: RelayBox) -> None:
+    def wire(self, box: SimulatedBox) -> None:
         """Have a box's contacts switch patches: `box.take(until)` is asked before every step to `until`."""
 
     def box_faults(self, patches: Mapping[str, int]) -> Sequence[BoxFault]:
@@ -44,24 +44,24 @@ class Contacts(Protocol):
 
 @dataclass
 class BoxFault:
-    """A misbehaviour of the box, put into `RelayBox.faults`.
+    """A misbehaviour of the box, put into `SimulatedBox.faults`.
 
     lost: the command never reaches the box. stuck: the channel keeps its state through commands and
-    timers, and says so. welded: the contact stays as it is while the box reports what it was told,
-    so that only the drive's own measurement can tell.
+    timers, and reports it. welded: the contact keeps its state while the box reports the commanded one, so
+    that only the drive monitor can tell.
     """
 
     kind: Literal["lost", "stuck", "welded"]
     channel: int
     times: float = math.inf
-    """How often it strikes."""
+    """How often it fires."""
     fired: int = 0
 
-    def strikes(self, kind: str, channel: int) -> bool:
-        """Whether it does so now; counts itself."""
-        struck = (kind, channel) == (self.kind, self.channel) and self.fired < self.times
-        self.fired += struck
-        return struck
+    def fires(self, kind: str, channel: int) -> bool:
+        """Whether it fires now; if so, count it."""
+        fires = (kind, channel) == (self.kind, self.channel) and self.fired < self.times
+        self.fired += fires
+        return fires
 
 
 @dataclass
@@ -81,7 +81,7 @@ class _Channel:
         return min(self.pulse_end, self.limit_end, self.delayed)
 
 
-class RelayBox:
+class SimulatedBox:
     """Channels with pulse timers, whose contacts switch patches of the plant.
 
     `channels` says which patch each wired channel switches, `numbers` which channels there are.
@@ -167,7 +167,7 @@ class RelayBox:
             if channel not in self._channels:
                 raise KeyError(channel)
             arrival = self._clock.now() + float(self._rng.uniform(*_LATENCY))
-            if not self._strikes("lost", channel):
+            if not self._fires("lost", channel):
                 self._latest = max(arrival, self._latest)
                 self._arriving.append((self._latest, command))
 
@@ -198,7 +198,7 @@ class RelayBox:
     def _set(self, number: int, closed: bool, at: float, length: float = math.inf) -> None:
         channel = self._channels[number]
         channel.delayed = math.inf
-        if channel.closed != closed and self._strikes("stuck", number):
+        if channel.closed != closed and self._fires("stuck", number):
             channel.pulse_end = channel.limit_end = math.inf
             return
         if not closed:
@@ -208,26 +208,26 @@ class RelayBox:
         channel.pulse_end = at + length if closed else math.inf
         if channel.closed != closed:
             channel.closed = closed
-            if number in self._patches and not self._strikes("welded", number):
+            if number in self._patches and not self._fires("welded", number):
                 self._switched.append((self._patches[number], closed, at + _OPERATE))
 
-    def _strikes(self, kind: str, channel: int) -> bool:
-        return any(fault.strikes(kind, channel) for fault in self.faults)
+    def _fires(self, kind: str, channel: int) -> bool:
+        return any(fault.fires(kind, channel) for fault in self.faults)
 
 
-def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] = range(1, 9)) -> RelayBox:
+def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] = range(1, 9)) -> SimulatedBox:
     """A box wired to a plant: each patch on its channel."""
     wiring = {channel: patch for patch, channel in patches.items()}
-    box = RelayBox(wiring, plant.clock, plant.rng("relay"), numbers)
+    box = SimulatedBox(wiring, plant.clock, plant.rng("relay"), numbers)
     box.faults.extend(plant.box_faults(patches))
     plant.wire(box)
     return box
 
 
-class BoxBoard:
-    """A simulated box as the `RelayBoard` of a twin: reached by calls, in no protocol."""
+class BoxAdapter:
+    """A `SimulatedBox` as the `RelayBoard` of a twin: called directly, without a protocol."""
 
-    def __init__(self, identity: str, box: RelayBox, dead_man: float) -> None:
+    def __init__(self, identity: str, box: SimulatedBox, dead_man: float) -> None:
         self.identity = identity
         self.dead_man = dead_man
         self._box = box
@@ -251,7 +251,7 @@ class BoxBoard:
         """See `RelayBoard.release`."""
 
 
-class RelayTwin(BoardRelay):
+class RelayTwin(ChannelRelay):
     """The twin of `instruments.yocto.Yocto`, with the same settings."""
 
     def __init__(self, settings: Yocto.Settings, plant: Contacts) -> None:
@@ -259,4 +259,4 @@ class RelayTwin(BoardRelay):
         for channel in settings.patches.values():
             self.box.limit(channel, settings.longest)
         identity = "Yocto-MaxiCoupler (twin)"
-        super().__init__(settings, plant.clock, BoxBoard(identity, self.box, settings.dead_man))
+        super().__init__(settings, plant.clock, BoxAdapter(identity, self.box, settings.dead_man))

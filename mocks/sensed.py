@@ -15,7 +15,7 @@ import numpy as np
 
 from instruments.arrays import FloatArray
 from instruments.sensors import low_pass
-from mocks.buttons import ButtonPress, latest
+from mocks.buttons import SimulatedPress, latest
 from mocks.faults import (
     AccelerometerInverted,
     ForceCalibration,
@@ -56,7 +56,7 @@ class LaserHead:
 
     range: float
     """Full scale (m/s): the output clips there."""
-    sensitivity: float
+    scale: float
     """m/s per V at the output."""
     bandwidth_hz: float
     delay: float
@@ -117,7 +117,7 @@ def _gauge(
         since = np.searchsorted([at for at, _ in plant.loads], times, side="right")
         force[2] += np.array([0.0, *(weight for _, weight in plant.loads)])[since]
     for fault in plant.faults.of(ForceCalibration):
-        fault.notes(float(times[-1]))
+        fault.mark(float(times[-1]))
     for press in latest(plant.presses, times[0], times[-1], 0.0):
         pressed = press.force(times)
         force[0] += 0.05 * pressed
@@ -132,7 +132,7 @@ def _axis(
     sensor = plant.file.sensors.acceleration
     assert sensor is not None
     for fault in plant.faults.of(AccelerometerInverted):
-        fault.notes(float(times[-1]))
+        fault.mark(float(times[-1]))
     motion = tilt * GRAVITY + zero + np.zeros(len(times))
     for press in latest(plant.presses, times[0], times[-1], _RING):
         motion += tilt * _filtered(plant, press, sensor.bandwidth_hz, times)
@@ -142,7 +142,7 @@ def _axis(
     return np.asarray(sensor.zero + sensor.sensitivity * clipped)
 
 
-def _filtered(plant: Plant, press: ButtonPress, pole_hz: float, times: FloatArray) -> FloatArray:
+def _filtered(plant: Plant, press: SimulatedPress, pole_hz: float, times: FloatArray) -> FloatArray:
     # A press is shaken once, as a whole, through the board's pole: the axes share it, and a
     # block's first sample needs no history.
     key = (press.start, pole_hz)
@@ -182,7 +182,7 @@ def laser(plant: Plant, times: FloatArray, rng: np.random.Generator, *, head: La
     """What a vibrometer puts out that looks where the laser is aimed."""
     level = np.full(len(times), head.level)
     for blocked in plant.faults.of(LaserBlocked):
-        level[blocked.lasts(times)] = 0.0
+        level[blocked.active(times)] = 0.0
     velocity = plant.table.velocity(plant.place(plant.aimed), times - head.delay) * (level > 0)
     rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
     density = VIBROMETER_NOISE * plant.settings.vibrometer_noise_scale
@@ -191,6 +191,6 @@ def laser(plant: Plant, times: FloatArray, rng: np.random.Generator, *, head: La
     velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
     velocity = np.clip(velocity, -head.range, head.range)
     for dropout in plant.faults.of(LaserDropout):
-        lost = dropout.lasts(times)
+        lost = dropout.active(times)
         velocity[lost] = 1.2 * head.range * rng.choice([-1.0, 1.0], int(lost.sum()))
-    return np.asarray(velocity / head.sensitivity)
+    return np.asarray(velocity / head.scale)

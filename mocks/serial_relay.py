@@ -7,10 +7,10 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from instruments.relay_board import BoardRelay
+from instruments.relay_board import ChannelRelay
 from instruments.serial_relay import DIGITS, PROMPT, SerialRelay
 from mocks.loopback import Loopback, ReplyFault
-from mocks.relay import BoxBoard, Contacts, RelayBox, box_in
+from mocks.relay import BoxAdapter, Contacts, SimulatedBox, box_in
 
 __all__ = ["SerialRelayTwin", "SerialRelayWire", "wire"]
 
@@ -18,19 +18,19 @@ _CHANNELS = range(8)
 _FIRMWARE = "00000008"
 
 
-class SerialRelayTwin(BoardRelay):
+class SerialRelayTwin(ChannelRelay):
     """The twin of `instruments.serial_relay.SerialRelay`, with the same settings."""
 
     def __init__(self, settings: SerialRelay.Settings, plant: Contacts) -> None:
         self.box = box_in(plant, settings.patches, range(len(DIGITS)))
-        board = BoxBoard("The relay board (twin)", self.box, math.inf)
+        board = BoxAdapter("The relay board (twin)", self.box, math.inf)
         super().__init__(settings, plant.clock, board)
 
 
 class SerialRelayWire(Loopback):
     """A board that is reached as `socket://` on loopback while its context lasts."""
 
-    def __init__(self, box: RelayBox, port: int = 0) -> None:
+    def __init__(self, box: SimulatedBox, port: int = 0) -> None:
         self.faults: list[ReplyFault] = []
         self._box = box
         super().__init__(self._serve, port)
@@ -50,7 +50,7 @@ class SerialRelayWire(Loopback):
         answer = self._do(command)
         echo = f"{command}\n\r"
         reply = (echo + (f"{answer}\n\r" if answer else "")).encode() + PROMPT
-        fault = next((f for f in self.faults if f.strikes(command)), None)
+        fault = next((f for f in self.faults if f.fires(command)), None)
         if fault is None:
             link.sendall(reply)
             return True

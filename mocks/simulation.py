@@ -44,7 +44,7 @@ class Simulation:
 
     @property
     def faults(self) -> Faults:
-        """What was asked to go wrong, each with how often it has."""
+        """The rig file's faults, each with how often it has fired."""
         return self.plant.faults
 
     def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:

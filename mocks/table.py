@@ -21,7 +21,7 @@ from instruments.arrays import ComplexArray, FloatArray
 from mocks.hysteresis import Hysteresis
 from mocks.poles import Poles, Stretch
 
-__all__ = ["Plate", "Table", "make_plate", "warmed"]
+__all__ = ["Plate", "TouchTable", "make_plate", "warmed"]
 
 WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
@@ -116,10 +116,10 @@ def warmed(plate: Plate, time: float, daily: float, seed: int) -> Plate:
 
 @dataclass(frozen=True, eq=False)
 class _Pane:
-    """A plate between amplifier and laser, as poles that the strains and the volts of all patches push.
+    """A plate between amplifier and laser, as poles driven by the linear volts and the volts of all patches.
 
-    The poles are those of the modes; for each patch's strain the amplifier's and the laser's; and for each
-    patch's volts the amplifier's.
+    The poles are those of the modes; for each patch's linear volts the amplifier's and the laser's; and for
+    each patch's volts the amplifier's.
     """
 
     plate: Plate
@@ -166,7 +166,7 @@ class _Pane:
         return own
 
 
-class Table:
+class TouchTable:
     """A plate with its patches, between the relay's contacts and the laser.
 
     Patches are fed staircases of the amplifier's output; each is smoothed by the amplifier's pole.
@@ -206,10 +206,11 @@ class Table:
 
         Each step is held for `period`, the last until the next call; `start` never goes back.
         """
-        fed = [volts[patch] for patch in self.plate.patches]
-        strain = [self._hysteresis[p].follow(v) for p, v in zip(self.plate.patches, fed, strict=True)]
+        applied = [volts[patch] for patch in self.plate.patches]
+        hysteresis = [self._hysteresis[patch] for patch in self.plate.patches]
+        linear_volts = [h.follow(v) for h, v in zip(hysteresis, applied, strict=True)]
         before = self._stretches[-1][1]
-        stretch = Stretch(self._pane.poles, start, period, np.array([*strain, *fed]), before)
+        stretch = Stretch(self._pane.poles, start, period, np.array([*linear_volts, *applied]), before)
         self._stretches.append((self._pane, stretch))
         while len(self._stretches) > 1 and self._stretches[1][1].start < start - _REMEMBERED:
             self._stretches.popleft()

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from instruments.arrays import ComplexArray, FloatArray
-from mocks.buttons import ButtonPress
+from mocks.buttons import SimulatedPress
 from mocks.table import MAIN
 
 if TYPE_CHECKING:
     from mocks.plant import Plant
 
-__all__ = ["Fed", "Truth"]
+__all__ = ["AmplifierOutput", "Truth"]
 
 
 @dataclass(frozen=True, eq=False)
-class Fed:
-    """What the amplifier put out: value k is held from `start + k * period` (s) until the next one.
+class AmplifierOutput:
+    """A stretch of the amplifier's output: value k is held from `start + k * period` (s) until the next one.
 
-    `volts` is (samples,) V, and reaches the patches that are `closed` meanwhile.
+    `volts` is (samples,) V, applied to the patches whose contacts are `closed`.
     """
 
     start: float
@@ -37,7 +37,7 @@ class Truth:
     _plant: Plant
 
     @property
-    def presses(self) -> tuple[ButtonPress, ...]:
+    def presses(self) -> tuple[SimulatedPress, ...]:
         """Every press so far, in order."""
         return tuple(self._plant.presses)
 
@@ -69,9 +69,9 @@ class Truth:
         """Largest voltage (V) that any patch has been driven with so far."""
         return self._plant.peak
 
-    def record(self) -> list[Fed]:
-        """Write down from now on what the amplifier puts out, step by step; gives the growing record."""
+    def record(self) -> list[AmplifierOutput]:
+        """Record the amplifier's output from now on; returns the list that grows."""
         plant = self._plant
         plant.advance(plant.clock.now())
-        plant.fed = []
-        return plant.fed
+        plant.amplifier_record = []
+        return plant.amplifier_record

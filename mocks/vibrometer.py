@@ -11,6 +11,6 @@ __all__ = ["pdv100"]
 def pdv100(settings: Pdv100.Settings, plant: Plant) -> Pdv100:
     """The twin of a PDV-100: a head set as the rig file says. Its driver is arithmetic, and real."""
     driver = Pdv100(settings)
-    head = LaserHead(driver.range, driver.sensitivity, driver.bandwidth_hz, driver.delay)
+    head = LaserHead(driver.range, driver.scale, driver.bandwidth_hz, driver.delay)
     plant.install(driver.channel, head)
     return driver

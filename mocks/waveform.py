@@ -1,4 +1,4 @@
-"""What a function generator puts out, as steps of voltage at a node of the plant."""
+"""The output of a function generator, as steps of voltage at a node of the plant."""
 
 from __future__ import annotations
 

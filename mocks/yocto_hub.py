@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from instruments.yocto import Yocto
 from mocks.loopback import Loopback, ReplyFault
-from mocks.relay import Contacts, RelayBox, box_in
+from mocks.relay import Contacts, SimulatedBox, box_in
 
 __all__ = ["YoctoHub", "wire"]
 
@@ -36,7 +36,7 @@ _POLL = 0.05
 class YoctoHub(Loopback):
     """A hub with one module, serving on loopback while its context lasts."""
 
-    def __init__(self, box: RelayBox, serial: str | None = None, port: int = 0) -> None:
+    def __init__(self, box: SimulatedBox, serial: str | None = None, port: int = 0) -> None:
         self.serial = serial or _SERIAL
         self.faults: list[ReplyFault] = []
         self._box = box
@@ -50,7 +50,7 @@ class YoctoHub(Loopback):
         if target.startswith("/not.byn"):
             self._notify(link)
             return
-        fault = next((f for f in self.faults if f.strikes(target)), None)
+        fault = next((f for f in self.faults if f.fires(target)), None)
         if fault is None:
             link.sendall(self._answer(target))
             return

@@ -61,7 +61,7 @@ def open(open_rig: OpenRig) -> OpenRig:
 
 @pytest.fixture(scope="session", autouse=True)
 def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The user's own audit log and latches are no test's; nor are the locks of another worker's rigs."""
+    """The user's own audit log and lockouts are no test's; nor are the locks of another worker's rigs."""
     folder = tmp_path_factory.mktemp("state")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HAPLOOP_STATE", str(folder))
@@ -73,7 +73,7 @@ def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(autouse=True)
 def _own_state(_state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A rig that one test has latched is not latched for the next."""
+    """A rig that one test has locked out is not locked out for the next."""
     monkeypatch.setenv("HAPLOOP_STATE", str(_state / f"{next(_tests)}"))
 
 

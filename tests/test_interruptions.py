@@ -122,7 +122,7 @@ def interrupted(way: str, after: float, args: list[object]) -> int:
                 return
             frame = frame.f_back
 
-    def strike(_number: int, _frame: FrameType | None) -> None:
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
         if way == "exception":
             raise InjectedError
         if way == "ctrl-c again and again":
@@ -133,7 +133,7 @@ def interrupted(way: str, after: float, args: list[object]) -> int:
         else:
             signal.raise_signal(SIGNALS[way])
 
-    before = signal.signal(signal.SIGPROF, strike)
+    before = signal.signal(signal.SIGPROF, interrupt)
     # A signal that arrives while Python clears something away is reported, not raised: it is not looked at.
     reported, sys.unraisablehook = sys.unraisablehook, lambda _: None
     signal.setitimer(signal.ITIMER_PROF, after)

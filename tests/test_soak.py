@@ -2,7 +2,7 @@
 
 One rig, one plant and one virtual clock from the first hour to the last; only what is wrong from the
 beginning (a dead patch, say) has a rig of its own for its hour, with the table as it is then. Whatever is
-asked to go wrong must be named by the command that it befalls, nothing else may be, and nothing may grow.
+asked to go wrong must be named by the command that it affects, nothing else may be, and nothing may grow.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ HOUR = 3600.0
 RECORDED = 1800.0
 """Seconds after the hour at which somebody records presses, every third hour."""
 LASTS = 600.0
-"""Seconds of a spell: less than from a look to a recording."""
+"""Seconds that a timed fault is active: less than from a look to a recording."""
 ACCEPTED = 0.003
 """The rig file's threshold of a drift."""
 NEAR = 0.0003
@@ -201,7 +201,9 @@ class Week:
         with self.at(hour * HOUR + RECORDED, trouble) as rig:
 
             def now() -> Recording:
-                return record(rig, button, "P01", 2, out, judged=lambda press: reasons.append(press.reason))
+                return record(
+                    rig, button, "P01", 2, out, on_verdict=lambda press: reasons.append(press.reason)
+                )
 
             if trouble:
                 with pytest.raises((InstrumentError, DataError), match=trouble.says):
@@ -267,7 +269,7 @@ def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mod
         button = build_button(
             rig, make_press(), calibrate(rig, excitation=LinearSweep(repeats=2)), iterations=0, plays=4
         )
-        adopt(week.history, [button], who="a test", reason="the week begins", when=START)
+        adopt(week.history, [button], actor="a test", reason="the week begins", when=START)
         assert rig.clock.now() < HOUR
         for hour in range(1, hours + 1):
             week.hour(hour, troubles.get(hour))

@@ -1,1 +1,1 @@
-"""The commands of `haploop`, one file a family."""
+"""The commands of `haploop`, one file for each group."""

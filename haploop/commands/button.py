@@ -1,4 +1,4 @@
-"""`haploop button make`, `check`: the digital button as one file, made and verified."""
+"""`haploop button make`, `check`: compute and verify a digital button."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
-from haploop.exits import Session
+from haploop.exits import CommandState
 
 if TYPE_CHECKING:
     from instruments.driver import Mode
@@ -19,35 +19,49 @@ __all__ = ["button"]
 
 @click.group(no_args_is_help=True)
 def button() -> None:
-    """Make a digital button, or verify one by playing it."""
+    """Make a digital button, or verify one on the table."""
 
 
 @button.command()
 @click.argument("recordings", nargs=-1, required=True, type=PATH)
 @click.option(
-    "--calibration", "-c", required=True, type=PATH, metavar="FILE", help="As `haploop calibrate` wrote it."
+    "--calibration",
+    "-c",
+    required=True,
+    type=PATH,
+    metavar="FILE",
+    help="Calibration file written by `haploop calibrate`.",
 )
-@click.option("--out", "-o", type=PATH, default=Path("button.h5"), show_default=True, metavar="FILE.h5")
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    default=Path("button.h5"),
+    show_default=True,
+    metavar="FILE.h5",
+    help="Digital button file to write.",
+)
 @click.option(
     "--method",
     type=click.Choice(["modulated", "broadband"]),
     default="modulated",
     show_default=True,
-    help="The press modulated with the table's resonance, as in the paper, or the press itself.",
+    help="modulated: the press modulated onto the table's resonance, as in the paper. "
+    "broadband: the press itself.",
 )
 @click.option(
     "--iterations",
     type=click.IntRange(0, 50),
     default=5,
     show_default=True,
-    help="Corrections at most that are learnt from playing the drive.",
+    help="Maximum number of iterative corrections of the drive.",
 )
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
 def make(
-    session: Session,
+    state: CommandState,
     recordings: Sequence[Path],
     calibration: Path,
     out: Path,
@@ -57,25 +71,28 @@ def make(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Make the digital button that stands for RECORDINGS of one button: drive, learning, check.
+    """Make a digital button from RECORDINGS of one physical button.
 
-    Exit codes: 0 it passed its check, 1 it did not (the file is written and says why).
+    Computes the representative press and the drive, corrects the drive by playing and measuring it, and
+    checks the result.
+
+    Exit codes: 0 the check passed, 1 it failed (the file is written and states why).
     """
     import haploop  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps  # noqa: PLC0415
-    from haploop.targets import new_file  # noqa: PLC0415
+    from haploop.targets import check_new_file  # noqa: PLC0415
 
-    new_file(out)
-    table = haploop.Calibration.load(calibration)
+    check_new_file(out)
+    loaded = haploop.Calibration.load(calibration)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])
     with (
         alone(rig, simulate) as file,
-        opened_rig(session, file, simulate) as opened,
+        opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         made = haploop.build_button(
-            opened, press, table, method=method, iterations=iterations, progress=steps
+            opened, press, loaded, method=method, iterations=iterations, progress=steps
         )
     made.save(out)
     display.show(out, as_json)
@@ -88,22 +105,22 @@ def make(
 @SIMULATE
 @JSON
 @click.pass_obj
-def check(session: Session, file: Path, rig: str, simulate: Mode | None, as_json: bool) -> int:
-    """Verify the digital button FILE by playing it on the rig that it was made on.
+def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_json: bool) -> int:
+    """Play the digital button FILE on the rig that it was made on, measure it, and compare.
 
-    Exit codes: 0 it passes, 1 it does not. The file stays as it is.
+    The file is not changed. Exit codes: 0 the check passed, 1 it failed.
     """
     import haploop  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps  # noqa: PLC0415
 
-    known = haploop.DigitalButton.load(file)
+    loaded = haploop.DigitalButton.load(file)
     with (
         alone(rig, simulate) as rig_file,
-        opened_rig(session, rig_file, simulate) as opened,
+        opened_rig(state, rig_file, simulate) as opened,
         Steps() as steps,
     ):
-        step = f"Play and measure the {known.press.button} button"
-        result = haploop.play_button(opened, known, progress=lambda done, of: steps(step, done, of))
-    display.check(known.press, result, as_json)
+        step = f"Play and measure the {loaded.press.button} button"
+        result = haploop.play_button(opened, loaded, progress=lambda done, of: steps(step, done, of))
+    display.check(loaded.press, result, as_json)
     return 0 if result.passed else 1

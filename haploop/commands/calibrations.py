@@ -1,4 +1,4 @@
-"""`haploop calibrations`: the history of a rig's calibrations, and which of them is active."""
+"""`haploop calibrations`: a rig's calibration history, and the active calibration."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from haploop.commands.options import JSON, PATH, RIG
 if TYPE_CHECKING:
     from calibration.history import History
 
-__all__ = ["CALIBRATIONS", "calibrations", "history_of", "who"]
+__all__ = ["CALIBRATIONS", "actor", "calibrations", "history_of"]
 
 CALIBRATIONS = click.option(
     "--calibrations",
     type=PATH,
     metavar="DIR",
-    help="Folder of the history.  [default: RIG-calibrations, beside the rig file]",
+    help="Folder of the calibration history.  [default: RIG-calibrations, beside the rig file]",
 )
-REASON = click.option("--reason", required=True, help="Why: it stays in the history.")
+REASON = click.option("--reason", required=True, help="Reason; stored in the history.")
 
 
 def history_of(rig: str, folder: Path | None) -> History:
-    """The history of a rig: in `folder`, or beside the rig file, or here for a rig that haploop ships."""
+    """The history of a rig: in `folder`, beside the rig file, or in this folder for a shipped rig."""
     from calibration.history import History  # noqa: PLC0415
 
     path = Path(rig)
@@ -33,8 +33,8 @@ def history_of(rig: str, folder: Path | None) -> History:
     return History(folder or beside / f"{path.stem}-calibrations")
 
 
-def who() -> str:
-    """Who did it: the command, and the account that it runs in."""
+def actor() -> str:
+    """The user, host and command, for the history."""
     from instruments.audit import who  # noqa: PLC0415
 
     person = who()
@@ -43,7 +43,7 @@ def who() -> str:
 
 @click.group(no_args_is_help=True)
 def calibrations() -> None:
-    """What was ever calibrated, and which of it is active."""
+    """List, compare and activate calibrations."""
 
 
 @calibrations.command()
@@ -53,9 +53,10 @@ def calibrations() -> None:
 @RIG
 @JSON
 def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """Make verified BUTTONs, with those that are active already, the active calibration.
+    """Add verified digital buttons to the history, and activate them.
 
-    A history begins that way, and a button is added or replaced that way.
+    The new active calibration holds these BUTTONs and the buttons that are active already. A BUTTON
+    replaces the active one with the same name, patch and point. The first adoption creates the history.
     """
     from calibration import recalibration  # noqa: PLC0415
     from calibration.button import DigitalButton  # noqa: PLC0415
@@ -64,7 +65,7 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
     loaded = [DigitalButton.load(path) for path in buttons]
     note = _audit(rig, {(b.calibration.response.rig, b.simulated) for b in loaded})
     note("adopted", buttons=[str(path) for path in buttons], reason=reason)
-    generation = recalibration.adopt(history, loaded, who=who(), reason=reason)
+    generation = recalibration.adopt(history, loaded, actor=actor(), reason=reason)
     _show(history, generation.name, as_json)
     return 0
 
@@ -74,7 +75,7 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
 @RIG
 @JSON
 def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """All of them, and which is active."""
+    """List all calibrations, and mark the active one."""
     from haploop import show_history  # noqa: PLC0415
     from haploop.console import print_json, print_table  # noqa: PLC0415
 
@@ -92,7 +93,7 @@ def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
 @RIG
 @JSON
 def show(name: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """One of them, by its NAME or number: places, buttons, why it was made. Checks that it is whole."""
+    """Show a calibration by its NAME or number, and verify its files."""
     _show(history_of(rig, calibrations), name, as_json)
     return 0
 
@@ -104,7 +105,7 @@ def show(name: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
 @RIG
 @JSON
 def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """What changed from ONE to OTHER."""
+    """Show what changed from calibration ONE to OTHER."""
     from haploop import show_history  # noqa: PLC0415
     from haploop.console import print_json, print_table  # noqa: PLC0415
 
@@ -124,7 +125,7 @@ def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: boo
 @RIG
 @JSON
 def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """Make an earlier one, by its NAME or number, the active one. Nothing is played."""
+    """Activate an earlier calibration by its NAME or number. Nothing is played."""
     from calibration.recalibration import calibrations_of  # noqa: PLC0415
     from instruments.audit import now_utc  # noqa: PLC0415
 
@@ -135,7 +136,7 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
         responses = [c.response for c in calibrations_of(generation)]
         note = _audit(rig, {(response.rig, response.simulated) for response in responses})
         note("activated", calibration=generation.name, reason=reason)
-        history.activate(generation, when=now_utc(), who=who(), reason=reason)
+        history.activate(generation, when=now_utc(), actor=actor(), reason=reason)
     _show(history, generation.name, as_json)
     return 0
 
@@ -146,12 +147,12 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
 @RIG
 @JSON
 def plot(out: Path, calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """Draw resonance, damping, gain and coherence over time."""
+    """Plot resonance, damping, gain and coherence over time."""
     from haploop import show, show_history  # noqa: PLC0415
     from haploop.console import print_json, print_line  # noqa: PLC0415
-    from haploop.targets import new_picture  # noqa: PLC0415
+    from haploop.targets import check_new_picture  # noqa: PLC0415
 
-    new_picture(out)
+    check_new_picture(out)
     history = history_of(rig, calibrations)
     figure = show_history.trend(history)
     simulated = show_history.simulated(history)
@@ -164,7 +165,7 @@ def plot(out: Path, calibrations: Path | None, rig: str, as_json: bool) -> int:
 
 
 def _audit(rig: str, made_on: Collection[tuple[str, bool]]) -> Callable[..., None]:
-    """The log of a rig, on which all of this was made. Raises ConfigurationError for another's."""
+    """The audit log of the rig. Raises ConfigurationError for calibrations made on another rig."""
     from instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
     from instruments.audit import Audit, state_folder  # noqa: PLC0415
 
@@ -172,7 +173,7 @@ def _audit(rig: str, made_on: Collection[tuple[str, bool]]) -> Callable[..., Non
     others = [name for name, _ in made_on if name != file.name]
     if others:
         raise ConfigurationError(
-            f"This was made on the rig {others[0]!r}, not on {file.name!r}: name its --rig."
+            f"The calibration was made on the rig {others[0]!r}, not on {file.name!r}: use that rig's --rig."
         )
     simulated = any(simulated for _, simulated in made_on)
     return Audit(file, state_folder(file, simulated), simulated).note

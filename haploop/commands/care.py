@@ -1,4 +1,4 @@
-"""`haploop doctor`, `log`, `reset`, `schema`: is the rig as its file says, and what has it done?"""
+"""Maintenance of a rig: `haploop doctor`, `log`, `reset` and `schema`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haploop.commands.options import JSON, RIG, SIMULATE, alone, opened_rig
-from haploop.exits import Session
+from haploop.exits import CommandState
 from instruments import HaploopError
 
 if TYPE_CHECKING:
@@ -23,16 +23,18 @@ __all__ = ["doctor", "log", "reset", "schema"]
     default=0.5,
     show_default=True,
     metavar="KG",
-    help="Known mass, to be put on the force sensor when asked.",
+    help="Known mass for the force sensor test.",
 )
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
-def doctor(session: Session, mass: float, rig: str, simulate: Mode | None, as_json: bool) -> int:
-    """Look at each instrument of a rig: is it there, wired and set as the rig file says?
+def doctor(state: CommandState, mass: float, rig: str, simulate: Mode | None, as_json: bool) -> int:
+    """Test all instruments of a rig.
 
-    Exit codes: 0 nothing is red, 1 something is, 3 an instrument cannot be opened.
+    Checks that each instrument is present, wired and set as the rig file says.
+
+    Exit codes: 0 no finding is red, 1 at least one is red, 3 an instrument cannot be opened.
     """
     from haploop import doctor as diagnosis  # noqa: PLC0415
     from haploop.console import Steps  # noqa: PLC0415
@@ -41,12 +43,12 @@ def doctor(session: Session, mass: float, rig: str, simulate: Mode | None, as_js
     with alone(rig, simulate) as file:
         simulated = (simulate or file.simulate) is not None
         try:
-            with opened_rig(session, file, simulate) as opened, Steps() as steps:
+            with opened_rig(state, file, simulate) as opened, Steps() as steps:
                 simulated = opened.simulated
                 findings = diagnosis.examine(opened, mass, steps)
         except HaploopError as error:
-            # Once it is open, only a safe state that was not reached comes here: that is the message.
-            if session.rig_opened:
+            # Once the rig has opened, the only error here is an unconfirmed safe state: report that one.
+            if state.rig_opened:
                 raise
             findings, missing = diagnosis.find_each(file, simulate, error), True
     diagnosis.tell(findings, file.name, simulated, as_json)
@@ -56,12 +58,17 @@ def doctor(session: Session, mass: float, rig: str, simulate: Mode | None, as_js
 
 
 @click.command()
-@click.option("--last", type=click.IntRange(1), default=20, show_default=True, help="How many entries.")
+@click.option(
+    "--last", type=click.IntRange(1), default=20, show_default=True, help="Number of entries to show."
+)
 @RIG
 @SIMULATE
 @JSON
 def log(last: int, rig: str, simulate: Mode | None, as_json: bool) -> None:
-    """What a rig has connected, played, refused and stopped, when, by whom and with which rig file."""
+    """Show the audit log of a rig.
+
+    Lists what was connected, played, refused and stopped, when, by whom and with which rig file.
+    """
     from haploop import logbook  # noqa: PLC0415
     from instruments import load_rig_file  # noqa: PLC0415
 
@@ -70,11 +77,13 @@ def log(last: int, rig: str, simulate: Mode | None, as_json: bool) -> None:
 
 
 @click.command()
-@click.option("--reason", required=True, help="What stopped the play, and what was done about it.")
+@click.option(
+    "--reason", required=True, help="Cause of the trip and what was done about it; stored in the audit log."
+)
 @RIG
 @SIMULATE
 def reset(reason: str, rig: str, simulate: Mode | None) -> None:
-    """Let a rig play again that a limit has stopped. For a person, who has looked at it."""
+    """Clear the lockout after a limit trip, once someone has inspected the rig."""
     from haploop import logbook  # noqa: PLC0415
 
     with alone(rig, simulate) as file:
@@ -83,7 +92,7 @@ def reset(reason: str, rig: str, simulate: Mode | None) -> None:
 
 @click.command()
 def schema() -> None:
-    """Print the JSON schema of rig files, for editors."""
+    """Print the JSON schema of rig files, for use in editors."""
     from haploop.console import print_json  # noqa: PLC0415
     from instruments.rig_schema import rig_schema  # noqa: PLC0415
 

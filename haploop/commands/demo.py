@@ -1,4 +1,4 @@
-"""`haploop demo`: the whole loop, simulated."""
+"""`haploop demo`: the complete workflow on a simulated rig."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE
-from haploop.exits import Session
+from haploop.exits import CommandState
 
 if TYPE_CHECKING:
     from instruments.driver import Mode
@@ -19,21 +19,21 @@ __all__ = ["demo"]
 @click.command()
 @click.option("--out", "-o", type=PATH, help="Folder for the results.  [default: a new haploop-demo]")
 @click.option(
-    "--seed", type=click.IntRange(min=0), help="Which simulated world.  [default: the rig file's, 0]"
+    "--seed", type=click.IntRange(min=0), help="Seed of the simulation.  [default: the seed in the rig file]"
 )
 @click.option(
     "--participants",
     type=click.IntRange(1, 99),
     default=1,
     show_default=True,
-    help="How many press the buttons.",
+    help="Number of simulated participants.",
 )
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
 def demo(
-    session: Session,
+    state: CommandState,
     out: Path | None,
     seed: int | None,
     participants: int,
@@ -41,7 +41,10 @@ def demo(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Run the whole loop on a simulated rig and write a report."""
+    """Run the complete workflow on a simulated rig.
+
+    Writes recordings, representative presses, a calibration, drives and a report into a folder.
+    """
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps, note, print_json  # noqa: PLC0415
     from haploop.demo import claim_folder, run_demo  # noqa: PLC0415
@@ -49,11 +52,11 @@ def demo(
 
     load_rig_file(rig)
     folder = claim_folder(out)
-    session.recordings = folder / "recordings"
+    state.recordings = folder / "recordings"
     with Steps() as steps:
 
         def progress(step: str, done: float, of: float) -> None:
-            session.rig_opened = True
+            state.rig_opened = True
             steps(step, done, of)
 
         summary = run_demo(

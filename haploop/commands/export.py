@@ -1,4 +1,4 @@
-"""`haploop export`, `import`: calibrations for other programs, and responses from them."""
+"""`haploop export`, `import`: exchange calibrations and responses with other programs."""
 
 from __future__ import annotations
 
@@ -18,24 +18,26 @@ __all__ = ["export", "import_"]
     required=True,
     type=PATH,
     metavar="OUT.uff|OUT.mat",
-    help="Universal File Format 58 (the response and its coherence), or MATLAB (the model).",
+    help="Output file: .uff (Universal File Format 58: response and coherence) or .mat (MATLAB: model).",
 )
 @JSON
 def export(file: Path, to: Path, as_json: bool) -> int:
-    """Write a calibration FILE for other programs: its response as .uff, or its model as .mat."""
+    """Export the calibration FILE as .uff or .mat."""
     import haploop  # noqa: PLC0415
     from haploop.console import print_json, print_line  # noqa: PLC0415
-    from haploop.targets import new_file  # noqa: PLC0415
+    from haploop.targets import check_new_file  # noqa: PLC0415
 
     kind = to.suffix.lower()
     if kind not in (".uff", ".mat"):
-        raise haploop.ConfigurationError(f"{to} is no name to export to: it must end with .uff or .mat.")
-    new_file(to)
+        raise haploop.ConfigurationError(
+            f"{to} has an unknown file type: use a name that ends with .uff or .mat."
+        )
+    check_new_file(to)
     calibration = haploop.Calibration.load(file)
     response = calibration.response
     if kind == ".uff":
         haploop.write_uff(to, [response])
-        held = f"{len(response.frequencies)} lines of velocity per volt"
+        held = f"velocity per volt at {len(response.frequencies)} frequencies"
     else:
         calibration.model.save_mat(to, calibration.rate_hz)
         held = f"{len(calibration.model.poles)} poles, as state space and as second-order sections"
@@ -50,23 +52,26 @@ def export(file: Path, to: Path, as_json: bool) -> int:
 
 @click.command("import")
 @click.argument("file", type=PATH, metavar="FILE.uff")
-@click.option("--out", "-o", required=True, type=PATH, metavar="FILE.h5", help="The calibration to write.")
-@click.option("--patch", help="The patch that was driven.  [default: as the file says]")
-@click.option("--point", help="Where it was measured: button, or a grid point.  [default: as the file says]")
+@click.option("--out", "-o", required=True, type=PATH, metavar="FILE.h5", help="Calibration file to write.")
+@click.option("--patch", help="Patch that was driven.  [default: as the file states]")
+@click.option(
+    "--point", help="Measured point: button, or a grid point's number.  [default: as the file states]"
+)
 @RIG
 @JSON
 def import_(file: Path, out: Path, patch: str | None, point: str | None, rig: str, as_json: bool) -> int:
-    """Make a calibration of a response that another program measured (Universal File Format 58).
+    """Make a calibration from a .uff file.
 
-    A scanning vibrometer's export, for example. --rig says which rig it is to be played on; of several
-    responses in FILE, --patch and --point choose one.
+    FILE holds responses measured by another program in Universal File Format 58, for example the export of a
+    scanning vibrometer. --rig names the rig that the response
+    belongs to. --patch and --point select one of several responses in FILE.
     """
     import haploop  # noqa: PLC0415
     from haploop import show  # noqa: PLC0415
-    from haploop.targets import new_file  # noqa: PLC0415
+    from haploop.targets import check_new_file  # noqa: PLC0415
     from instruments import load_rig_file  # noqa: PLC0415
 
-    new_file(out)
+    check_new_file(out)
     found = haploop.read_uff(file, rig=load_rig_file(rig))
     wanted = [r for r in found if patch in (None, r.patch) and point in (None, r.point)]
     if len(found) == 1 and not wanted:
@@ -74,8 +79,8 @@ def import_(file: Path, out: Path, patch: str | None, point: str | None, rig: st
     if len(wanted) != 1:
         places = ", ".join(f"{r.patch} at {r.point}" for r in found)
         raise haploop.ConfigurationError(
-            f"{file} holds {len(wanted) or 'no'} such responses (it has {places}): "
-            "choose one by --patch and --point."
+            f"{file} holds {len(wanted) or 'no'} matching responses (it has {places}): "
+            "select one with --patch and --point."
         )
     haploop.Calibration.of(wanted[0]).save(out)
     show.show(out, as_json)

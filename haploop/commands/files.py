@@ -1,4 +1,4 @@
-"""`haploop show`, `recover`, `verify`: what a file holds, a file made whole, and whether it is."""
+"""`haploop show`, `recover`, `verify`: display, recover and verify files."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ __all__ = ["recover", "show", "verify"]
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw it.")
+@click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a plot into this file.")
 @JSON
 def show(files: Sequence[Path], plot: Path | None, as_json: bool) -> int:
-    """What is in a recording, a representative press, a calibration or a drive FILE, or a map's folder.
+    """Show the contents of a file.
 
-    Of several recordings, or of a study (its study.toml or its folder): the force at activation, by
-    participant and button.
+    FILE is a recording, a representative press, a calibration, a drive, a digital button, or the folder of
+    a vibration map. For several recordings, or a study (its study.toml or its folder), show the force at
+    activation by participant and button.
     """
     from haploop import show as display  # noqa: PLC0415
     from haploop.show_study import show_forces  # noqa: PLC0415
@@ -37,7 +38,11 @@ def show(files: Sequence[Path], plot: Path | None, as_json: bool) -> int:
 @click.argument("file", type=PATH)
 @JSON
 def recover(file: Path, as_json: bool) -> int:
-    """Save what is whole of an interrupted or cut short recording FILE, in a new file beside it."""
+    """Salvage the intact part of a recording.
+
+    FILE was interrupted, truncated or damaged. The intact part is written beside it, into a new file with
+    the suffix .recovered.h5; FILE is not changed.
+    """
     import acquisition  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import note  # noqa: PLC0415
@@ -52,9 +57,11 @@ def recover(file: Path, as_json: bool) -> int:
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
 @JSON
 def verify(files: Sequence[Path], as_json: bool) -> int:
-    """Compare recordings with their content hash, and look for gaps and for what should not be there.
+    """Verify recordings.
 
-    Exit codes: 0 all are whole, 1 something is wrong with one that can be read, 2 one cannot be read.
+    Checks the content hash, the continuity and the structure of each FILE.
+
+    Exit codes: 0 all recordings are intact, 1 a readable recording has problems, 2 a file cannot be read.
     """
     import acquisition  # noqa: PLC0415
     from haploop.console import print_json, print_line  # noqa: PLC0415
@@ -65,15 +72,15 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
         digest = None
         try:
             problems = acquisition.verify(file)
-            status = "wrong" if problems else "whole"
+            status = "damaged" if problems else "intact"
             if not problems:
                 digest = acquisition.Recording.open(file).content_hash
         except DataError as error:
             problems, status = (str(error),), "unreadable"
-        worst = max(worst, {"whole": 0, "wrong": 1, "unreadable": 2}[status])
+        worst = max(worst, {"intact": 0, "damaged": 1, "unreadable": 2}[status])
         told.append({"file": str(file), "status": status, "problems": list(problems), "content_hash": digest})
         if not as_json:
-            print_line(" ".join(problems) or f"{file} is whole: SHA-256 {digest}.")
+            print_line(" ".join(problems) or f"{file} is intact: SHA-256 {digest}.")
     if as_json:
         print_json({"files": told})
     return worst

@@ -1,4 +1,4 @@
-"""`haploop map`: the vibration map of a table."""
+"""`haploop map`: measure the vibration map of a table."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
-from haploop.exits import Session
+from haploop.exits import CommandState
 
 if TYPE_CHECKING:
     from instruments.driver import Mode
@@ -23,25 +23,30 @@ __all__ = ["map_command"]
     type=PATH,
     required=True,
     metavar="DIR",
-    help="Folder of the map; one that is there is gone on with.",
+    help="Folder of the map; an existing map is continued.",
 )
 @click.option(
-    "--points", metavar="LIST", help="Grid points, 0,5,12-20 for example; all when not given.", default=None
+    "--points", metavar="LIST", help="Grid points, for example 0,5,12-20.  [default: all]", default=None
 )
-@click.option("--patches", metavar="LIST", help="Patches, A,C for example; all when not given.", default=None)
+@click.option("--patches", metavar="LIST", help="Patches, for example A,C.  [default: all]", default=None)
 @click.option(
-    "--level", type=float, metavar="V", help="Peak of each drive; what the limits allow when not given."
+    "--level",
+    type=float,
+    metavar="V",
+    help="Peak voltage of each drive.  [default: the maximum that the limits allow]",
 )
 @click.option(
-    "--one-by-one", is_flag=True, help="One patch at a time, though the amplifier has a channel for each."
+    "--one-by-one",
+    is_flag=True,
+    help="Play one patch at a time, even if the amplifier has a channel for each patch.",
 )
-@click.option("--gif", type=PATH, metavar="FILE", help="Draw the largest vibration, in slow motion.")
+@click.option("--gif", type=PATH, metavar="FILE", help="Also write an animation of the largest vibration.")
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
 def map_command(
-    session: Session,
+    state: CommandState,
     out: Path,
     points: str | None,
     patches: str | None,
@@ -52,32 +57,35 @@ def map_command(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Measure what each patch makes of every point of the table; stop and go on as you like."""
+    """Measure the response at every grid point to each patch.
+
+    An interrupted map is continued by the same command.
+    """
     from calibration.mapping import map_plan, measure_map  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps, note  # noqa: PLC0415
-    from haploop.targets import new_picture  # noqa: PLC0415
+    from haploop.targets import check_new_picture  # noqa: PLC0415
 
     if gif is not None:
-        new_picture(gif, ".gif")
+        check_new_picture(gif, ".gif")
     chosen = None if points is None else _numbers(points)
     names = None if patches is None else [name.strip() for name in patches.split(",")]
     with (
         alone(rig, simulate) as file,
-        opened_rig(session, file, simulate) as opened,
+        opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         plan = map_plan(
             opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
         )
-        step = f"Map of {len(plan.points)} points, {plan.duration / 60:.1f} min of the table's time"
+        step = f"Map {len(plan.points)} points, {plan.duration / 60:.1f} min of measurement"
 
         def tell(done: float, of: float, _what: str) -> None:
             steps(step, done, of)
 
         folder = measure_map(opened, out, plan, tell)
     for point, reason in folder.skipped().items():
-        note(f"Point {point} was left out. {reason} Run the same command again to measure it.")
+        note(f"Point {point} was skipped: {reason} Run the same command again to measure it.")
     display.show(out, as_json)
     if gif is not None:
         _animate(out, gif)
@@ -99,6 +107,6 @@ def _numbers(text: str) -> list[int]:
     for part in text.split(","):
         first, _, last = part.strip().partition("-")
         if not first.isdecimal() or (last and not last.isdecimal()):
-            raise click.UsageError(f"--points takes numbers such as 0,5,12-20, and {part.strip()!r} is none")
+            raise click.UsageError(f"--points takes numbers such as 0,5,12-20; {part.strip()!r} is not one")
         found += range(int(first), int(last or first) + 1)
     return found

@@ -1,4 +1,4 @@
-"""What commands share: options, and the contexts that hold and open a rig."""
+"""Options and contexts that several commands use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.exits import Session
+from haploop.exits import CommandState
 
 if TYPE_CHECKING:
     from instruments import Rig, RigFile
@@ -23,15 +23,16 @@ RIG = click.option(
     default="simulated",
     show_default=True,
     metavar="FILE",
-    help="Rig file, or the name of a rig that haploop ships.",
+    help="Rig file, or the name of a shipped rig.",
 )
 SIMULATE = click.option(
     "--simulate",
     type=click.Choice(["twin", "wire"]),
-    help="Simulate the rig: twins in process, or wires that the real drivers talk to.",
+    help="Simulate the rig. twin: simulated instruments in process. wire: the real drivers talk to simulated "
+    "devices.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
-NOTES = click.option("--notes", default="", help="What is to be noted; it is kept in the recording.")
+NOTES = click.option("--notes", default="", help="Notes; stored in the recording.")
 PATH = click.Path(path_type=Path)
 
 
@@ -42,13 +43,13 @@ def on_table(rig: Rig, point: str) -> None:
     points = rig.table.rows * rig.table.columns
     if point != "button" and not (point.isdecimal() and int(point) < points):
         raise ConfigurationError(
-            f"{point!r} is no point of the table: it is 'button', or a number from 0 to {points - 1}."
+            f"The table has no point {point!r}: use 'button', or a number from 0 to {points - 1}."
         )
 
 
 @contextmanager
 def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
-    """The rig file, and its hardware for this program only: two would switch one relay."""
+    """Load the rig file, and reserve its hardware for this program."""
     from instruments import load_rig_file  # noqa: PLC0415
     from instruments.lock import reserve  # noqa: PLC0415
     from instruments.opening import hardware  # noqa: PLC0415
@@ -62,13 +63,13 @@ def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
 
 
 @contextmanager
-def opened_rig(session: Session, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
-    """The rig, opened; says so when it is simulated."""
+def opened_rig(state: CommandState, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
+    """Open the rig, and print a note when it is simulated."""
     from haploop.console import note  # noqa: PLC0415
     from instruments import open_rig  # noqa: PLC0415
 
     with open_rig(file, simulate=simulate) as opened:
-        session.rig_opened = True
+        state.rig_opened = True
         if opened.simulated:
             world = (
                 f"{opened.mode}, seed {opened.file.simulation.seed}" if opened.mode else "by its DAQ cards"

@@ -1,4 +1,4 @@
-"""`haploop record`: presses of one button."""
+"""`haploop record`: record presses of one button."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, alone, opened_rig
-from haploop.exits import Session
+from haploop.exits import CommandState
 
 if TYPE_CHECKING:
     from instruments.driver import Mode
@@ -18,8 +18,15 @@ __all__ = ["record"]
 
 @click.command()
 @click.argument("button")
-@click.option("--participant", "-p", required=True, help="Pseudonym of who presses, P01 for example.")
-@click.option("--presses", "-n", type=click.IntRange(min=1), default=10, show_default=True)
+@click.option("--participant", "-p", required=True, help="Pseudonym of the participant, for example P01.")
+@click.option(
+    "--presses",
+    "-n",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="Number of accepted presses.",
+)
 @click.option(
     "--out", "-o", type=PATH, default=Path("recordings"), show_default=True, help="Folder for the recording."
 )
@@ -29,7 +36,7 @@ __all__ = ["record"]
 @JSON
 @click.pass_obj
 def record(
-    session: Session,
+    state: CommandState,
     button: str,
     participant: str,
     presses: int,
@@ -41,22 +48,22 @@ def record(
 ) -> int:
     """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5.
 
-    Any name is a button: nothing has to be prepared for a new one. A press that is not a good one is
-    kept, marked, and asked for again. At a console, type r and Enter to reject the press before.
+    BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
+    kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
     """
     import haploop  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps, note  # noqa: PLC0415
-    from haploop.show_study import told  # noqa: PLC0415
+    from haploop.show_study import rejection_line  # noqa: PLC0415
 
     step = f"Record the {button} button, {participant}"
     with (
         alone(rig, simulate) as file,
-        opened_rig(session, file, simulate) as opened,
+        opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         out.mkdir(parents=True, exist_ok=True)
-        session.recordings = out
+        state.recordings = out
         recording = haploop.record(
             opened,
             button,
@@ -64,7 +71,7 @@ def record(
             presses,
             out,
             lambda done, of: steps(step, done, of),
-            lambda press: None if press.accepted else note(told(press)),
+            lambda press: None if press.accepted else note(rejection_line(press)),
             notes=notes,
         )
     display.show(recording.path, as_json)

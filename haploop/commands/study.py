@@ -1,4 +1,4 @@
-"""`haploop study`: many participants' presses of several buttons, over as many sittings as it takes."""
+"""`haploop study`: record several buttons with many participants, in any number of sessions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, alone, opened_rig
-from haploop.exits import Session
+from haploop.exits import CommandState
 
 if TYPE_CHECKING:
     from instruments.driver import Mode
@@ -25,12 +25,12 @@ STUDY = click.option(
     default=Path(),
     show_default="this folder",
     metavar="PATH",
-    help="The study file, or the folder that holds its study.toml.",
+    help="Study file, or the folder with its study.toml.",
 )
-REASON = click.option("--reason", default="", help="Why; it is kept.")
+REASON = click.option("--reason", default="", help="Reason; stored with the rejection.")
 
 _NEW = """\
-# A study of haploop: what is recorded, of whom, and in which order. `haploop study run` goes on with it.
+# A haploop study: participants, buttons and their order. `haploop study run` records what is still due.
 
 name = {name}
 rig = "simulated"                   # your rig file, beside this one
@@ -38,7 +38,7 @@ buttons = ["latch", "toggle", "push"]
 participants = ["P01", "P02", "P03"] # pseudonyms only; add new ones at the end
 presses = 10                        # of each button by each participant
 order = "counterbalanced"           # or "as-listed", or "random" with a seed
-consent = true                      # ask whether the consent form is signed, and keep the answer
+consent = true                      # ask whether the consent form is signed, and store the answer
 
 # [prompts]
 # consent = "Has {{participant}} signed the form KU-17?"
@@ -47,25 +47,25 @@ consent = true                      # ask whether the consent form is signed, an
 
 # [button.latch]
 # presses = 20
-# force = [3, 15]                   # N at activation; what is outside is asked for again
+# force = [3, 15]                   # N at activation; a press outside is asked for again
 # prompt = "Press the latch until it stays."
 """
 
 
 @click.group(no_args_is_help=True)
 def study() -> None:
-    """Record a study: many participants, several buttons, as many sittings as it takes."""
+    """Record a study with many participants and buttons."""
 
 
 @study.command()
 @click.argument("folder", type=PATH)
 def new(folder: Path) -> int:
-    """Begin a study in a new FOLDER, with a study.toml to be filled in."""
-    from acquisition.store import check_target  # noqa: PLC0415
+    """Create a study: a FOLDER with a study.toml to fill in."""
+    from acquisition.store import check_destination  # noqa: PLC0415
     from haploop.console import print_line  # noqa: PLC0415
 
     path = folder / "study.toml"
-    check_target(path)
+    check_destination(path)
     # A string of JSON is one of TOML, whatever the folder's name holds.
     path.write_text(_NEW.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
     print_line(f"Fill in {path}, then: haploop study run --study {folder}")
@@ -74,15 +74,15 @@ def new(folder: Path) -> int:
 
 @study.command()
 @STUDY
-@click.option("--participant", "-p", "participants", multiple=True, help="Only this one; may be repeated.")
-@click.option("--button", "-b", "buttons", multiple=True, help="Only this one; may be repeated.")
+@click.option("--participant", "-p", "participants", multiple=True, help="Only this one; repeatable.")
+@click.option("--button", "-b", "buttons", multiple=True, help="Only this one; repeatable.")
 @click.option("--rig", "-r", metavar="FILE", help="Rig file instead of the study's own.")
 @NOTES
 @SIMULATE
 @JSON
 @click.pass_obj
 def run(
-    session: Session,
+    state: CommandState,
     path: Path,
     participants: Sequence[str],
     buttons: Sequence[str],
@@ -91,10 +91,10 @@ def run(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Record what the study still wants; stop with Ctrl-C, and run again to go on where it stopped.
+    """Record the presses still due. Stop with Ctrl-C; the next run continues there.
 
-    A press that is not a good one is kept, marked, and asked for again. At a console, type r and Enter
-    to reject the press before.
+    A press that fails its quality check is kept, marked, and asked for again. At a console, type r and
+    Enter to reject the preceding press.
     """
     from acquisition import load_study, run_study  # noqa: PLC0415
     from haploop.show_study import Counters, status  # noqa: PLC0415
@@ -102,14 +102,14 @@ def run(
     opened = load_study(path)
     with (
         alone(rig or _own_rig(opened.path, opened.file.rig), simulate) as file,
-        opened_rig(session, file, simulate) as instruments,
+        opened_rig(state, file, simulate) as instruments,
     ):
-        session.recordings = opened.folder
-        standings, typed_at = opened.standings(), not instruments.simulated
-        with Counters(opened.file.name, standings, typed_at) as counters:
-            told = (counters.progress, counters.judged)
-            run_study(instruments, opened, participants, buttons, *told, notes=notes)
-    status(opened, opened.standings(), as_json)
+        state.recordings = opened.folder
+        entries, typed_at = opened.progress(), not instruments.simulated
+        with Counters(opened.file.name, entries, typed_at) as counters:
+            callbacks = (counters.progress, counters.on_verdict)
+            run_study(instruments, opened, participants, buttons, *callbacks, notes=notes)
+    status(opened, opened.progress(), as_json)
     return 0
 
 
@@ -117,12 +117,12 @@ def run(
 @STUDY
 @JSON
 def status_(path: Path, as_json: bool) -> int:
-    """How far the study is: accepted presses, bad and rejected ones, interrupted sittings, consent."""
+    """Show progress: accepted, bad and rejected presses, interrupted sessions, consent."""
     from acquisition import load_study  # noqa: PLC0415
     from haploop.show_study import status  # noqa: PLC0415
 
     opened = load_study(path)
-    status(opened, opened.standings(), as_json)
+    status(opened, opened.progress(), as_json)
     return 0
 
 
@@ -133,7 +133,10 @@ def status_(path: Path, as_json: bool) -> int:
 @REASON
 @STUDY
 def reject(participant: str, button: str, numbers: Sequence[int], reason: str, path: Path) -> int:
-    """Reject presses by PARTICIPANT of BUTTON; the next run asks for them again. Their recording stays."""
+    """Reject presses of BUTTON by PARTICIPANT.
+
+    The next run asks for them again. The recordings are not changed.
+    """
     return _reject(path, participant, button, numbers, reason)
 
 
@@ -143,7 +146,10 @@ def reject(participant: str, button: str, numbers: Sequence[int], reason: str, p
 @REASON
 @STUDY
 def repeat(participant: str, button: str, reason: str, path: Path) -> int:
-    """Have all presses by PARTICIPANT of BUTTON made again in the next run. Their recordings stay."""
+    """Reject all presses of BUTTON by PARTICIPANT.
+
+    The next run asks for them again. The recordings are not changed.
+    """
     return _reject(path, participant, button, (), reason or "the button is repeated")
 
 
@@ -154,17 +160,17 @@ def _reject(path: Path, participant: str, button: str, numbers: Sequence[int], r
     rejected = load_study(path).reject(participant, button, numbers, reason)
     numbers = sorted({one.number for one in rejected})
     print_line(
-        f"Rejected of {button} by {participant}: {', '.join(map(str, numbers))}. "
-        "`haploop study run` asks for it again."
+        f"Rejected presses of {button} by {participant}: {', '.join(map(str, numbers))}. "
+        "`haploop study run` asks for them again."
     )
     return 0
 
 
 def _own_rig(path: Path, rig: str | None) -> str:
-    """The study's rig file, which stands beside it unless it is one that haploop ships."""
+    """The study's rig: a file beside the study file, or the name of a shipped rig."""
     from instruments import ConfigurationError  # noqa: PLC0415
 
     if rig is None:
-        raise ConfigurationError(f'{path} names no rig: add `rig = "FILE"`, or name one with --rig.')
+        raise ConfigurationError(f'{path} names no rig: add `rig = "FILE"`, or use --rig FILE.')
     beside = path.parent / rig
     return str(beside) if beside.is_file() else rig

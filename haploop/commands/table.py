@@ -1,4 +1,4 @@
-"""`haploop calibrate`, `check`: the table measured, and a press played on it."""
+"""`haploop calibrate`, `check`: calibrate the table, and play a press on it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, on_table, opened_rig
-from haploop.exits import Session
+from haploop.exits import CommandState
 
 if TYPE_CHECKING:
     from instruments.driver import Mode
@@ -23,27 +23,35 @@ __all__ = ["calibrate", "check"]
     "--point",
     default="button",
     show_default=True,
-    help="Where the laser is aimed: button, or a grid point's number.",
+    help="Point that the laser is aimed at: button, or a grid point's number.",
 )
-@click.option("--out", "-o", type=PATH, default=Path("calibration.h5"), show_default=True, metavar="FILE.h5")
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    default=Path("calibration.h5"),
+    show_default=True,
+    metavar="FILE.h5",
+    help="Calibration file to write.",
+)
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
 def calibrate(
-    session: Session, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
+    state: CommandState, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
 ) -> int:
-    """Measure the table's response and fit its model."""
+    """Measure the table's response and fit a model."""
     import haploop  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps  # noqa: PLC0415
-    from haploop.targets import new_file  # noqa: PLC0415
+    from haploop.targets import check_new_file  # noqa: PLC0415
 
-    new_file(out)
+    check_new_file(out)
     step = f"Calibrate patch {patch} at the {point} point"
     with (
         alone(rig, simulate) as file,
-        opened_rig(session, file, simulate) as opened,
+        opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
@@ -56,17 +64,26 @@ def calibrate(
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=PATH)
 @click.option(
-    "--calibration", "-c", required=True, type=PATH, metavar="FILE", help="As `haploop calibrate` wrote it."
+    "--calibration",
+    "-c",
+    required=True,
+    type=PATH,
+    metavar="FILE",
+    help="Calibration file written by `haploop calibrate`.",
 )
 @click.option(
-    "--out", "-o", type=PATH, metavar="DIR", help="Keep the representative press, the drive and a plot here."
+    "--out",
+    "-o",
+    type=PATH,
+    metavar="DIR",
+    help="Folder for the representative press, the drive and a plot.  [default: not saved]",
 )
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
 def check(
-    session: Session,
+    state: CommandState,
     recordings: Sequence[Path],
     calibration: Path,
     out: Path | None,
@@ -74,26 +91,32 @@ def check(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Play what stands for RECORDINGS of one button on the table, measure it, and compare."""
+    """Play a recorded press on the table and compare.
+
+    Computes the representative press of RECORDINGS and its drive, plays the drive, measures the table, and
+    compares the result with the press.
+
+    Exit codes: 0 the check passed, 1 it failed.
+    """
     import haploop  # noqa: PLC0415
     from haploop import show as display  # noqa: PLC0415
     from haploop.console import Steps  # noqa: PLC0415
 
-    table = haploop.Calibration.load(calibration)
+    loaded = haploop.Calibration.load(calibration)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])
     if out is not None:
         display.claim(out, press.button)
     with (
         alone(rig, simulate) as file,
-        opened_rig(session, file, simulate) as opened,
+        opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
-        if table.response.simulated != opened.simulated:
+        if loaded.response.simulated != opened.simulated:
             raise haploop.ConfigurationError(
-                f"{calibration} is of a {_kind(table.response.simulated)} table and the rig {opened.name!r} "
-                f"is {_kind(opened.simulated)}: calibrate that rig first."
+                f"{calibration} was measured on a {_kind(loaded.response.simulated)} table, but the rig "
+                f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
             )
-        drive = haploop.drive_for(press, table, opened.limits)
+        drive = haploop.drive_for(press, loaded, opened.limits)
         step = f"Play and measure the {press.button} button"
         result = haploop.check(opened, drive, progress=lambda done, of: steps(step, done, of))
     display.check(press, result, as_json)

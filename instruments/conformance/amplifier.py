@@ -25,20 +25,20 @@ class AmplifierConformance(Conformance):
     def test_limits_the_voltage_about_zero(self, amplifier: Amplifier) -> None:
         """Its limits are finite volts with zero, the safe state, between them."""
         limits = amplifier.limits(1)
-        assert -np.inf < limits.low <= 0 < limits.high < np.inf
+        assert -np.inf < limits.min <= 0 < limits.max < np.inf
 
     def test_more_patches_never_widen_a_limit(self, amplifier: Amplifier) -> None:
         """Several patches in parallel ask for more current: no limit grows with them."""
         one, four = amplifier.limits(1), amplifier.limits(4)
         for field in fields(one):
             ratio = getattr(one, field.name), getattr(four, field.name)
-            wider = ratio[1] < ratio[0] if field.name in ("low", "capacitance") else ratio[1] > ratio[0]
+            wider = ratio[1] < ratio[0] if field.name in ("min", "capacitance") else ratio[1] > ratio[0]
             assert not wider, f"{field.name} is {ratio[0]:g} for one patch and {ratio[1]:g} for four"
 
     def test_refuses_what_is_beyond_its_limits(self, amplifier: Amplifier) -> None:
         """A drive beyond the limits, or one that is not finite, is a LimitError."""
         limits = amplifier.limits(1)
-        for peak in (1.01 * limits.high, 1.01 * limits.low - 1e-3, np.nan, np.inf):
+        for peak in (1.01 * limits.max, 1.01 * limits.min - 1e-3, np.nan, np.inf):
             drive = np.zeros(100)
             drive[50] = peak
             with refused(LimitError):
@@ -59,5 +59,5 @@ class AmplifierConformance(Conformance):
     def test_input_stays_within_a_dac(self, amplifier: Amplifier) -> None:
         """The volts of its limits come from an input of 10 V or less: a gain, not its inverse."""
         limits = amplifier.limits(1)
-        volts = amplifier.to_input(np.array([limits.low, limits.high]))
+        volts = amplifier.to_input(np.array([limits.min, limits.max]))
         assert np.abs(volts).max() <= 10.5

@@ -138,7 +138,7 @@ class RelayConformance(Conformance):
         """
         with self.fault(kind) as fault, refused(InstrumentError):
             self.in_time(lambda: relay.connect(relay.patches))
-        assert fault.fired, f"the fault {kind!r} never struck"
+        assert fault.fired, f"the fault {kind!r} never fired"
         try:
             self.in_time(lambda: relay.connect(()))
         except InstrumentError as error:

@@ -1,4 +1,4 @@
-"""What the suites of all roles share: capabilities, faults, deadlines, and one sentence an error."""
+"""The base of all roles' suites: capabilities, faults, deadlines, and one sentence per error."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import ClassVar, Protocol, TypeVar
 import pytest
 
 from instruments.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
-from instruments.gate import Gated
+from instruments.gate import Interlocked
 from instruments.generator import Sweep
 
-__all__ = ["Conformance", "Fired", "let_play", "one_sentence", "refused"]
+__all__ = ["Conformance", "Fired", "bypass_interlock", "one_sentence", "refused"]
 
 Value = TypeVar("Value")
 
@@ -27,7 +27,7 @@ class Fired(Protocol):
     """A fault that counts. Those of `mocks.faults`, `mocks.loopback` and `mocks.relay` do."""
 
     fired: int
-    """How often it has struck."""
+    """How often it has fired."""
 
 
 class Conformance:
@@ -85,22 +85,22 @@ class Conformance:
                     pytest.skip(f"needs {name!r}: {self.optional[name]}")
 
 
-class _Open:
-    """A gate that lets everything pass."""
+class _Bypass:
+    """An interlock that authorises everything."""
 
-    def admit(self, *_what: object) -> None:
+    def authorise(self, *_what: object) -> None:
         pass
 
-    def admit_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
         pass
 
-    def admit_patches(self, *_what: object) -> None:
+    def authorise_patches(self, *_what: object) -> None:
         pass
 
 
-def let_play(driver: Gated) -> None:
-    """Let a driver that belongs to no rig play, so that it can be tested; nothing holds it to a limit."""
-    driver._gate = _Open()
+def bypass_interlock(driver: Interlocked) -> None:
+    """Let a driver that belongs to no rig play, for a test of the driver itself: no limit is checked."""
+    driver._interlock = _Bypass()
 
 
 def one_sentence(text: str) -> None:

@@ -27,10 +27,10 @@ class VibrometerConformance(Conformance):
         raise NotImplementedError
 
     def test_says_what_it_is(self, vibrometer: Vibrometer) -> None:
-        """Identity and channel are named; range, sensitivity, bandwidth and delay are SI numbers."""
+        """Identity and channel are named; range, scale, bandwidth and delay are SI numbers."""
         assert vibrometer.identity.strip() and "\n" not in vibrometer.identity
         assert vibrometer.channel.strip()
-        for name in ("range", "sensitivity", "bandwidth_hz"):
+        for name in ("range", "scale", "bandwidth_hz"):
             value = getattr(vibrometer, name)
             assert np.isfinite(value) and value > 0, f"{name} is {value}"
         assert np.isfinite(vibrometer.delay) and 0 <= vibrometer.delay < 1
@@ -40,18 +40,18 @@ class VibrometerConformance(Conformance):
         if vibrometer.declared is not None:
             one_sentence(vibrometer.declared)
 
-    def test_range_and_sensitivity_belong_together(self, vibrometer: Vibrometer) -> None:
+    def test_range_and_scale_belong_together(self, vibrometer: Vibrometer) -> None:
         """Full scale is a voltage that an output has: m/s and m/s per V, not mm/s in one of them."""
-        volts = vibrometer.range / vibrometer.sensitivity
+        volts = vibrometer.range / vibrometer.scale
         assert 0.1 <= volts <= 50, f"full scale would be {volts:g} V: are both in SI units?"
 
     def test_volts_become_metres_per_second(self, vibrometer: Vibrometer) -> None:
-        """`to_velocity` scales by the sensitivity, keeps any shape, and leaves its argument alone."""
+        """`to_velocity` multiplies by the scale, keeps any shape, and leaves its argument alone."""
         for shape in ((), (7,), (2, 5)):
             volts = np.full(shape, 0.25)
             velocity = vibrometer.to_velocity(volts)
             assert np.shape(velocity) == shape
-            assert np.allclose(velocity, 0.25 * vibrometer.sensitivity)
+            assert np.allclose(velocity, 0.25 * vibrometer.scale)
             assert np.all(volts == 0.25)
 
     def test_response_is_that_of_its_bandwidth_and_delay(self, vibrometer: Vibrometer) -> None:
@@ -80,17 +80,17 @@ class VibrometerConformance(Conformance):
     @pytest.mark.requires("reopen")
     def test_opening_changes_no_setting(self, vibrometer: Vibrometer) -> None:
         """Opening the driver changes nothing: what is read is what was read."""
-        names = ("identity", "channel", "range", "sensitivity", "bandwidth_hz", "delay", "declared")
+        names = ("identity", "channel", "range", "scale", "bandwidth_hz", "delay", "declared")
         other = self.reopen()
         assert [getattr(other, n) for n in names] == [getattr(vibrometer, n) for n in names]
         other.close()
 
     def test_close_may_be_called_again(self, vibrometer: Vibrometer) -> None:
         """`close` is idempotent; what was read stays known."""
-        sensitivity = vibrometer.sensitivity
+        scale = vibrometer.scale
         vibrometer.close()
         vibrometer.close()
-        assert vibrometer.sensitivity == sensitivity
+        assert vibrometer.scale == scale
 
     def test_a_fault_is_one_error_in_time(self, vibrometer: Vibrometer, kind: str) -> None:
         """An instrument that misbehaves is an InstrumentError within the deadline, in one sentence.
@@ -99,4 +99,4 @@ class VibrometerConformance(Conformance):
         """
         with self.fault(kind) as fault, refused(InstrumentError):
             self.in_time(vibrometer.signal_level)
-        assert fault.fired, f"the fault {kind!r} never struck"
+        assert fault.fired, f"the fault {kind!r} never fired"

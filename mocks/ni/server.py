@@ -29,7 +29,7 @@ from mocks.nodes import Nodes
 
 __all__ = ["NiServer"]
 
-Spoil = Callable[[str, bytes], bytes]
+Corrupt = Callable[[str, bytes], bytes]
 """What is sent instead of a reply: told the call's name and the reply."""
 
 _THREADS = 256
@@ -84,9 +84,9 @@ class NiServer:
         with self._system.lock:
             self._system.inject(device, code)
 
-    def spoil(self, how: Spoil) -> None:
-        """From now on every reply is what `how(call, reply)` makes of it: any bytes, protobuf or not."""
-        self._service.spoil = how
+    def corrupt(self, how: Corrupt) -> None:
+        """Replace every reply from now on by `how(call, reply)`: any bytes, protobuf or not."""
+        self._service.corrupt = how
 
     def output(self, terminal: str) -> float:
         """Volts (or 0 and 1) that an output terminal holds now."""
@@ -118,7 +118,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
     """Finds the handler of a call by its name: most of NI's 451 calls differ in nothing else."""
 
     def __init__(self, system: NiSystem, events: Events) -> None:
-        self.spoil: Spoil = lambda _call, reply: reply
+        self.corrupt: Corrupt = lambda _call, reply: reply
         self._system = system
         self._events = events
 
@@ -159,7 +159,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
 
     def _unary(self, method: Any, handle: Callable[[Any, Any], Any]) -> Any:
         def serialized(reply: Any) -> bytes:
-            return self.spoil(method.name, reply if isinstance(reply, bytes) else reply.SerializeToString())
+            return self.corrupt(method.name, reply if isinstance(reply, bytes) else reply.SerializeToString())
 
         return grpc.unary_unary_rpc_method_handler(
             handle,

@@ -13,8 +13,8 @@ import numpy as np
 from pressworld import world_rig
 
 from acquisition import record
-from acquisition.layout import Header, Judged, from_codes
-from acquisition.reading import Reader
+from acquisition.layout import Header, PressVerdict, from_codes
+from acquisition.reading import StreamReader
 from acquisition.scan import finish
 from acquisition.store import Writer
 from instruments import Block, RealClock, Stream, load_rig_file
@@ -58,7 +58,7 @@ def block_of(first: int, count: int = BLOCK) -> Block:
     return Block(first, from_codes(codes_of(first, count), FULL_SCALE), np.zeros(CHANNELS, dtype=bool))
 
 
-PRESS = Judged(1, 1, 100, 200, 112.5, 2.25, True, (), "")
+PRESS = PressVerdict(1, 1, 100, 200, 112.5, 2.25, True, (), "")
 
 
 def unfinished(path: Path, blocks: int = 8) -> Path:
@@ -66,7 +66,7 @@ def unfinished(path: Path, blocks: int = 8) -> Path:
         for i in range(blocks):
             writer.write(block_of(250 * i), 0.05 * (i + 1))
         writer.note(500, "pressed", "Press 1 of 1 was seen.")
-        writer.judge(PRESS)
+        writer.write_verdict(PRESS)
     return path
 
 
@@ -93,7 +93,8 @@ class Paced(Stream):
 
 def record_at_pace(path: Path, tell: Connection) -> None:
     """Record the pattern until this process is killed; `tell` what was given and what was written."""
-    with Writer(path, header(presses=10), BLOCK, 4000) as writer, Reader(Paced(tell), RealClock()) as reader:
+    writer = Writer(path, header(presses=10), BLOCK, 4000)
+    with writer, StreamReader(Paced(tell), RealClock()) as reader:
         for block in reader:
             writer.write(block, 0.0)
             tell.send(("written", writer.written))
@@ -101,26 +102,26 @@ def record_at_pace(path: Path, tell: Connection) -> None:
                 writer.note(block.end, "pressed", f"After {block.end}.")
 
 
-def lay_out(path: Path, tell: Connection) -> None:
-    """Lay files of 80 MB out, one after the other."""
+def preallocate(path: Path, tell: Connection) -> None:
+    """Preallocate files of 80 MB, one after the other."""
     for number in range(1000):
-        tell.send(("laying", number))
+        tell.send(("preallocating", number))
         Writer(path.with_name(f"P{number}-push.h5"), header(), BLOCK, 10_000).close()
 
 
 def finish_again(path: Path, tell: Connection) -> None:
     """Record 100 blocks and finish the file, one file after the other."""
     for number in range(1000):
-        target = path.with_name(f"P{number}-push.h5")
-        with Writer(target, header(), BLOCK, 200) as writer:
+        destination = path.with_name(f"P{number}-push.h5")
+        with Writer(destination, header(), BLOCK, 200) as writer:
             for i in range(100):
                 writer.write(block_of(BLOCK * i), 0.0)
         tell.send(("finishing", number))
-        finish(target)
+        finish(destination)
 
 
-def sit(path: Path, tell: Connection) -> None:
-    """A sitting of 500 presses."""
+def record_session(path: Path, tell: Connection) -> None:
+    """A session of 500 presses."""
     record(
         world_rig(seed=2),
         "push",

@@ -11,6 +11,6 @@ from instruments import open_rig
 
 def run(folder: Path, seed: int, there: Connection) -> None:
     """Go on with a study, and tell of every press."""
-    with open_rig("simulated", simulate="twin", simulation={"seed": seed, "clumsy": 0.1}) as rig:
-        run_study(rig, load_study(folder), judged=lambda *_: there.send("press"))
+    with open_rig("simulated", simulate="twin", simulation={"seed": seed, "bad_press_rate": 0.1}) as rig:
+        run_study(rig, load_study(folder), on_verdict=lambda *_: there.send("press"))
     there.send("done")

@@ -49,5 +49,7 @@ def test_pandas_has_a_column_for_each_quantity(recording: Recording):
 @pytest.mark.parametrize("name", ["xarray", "pandas"])
 def test_what_is_not_installed_is_named(recording: Recording, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ConfigurationError, match=f"{name} is not installed: pip install {name}"):
+    with pytest.raises(
+        ConfigurationError, match=f"{name} is not installed: install it with `pip install {name}`"
+    ):
         getattr(recording, f"to_{name}")()

@@ -23,11 +23,11 @@ def test_a_clumsy_person_s_bad_presses_are_marked_and_made_again(open, tmp_path,
     seen: set[str] = set()
     # This seed has every flaw in its first presses.
     for seed in range(20) if full else (103,):
-        rig = open(seed=seed, clumsy=0.5)
+        rig = open(seed=seed, bad_press_rate=0.5)
         for button in ("latch", "toggle", "push", "doorbell") if full else ("latch", "push"):
             known, live = len(rig.simulation.truth.presses), []
             path = tmp_path / str(seed)
-            recording = record(rig, button, "P01", 10 if full else 3, path, judged=live.append)
+            recording = record(rig, button, "P01", 10 if full else 3, path, on_verdict=live.append)
             made = rig.simulation.truth.presses[known:]
             truth = {(press.number, press.attempt): press for press in reversed(made)}
             assert [(press.number, press.attempt) for press in live] == sorted(truth)
@@ -37,7 +37,7 @@ def test_a_clumsy_person_s_bad_presses_are_marked_and_made_again(open, tmp_path,
                 assert press.accepted is not bool(flaw)
                 assert bool(press.reason) is bool(flaw)
                 seen.add(flaw)
-            assert str(recording.judged) == str(tuple(live))  # a nan is no nan
+            assert str(recording.verdicts) == str(tuple(live))  # a nan is no nan
             assert len(recording.accepted) == len(accepted_presses(recording))
     assert seen == {"", *FLAGS}
 
@@ -45,12 +45,12 @@ def test_a_clumsy_person_s_bad_presses_are_marked_and_made_again(open, tmp_path,
 def test_what_is_said_live_is_what_the_file_says(tmp_path):
     recording = record(world_rig(seed=8, drift=0.02, offset=20.0), "push", "P01", 4, tmp_path)
     found = find_presses(recording)
-    for judged, press in zip(recording.judged, found, strict=True):
-        assert judged.accepted
-        assert judged.activation == press.activation
-        assert judged.force == pytest.approx(press.force_at_activation, abs=0.01)
-        assert judged.first == pytest.approx(press.onset, abs=25)
-        assert judged.end == pytest.approx(press.release, abs=25)
+    for verdict, press in zip(recording.verdicts, found, strict=True):
+        assert verdict.accepted
+        assert verdict.activation == press.activation
+        assert verdict.force == pytest.approx(press.force_at_activation, abs=0.01)
+        assert verdict.first == pytest.approx(press.onset, abs=25)
+        assert verdict.end == pytest.approx(press.release, abs=25)
     assert accepted_presses(recording) == found
 
 
@@ -100,7 +100,7 @@ def test_a_bad_press_is_kept_marked_and_asked_for_again(tmp_path, button, flaw, 
     rig = crowded(world_rig(seed=9), press2=flaw)
     told = []
     recording = record(rig, button, "P01", 3, tmp_path, lambda done, of: told.append((done, of)))
-    presses = [(p.number, p.attempt, p.flags, p.reason) for p in recording.judged]
+    presses = [(p.number, p.attempt, p.flags, p.reason) for p in recording.verdicts]
     assert presses == [(1, 1, (), ""), (2, 1, (flag,), reason), (2, 2, (), ""), (3, 1, (), "")]
     assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
     asked = [r for r in rig.operator.requests if isinstance(r, Press)]
@@ -112,10 +112,10 @@ def test_a_bad_press_is_kept_marked_and_asked_for_again(tmp_path, button, flaw, 
 
 
 def test_a_force_out_of_range_is_said_with_the_range(tmp_path):
-    with pytest.raises(DataError, match=r"went wrong 2 times.*switched at .* N, not at 10 to 20 N"):
+    with pytest.raises(DataError, match=r"not accepted in 2 attempts.*switched at .* N, outside 10 to 20 N"):
         record(world_rig(seed=1), "push", "P01", 2, tmp_path, protocol=Protocol(force=(10, 20), attempts=2))
     recording = Recording.open(tmp_path / "P01-push.h5")
-    assert [press.flags for press in recording.judged] == [("force-range",)] * 2
+    assert [press.flags for press in recording.verdicts] == [("force-range",)] * 2
     assert accepted_presses(recording) == ()
     assert len(find_presses(recording)) == 2
 
@@ -130,7 +130,7 @@ def test_more_force_than_the_sensor_should_take_is_told_of(tmp_path):
         return made
 
     rig.daq.world.press = strong
-    with pytest.raises(DataError, match="the sensor takes 96 N"):
+    with pytest.raises(DataError, match="the sensor allows 96 N"):
         record(rig, "push", "P01", 1, tmp_path)
 
 
@@ -154,5 +154,5 @@ def test_the_protocol_stands_in_the_recording(tmp_path):
     recording = record(world_rig(), "push", "P01", 1, tmp_path, protocol=protocol)
     assert Protocol.from_json(recording.header.protocol) == protocol
     assert Protocol.from_json("{}") is None
-    with pytest.raises(DataError, match="update it"):
+    with pytest.raises(DataError, match="update haploop"):
         Protocol.from_json('{"telepathy": true, "segmentation": {}}')

@@ -97,10 +97,10 @@ def test_kill_9_while_recording_loses_nothing_that_was_reported_as_written(conte
     assert max(missing) <= LATEST
 
 
-@pytest.mark.parametrize("what", ["lay_out", "finish_again"])
+@pytest.mark.parametrize("what", ["preallocate", "finish_again"])
 def test_kill_9_before_and_after_recording_leaves_whole_files_or_none(context, tmp_path, full, what):
     rng = np.random.default_rng()
-    kind = {"lay_out": "laying", "finish_again": "finishing"}[what]
+    kind = {"preallocate": "preallocating", "finish_again": "finishing"}[what]
     for number in range(100 if full else 3):
         folder = tmp_path / str(number)
         folder.mkdir()
@@ -114,9 +114,9 @@ def test_kill_9_before_and_after_recording_leaves_whole_files_or_none(context, t
             assert Recording.open(path).volts.shape[0] == CHANNELS
 
 
-def test_kill_9_in_the_middle_of_a_sitting_keeps_every_press_that_was_seen(context, tmp_path):
+def test_kill_9_in_the_middle_of_a_session_keeps_every_press_that_was_seen(context, tmp_path):
     path = tmp_path / "P01-push.h5"
-    told = killed(context, "sit", path, "pressed", 1.0)
+    told = killed(context, "record_session", path, "pressed", 1.0)
     recording = Recording.open(path)
     assert not recording.complete
     assert sum(event.kind == "pressed" for event in recording.events) >= told["pressed"]

@@ -103,7 +103,7 @@ def test_two_presses_after_one_prompt_are_two(tmp_path):
 
     rig.operator.tell = twice
     recording = record(rig, "push", "P01", 1, tmp_path)
-    assert len(recording.judged) == 2
+    assert len(recording.verdicts) == 2
     assert len(rig.daq.world.presses) == len(find_presses(recording)) == 3
 
 

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from acquisition.reading import GapError, OverrunError, Reader
+from acquisition.reading import GapError, OverrunError, StreamReader
 from instruments import Block, Clock, InstrumentError, Stream
 from mocks.clock import VirtualClock
 
@@ -51,7 +51,7 @@ def test_blocks_come_in_order_and_virtual_time_stands_still_while_one_is_handled
     clock = VirtualClock()
     stream = Script(range(0, 500, 10), clock)
     firsts = []
-    with Reader(stream, clock) as reader:
+    with StreamReader(stream, clock) as reader:
         for block in reader:
             assert clock.now() == block.end / 100.0
             firsts.append(block.first)
@@ -61,7 +61,7 @@ def test_blocks_come_in_order_and_virtual_time_stands_still_while_one_is_handled
 def test_a_full_queue_stops_with_an_error_after_the_blocks_that_fit():
     stream = Script(range(0, 100, 10))
     firsts = []
-    with Reader(stream, RealTime(), depth=3) as reader:
+    with StreamReader(stream, RealTime(), depth=3) as reader:
         assert stream.ended.wait(10)
         assert reader.waiting == 4  # and the error behind them
         with pytest.raises(OverrunError, match="fell behind: 3 blocks"):
@@ -72,7 +72,7 @@ def test_a_full_queue_stops_with_an_error_after_the_blocks_that_fit():
 
 def test_a_gap_is_an_error_and_the_block_behind_it_is_not_handed_out():
     firsts = []
-    with Reader(Script([0, 10, 40, 50]), VirtualClock()) as reader:
+    with StreamReader(Script([0, 10, 40, 50]), VirtualClock()) as reader:
         with pytest.raises(GapError, match="Samples 20 to 39 were lost"):
             for block in reader:
                 firsts.append(block.first)
@@ -84,7 +84,7 @@ def test_a_gap_is_an_error_and_the_block_behind_it_is_not_handed_out():
 def test_an_error_of_the_driver_reaches_the_consumer_after_all_blocks():
     firsts = []
     stream = Script([0, 10, InstrumentError("The card has gone.")])
-    with Reader(stream, RealTime()) as reader, pytest.raises(InstrumentError, match="card has gone"):
+    with StreamReader(stream, RealTime()) as reader, pytest.raises(InstrumentError, match="card has gone"):
         for block in reader:
             firsts.append(block.first)
     assert firsts == [0, 10]
@@ -92,7 +92,7 @@ def test_an_error_of_the_driver_reaches_the_consumer_after_all_blocks():
 
 def test_what_an_interrupt_left_unhandled_is_handed_out_again():
     stream = Script(range(0, 50, 10))
-    with Reader(stream, RealTime()) as reader:
+    with StreamReader(stream, RealTime()) as reader:
         assert stream.ended.wait(10)
         for block in reader:
             if block.first == 20:
@@ -103,6 +103,6 @@ def test_what_an_interrupt_left_unhandled_is_handed_out_again():
 
 def test_leaving_early_ends_the_thread():
     clock = VirtualClock()
-    with Reader(Script(range(0, 10**9, 10), clock), clock) as reader:
+    with StreamReader(Script(range(0, 10**9, 10), clock), clock) as reader:
         next(iter(reader))
     assert not any(t.name == "haploop-reader" for t in threading.enumerate())

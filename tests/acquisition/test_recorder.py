@@ -120,7 +120,9 @@ def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_p
 
 @pytest.mark.parametrize("presses", [0, -1, 2.5, 3.0, "3", None, float("nan")])
 def test_presses_are_counted_in_whole_numbers(tmp_path, presses):
-    with pytest.raises(ConfigurationError, match=f"{presses} presses were asked for; a whole number"):
+    with pytest.raises(
+        ConfigurationError, match=f"{presses!r} is not a number of presses: use a whole number"
+    ):
         record(world_rig(), "push", "P01", presses, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
@@ -205,10 +207,12 @@ def test_a_recording_that_ended_before_its_first_block_is_empty_and_readable(tmp
 def test_a_full_scale_sensor_is_flagged(tmp_path):
     rig = world_rig(seed=1)
     rig.daq.world.gain = 6.0
-    with pytest.raises(DataError, match=r"Press 1 of 2 went wrong 5 times.*A sensor left its range"):
+    with pytest.raises(
+        DataError, match=r"Press 1 of 2 was not accepted in 5 attempts.*A sensor left its range"
+    ):
         record(rig, "push", "P01", 2, tmp_path)
     recording = assert_kept(rig, tmp_path / "P01-push.h5", 5 * 2500)
     assert recording.saturated.any()
     assert [press.saturated for press in find_presses(recording)] == 5 * [True]
-    assert [press.flags for press in recording.judged] == 5 * [("saturated",)]
+    assert [press.flags for press in recording.verdicts] == 5 * [("saturated",)]
     assert isinstance(rig.daq.world, World)

@@ -62,7 +62,7 @@ def test_only_pseudonyms_are_participants(name):
 
 @pytest.mark.parametrize("name", ["", "..", "../push", "a/b", "a\\b", "a b", "-x", "push\n", "x" * 41, "C:"])
 def test_a_button_cannot_lead_out_of_the_folder(name):
-    with pytest.raises(ConfigurationError, match="button's name"):
+    with pytest.raises(ConfigurationError, match="not a valid button name"):
         file_name("P01", name)
 
 
@@ -147,7 +147,7 @@ def test_what_was_changed_afterwards_gives_no_arrays_and_no_hash(finished, tmp_p
     with h5py.File(copy, "r+") as file:
         file["codes"][0] = 2 * file["codes"][0]
     for what in ("volts", "force", "saturated", "events", "content_hash", "duration"):
-        with pytest.raises(DataError, match=r"P01-push\.h5 .*its content does not match its hash: "):
+        with pytest.raises(DataError, match=r"P01-push\.h5 .*its content hash is .*, but the file states "):
             getattr(Recording.open(copy), what)
 
 
@@ -157,7 +157,7 @@ def test_a_changed_sensor_gives_no_force(finished, tmp_path):
         rig = json.loads(file["rig"].asstr()[()])
         rig["sensors"]["acceleration"]["sensitivity"] *= 2
         file["rig"][()] = json.dumps(rig)
-    with pytest.raises(DataError, match="does not match its hash"):
+    with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
         _ = Recording.open(copy).acceleration
     with h5py.File(copy, "r+") as file:
         file["rig"][()] = "{"
@@ -177,7 +177,7 @@ def test_what_was_said_of_the_samples_cannot_be_changed_either(finished, tmp_pat
             file[what][1] = row
         else:
             file[what][()] = "another"
-    with pytest.raises(DataError, match="does not match its hash"):
+    with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
         _ = Recording.open(copy).events
     assert verify(copy)
 
@@ -186,15 +186,15 @@ def test_an_edited_press_is_refused(tmp_path):
     path = tmp_path / "P01-push.h5"
     with Writer(path, header(), 250, 20) as writer:
         writer.write(block_of(0), 0.0)
-        writer.judge(PRESS._replace(accepted=False))
+        writer.write_verdict(PRESS._replace(accepted=False))
     finish(path)
-    assert not Recording.open(path).judged[0].accepted
+    assert not Recording.open(path).verdicts[0].accepted
     with h5py.File(path, "r+") as file:
         row = file["presses"][0]
         row["accepted"] = 1
         file["presses"][0] = row
-    with pytest.raises(DataError, match="does not match its hash"):
-        _ = Recording.open(path).judged
+    with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
+        _ = Recording.open(path).verdicts
 
 
 def test_a_changed_scale_does_not_pass_either(finished, tmp_path):
@@ -207,11 +207,11 @@ def test_a_changed_scale_does_not_pass_either(finished, tmp_path):
 @pytest.mark.parametrize(
     ("keep", "told"),
     [
-        (0, "is cut short: it is empty"),
+        (0, "is truncated: it is empty"),
         (5, "is damaged, or not a recording"),
-        (50, "is cut short: 50 of {size} bytes"),
-        (20_000, "is cut short: 20000 of {size} bytes"),
-        (-1, "is cut short: {less} of {size} bytes"),
+        (50, "is truncated: it has 50 of {size} bytes"),
+        (20_000, "is truncated: it has 20000 of {size} bytes"),
+        (-1, "is truncated: it has {less} of {size} bytes"),
     ],
 )
 def test_a_file_that_was_cut_short_is_refused_in_one_plain_sentence(finished, tmp_path, keep, told):
@@ -241,7 +241,7 @@ def test_other_files_are_refused(tmp_path):
     other = tmp_path / "other.h5"
     with h5py.File(other, "w") as file:
         file["x"] = 1
-    with pytest.raises(DataError, match="not a recording of haploop"):
+    with pytest.raises(DataError, match="not a haploop recording"):
         Recording.open(other)
     with pytest.raises(DataError):
         Recording.open(tmp_path)

@@ -46,15 +46,15 @@ def told_of(rig) -> list:
 def outcome(study) -> dict:
     """(participant, button, number) -> (attempt, force (N)) of every press that counts."""
     found = {}
-    for standing in study.standings():
-        for recording in standing.recordings:
+    for entry in study.progress():
+        for recording in entry.recordings:
             presses = accepted_presses(recording)
-            for judged, press in zip(
+            for verdict, press in zip(
                 sorted(recording.accepted, key=lambda one: one.first), presses, strict=True
             ):
-                key = (standing.participant, standing.button, judged.number)
+                key = (entry.participant, entry.button, verdict.number)
                 assert key not in found, "one press counts twice"
-                found[key] = (judged.attempt, press.force_at_activation)
+                found[key] = (verdict.attempt, press.force_at_activation)
     return found
 
 
@@ -86,8 +86,8 @@ def test_a_participant_is_asked_for_consent_once_and_then_for_each_button(small)
         "Press the latch button (2 of 2).",
     ]
     assert [type(request) for request in kinds] == [Consent, Ready, Press, Press, Ready, Press, Press]
-    assert [len(one.accepted) for one in study.standings()] == [2, 2, 0, 0]
-    assert [one.consented for one in study.standings()] == [True, True, False, False]
+    assert [len(one.accepted) for one in study.progress()] == [2, 2, 0, 0]
+    assert [one.consented for one in study.progress()] == [True, True, False, False]
     (recording,) = study.recordings("latch")
     assert (recording.header.study, recording.header.session) == ("trial", "1")
     assert recording.events[0].text == "The operator confirmed that P01 consented."
@@ -99,10 +99,10 @@ def test_a_rejected_press_is_asked_for_again_and_its_recording_stays(small, tmp_
     before = (study.folder / "P01-latch.h5").read_bytes()
     (rejection,) = study.reject("P01", "latch", [2], "the phone rang")
     assert (rejection.file, rejection.number, rejection.attempt) == ("P01-latch.h5", 2, 1)
-    standing = study.standing("P01", "latch")
-    assert (standing.accepted, standing.missing, standing.rejected) == ((1,), ((2, 2),), 1)
-    assert standing.judged[1].reason == "Rejected: the phone rang"
-    with pytest.raises(ConfigurationError, match="no accepted press 2 of latch by P01"):
+    entry = study.progress_of("P01", "latch")
+    assert (entry.accepted, entry.missing, entry.rejected) == ((1,), ((2, 2),), 1)
+    assert entry.verdicts[1].reason == "Rejected: the phone rang"
+    with pytest.raises(ConfigurationError, match="P01 has no accepted press 2 of latch"):
         study.reject("P01", "latch", [2])
     # A participant that was added meanwhile changes nobody's order, and nothing is asked twice.
     study = study_in(tmp_path, participants=["P01", "P02", "P03"])
@@ -112,7 +112,7 @@ def test_a_rejected_press_is_asked_for_again_and_its_recording_stays(small, tmp_
     asked = [(r.participant, r.number, r.attempt) for r in requests if isinstance(r, Press)]
     assert asked == [("P01", 2, 2), ("P03", 1, 1), ("P03", 2, 1)]
     assert Consent("P01") not in requests
-    assert [r.path.name for r in study.standing("P01", "latch").recordings] == [
+    assert [r.path.name for r in study.progress_of("P01", "latch").recordings] == [
         "P01-latch.h5",
         "P01-latch.2.h5",
     ]
@@ -125,15 +125,15 @@ def test_a_rejected_press_is_asked_for_again_and_its_recording_stays(small, tmp_
 def test_a_button_is_repeated(small, tmp_path):
     study = copied(small[0], tmp_path)
     assert len(study.reject("P01", "latch")) == 2
-    assert study.standing("P01", "latch").missing == ((1, 2), (2, 2))
-    assert study.standing("P01", "toggle").complete
+    assert study.progress_of("P01", "latch").missing == ((1, 2), (2, 2))
+    assert study.progress_of("P01", "toggle").complete
 
 
 def test_no_consent_no_recording(small, tmp_path):
     study = copied(small[0], tmp_path)
     with twin() as rig:
         rig.operator.confirm = lambda request: not isinstance(request, Consent)
-        with pytest.raises(DataError, match="P02 has not consented, so nothing of P02 is recorded"):
+        with pytest.raises(DataError, match="P02 has not consented, so nothing was recorded"):
             run_study(rig, study)
         assert not list(study.folder.glob("P02*"))
         rig.operator.confirm = lambda request: not isinstance(request, Ready)
@@ -145,27 +145,30 @@ def test_what_does_not_belong_is_refused(small, tmp_path):
     study = copied(small[0], tmp_path)
     latch, toggle = study.folder / "P01-latch.h5", study.folder / "P02-toggle.h5"
     with twin() as rig:
-        with pytest.raises(ConfigurationError, match="no participant 'P09'; it has P01, P02"):
+        with pytest.raises(ConfigurationError, match="no participant 'P09', only P01, P02"):
             run_study(rig, study, ["P09"])
         with pytest.raises(ConfigurationError, match="no button 'doorbell'"):
             run_study(rig, study, buttons=["doorbell"])
     with (
         open_rig("stock-accelerometer", simulate="twin") as other,
-        pytest.raises(ConfigurationError, match="a study stays on one rig"),
+        pytest.raises(ConfigurationError, match="record a study on one rig only"),
     ):
         run_study(other, study)
     toggle.write_bytes(latch.read_bytes())
-    with pytest.raises(DataError, match=r"P02-toggle.h5 holds latch by P01 of the study 'trial', and has no"):
-        study.standings()
+    with pytest.raises(
+        DataError,
+        match=r"P02-toggle.h5 belongs to the study 'trial' \(button latch, participant P01\), not to",
+    ):
+        study.progress()
     toggle.write_bytes(latch.read_bytes()[:5000])
-    with pytest.raises(DataError, match="cut short"):
-        study.standings()
+    with pytest.raises(DataError, match="truncated"):
+        study.progress()
     toggle.unlink()
     study.reject("P01", "latch", [1])
     latch.write_bytes((study.folder / "P01-latch.h5").read_bytes())
     (study.folder / "rejections.jsonl").write_text('{"file": "P01-latch', encoding="utf-8")
     with pytest.raises(DataError, match=r"rejections\.jsonl is damaged"):
-        study.standing("P01", "latch").accepted  # noqa: B018
+        study.progress_of("P01", "latch").accepted  # noqa: B018
 
 
 def test_two_programs_do_not_record_one_study(small, tmp_path):
@@ -176,7 +179,7 @@ def test_two_programs_do_not_record_one_study(small, tmp_path):
 
 def interrupted_at(block: int, monkeypatch):
     """Ctrl-C when that many blocks have been seen."""
-    take, seen = recorder._Sitting._block, Counter()
+    take, seen = recorder._SessionRun._block, Counter()
 
     def taken(self):
         seen["blocks"] += 1
@@ -184,7 +187,7 @@ def interrupted_at(block: int, monkeypatch):
             raise KeyboardInterrupt
         return take(self)
 
-    monkeypatch.setattr(recorder._Sitting, "_block", taken)
+    monkeypatch.setattr(recorder._SessionRun, "_block", taken)
 
 
 def killed_after(folder: Path, seed: int, presses: int, moment: float) -> None:
@@ -224,7 +227,7 @@ def test_a_study_that_is_interrupted_again_and_again_comes_to_the_same_end(tmp_p
     else:
         keys, places = {"participants": ["P01"], "presses": 3}, rng.choice(6, 3, replace=False)
     whole = study_in(tmp_path / "whole", **keys)
-    with twin(seed=seed, clumsy=0.1) as rig:
+    with twin(seed=seed, bad_press_rate=0.1) as rig:
         began = time.monotonic()
         assert run_study(rig, whole)
         recorded = time.monotonic() - began
@@ -235,29 +238,29 @@ def test_a_study_that_is_interrupted_again_and_again_comes_to_the_same_end(tmp_p
     print(f"recorded in {recorded:.0f} s, represented in {time.monotonic() - began:.0f} s")
 
     broken = study_in(tmp_path / "broken", **keys)
-    kills, whole_presses = 0, sum(one.of for one in whole.standings())
+    kills, whole_presses = 0, sum(one.of for one in whole.progress())
     for turn, place in enumerate(sorted(places)):
-        left = sum(len(one.missing) for one in broken.standings())
+        left = sum(len(one.missing) for one in broken.progress())
         presses = min(max(1, int(place) - (whole_presses - left)), left)
         # Every third one is a kill; the others are Ctrl-C, in the middle of a press or between two.
         if turn % 3 == 1:
             kills += 1
             killed_after(broken.path.parent, seed, presses, float(rng.uniform(0, 0.05)))
         else:
-            with monkeypatch.context() as patch, twin(seed=seed, clumsy=0.1) as rig:
+            with monkeypatch.context() as patch, twin(seed=seed, bad_press_rate=0.1) as rig:
                 # The rest takes 10 blocks, and the quickest press 18.
                 interrupted_at(int(rng.integers(1, 10 + 18 * presses)), patch)
                 with pytest.raises(KeyboardInterrupt):
                     run_study(rig, broken)
-    with twin(seed=seed, clumsy=0.1) as rig:
+    with twin(seed=seed, bad_press_rate=0.1) as rig:
         assert run_study(rig, broken)
 
-    assert all(standing.complete for standing in broken.standings())
-    interrupted = sum(standing.interrupted for standing in broken.standings())
-    # A kill may come between two sittings.
+    assert all(entry.complete for entry in broken.progress())
+    interrupted = sum(entry.interrupted for entry in broken.progress())
+    # A kill may come between two sessions.
     assert len(places) - kills <= interrupted <= len(places)
     expected, found = outcome(whole), outcome(broken)
-    assert len(found) == sum(standing.of for standing in broken.standings())
+    assert len(found) == sum(entry.of for entry in broken.progress())
     assert {key: attempt for key, (attempt, _) in found.items()} == {
         key: attempt for key, (attempt, _) in expected.items()
     }

@@ -40,24 +40,30 @@ def loaded(folder, text: str):
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ('participants = ["Mustafa Emre"]', "never a name"),
-        ('participants = ["../P01"]', "is not a participant's pseudonym"),
-        ('participants = ["P01", "P01"]', "P01 stands there twice"),
-        ('participants = ["P01", "p01"]', "differ by capitals only"),
+        ('participants = ["Mustafa Emre"]', "Do not use a person's name"),
+        ('participants = ["../P01"]', "is not a valid participant pseudonym"),
+        ('participants = ["P01", "P01"]', "P01 is listed twice"),
+        ('participants = ["P01", "p01"]', "differ only in upper and lower case"),
         ("participants = []", "at least 1 item"),
-        ('buttons = ["../../etc/passwd"]', "is not a button's name"),
-        ('buttons = ["C:\\\\latch"]', "is not a button's name"),
+        ('buttons = ["../../etc/passwd"]', "is not a valid button name"),
+        ('buttons = ["C:\\\\latch"]', "is not a valid button name"),
         ("presses = 0", "greater than or equal to 1"),
         ('order = "randomly"', "'counterbalanced', 'random' or 'as-listed'"),
-        ('order = "random"', "a random order needs a seed"),
-        ("seed = 3", "no other order takes one"),
+        ('order = "random"', 'a seed is required with order = "random"'),
+        ("seed = 3", "not allowed with any other order"),
         ('particpants = ["P01"]', "did you mean 'participants'?"),
-        ('prompts = { ready = "{name}, please" }', "can hold {participant}, {button}, {presses}, and"),
-        ('prompts = { press = "{number:{of}" }', "nothing else in braces"),
-        ('button = { latch = { prompt = "{}" } }', "nothing else in braces"),
-        ("button = { doorbell = { presses = 3 } }", "none of the buttons latch, toggle, push"),
+        (
+            'prompts = { ready = "{name}, please" }',
+            "only these placeholders: {participant}, {button}, {presses}",
+        ),
+        ('prompts = { press = "{number:{of}" }', "may contain only these placeholders"),
+        ('button = { latch = { prompt = "{}" } }', "may contain only these placeholders"),
+        (
+            "button = { doorbell = { presses = 3 } }",
+            "there is no 'doorbell' in buttons (latch, toggle, push)",
+        ),
         ("button = { latch = { force = [5, 2] } }", "the lowest force must be below the highest"),
-        ("button = { latch = { segmentation = { pressure = 1 } } }", "there is no 'pressure'"),
+        ("button = { latch = { segmentation = { pressure = 1 } } }", "there is no parameter 'pressure'"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence_with_its_line(tmp_path, line, expected):
@@ -104,7 +110,7 @@ def test_who_is_added_later_changes_nobody_s_order(tmp_path, order):
     assert "P04" in after.participants
 
 
-def test_a_button_s_own_wishes(tmp_path):
+def test_a_button_s_own_settings(tmp_path):
     file = loaded(
         tmp_path,
         GOOD
@@ -119,8 +125,8 @@ segmentation = { quiet = 0.2 }
 """,
     )
     assert (file.presses_of("latch"), file.presses_of("push")) == (20, 10)
-    assert file.words_for("latch").startswith("Press it until it stays")
-    assert file.words_for("push") == "{button}!"
+    assert file.prompt_for("latch").startswith("Press it until it stays")
+    assert file.prompt_for("push") == "{button}!"
     assert file.protocol_for("latch").force == (3, 15)
     assert file.protocol_for("latch").segmentation == replace(segmentation_for("latch"), quiet=0.2)
     assert file.protocol_for("push") == Protocol(segmentation=segmentation_for("push"))
@@ -131,7 +137,7 @@ def test_what_the_guide_and_a_new_study_show_can_be_loaded(tmp_path):
     guide = (root / "docs" / "recording.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```toml\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
     file = loaded(tmp_path, example)
-    assert file.words_for("latch").startswith("Press the latch until it stays")
+    assert file.prompt_for("latch").startswith("Press the latch until it stays")
     assert file.prompts.ready.format(participant="P01", button="latch", presses=3).startswith("P01: index")
     new = _NEW.format(name='"pilot"')
     assert loaded(tmp_path, new).participants == ("P01", "P02", "P03")

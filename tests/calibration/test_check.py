@@ -63,7 +63,7 @@ def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
 def test_what_did_not_follow_never_passes(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch, how: object, says: str
 ) -> None:
-    """A blocked laser, noise, 3 dB too little, 1 ms late, upside down, clipped, overloaded, no number."""
+    """A blocked laser, noise, 3 dB too little, 1 ms late, upside down, clipped, overloaded, NaN."""
     tamper(calibrated.rig, monkeypatch, laser=how)  # type: ignore[arg-type]
     result = check(calibrated.rig, drive, plays=2)
     assert not result.passed

@@ -44,13 +44,13 @@ def test_the_target_is_the_scaled_press_within_the_band(
         press.acceleration, press.rate_hz, drive.carrier_hz
     )
     f = rfftfreq(len(modulated), 1 / press.rate_hz)
-    wanted = rfft(modulated) * drive.scale
+    expected = rfft(modulated) * drive.scale
     got = rfft(drive.target)[: len(f)] / 10
     inside = (f > 1.35 * low) & (f < 0.93 * high)
-    assert np.abs(got - wanted)[inside].max() < 0.02 * np.abs(wanted).max()
+    assert np.abs(got - expected)[inside].max() < 0.02 * np.abs(expected).max()
     beyond = (f < 0.95 * low) | (f > 1.02 * high)
-    assert np.abs(got[beyond]).max() < 0.01 * np.abs(wanted).max()
-    share = (np.abs(got) ** 2).sum() / (np.abs(wanted) ** 2).sum()
+    assert np.abs(got[beyond]).max() < 0.01 * np.abs(expected).max()
+    share = (np.abs(got) ** 2).sum() / (np.abs(expected) ** 2).sum()
     assert drive.in_band == pytest.approx(share, abs=0.02)
 
 
@@ -77,7 +77,7 @@ def test_what_is_not_reached_is_said(calibrated: Calibrated, drive: Drive, press
 def test_half_the_limit_gives_about_half_the_scale(
     calibrated: Calibrated, drive: Drive, press: Representative
 ) -> None:
-    limits = replace(calibrated.rig.limits, swing=calibrated.rig.limits.peak)
+    limits = replace(calibrated.rig.limits, peak_to_peak=calibrated.rig.limits.peak)
     softer = drive_for(press, calibrated.calibration, limits)
     limits.check(softer.volts, softer.rate_hz)
     assert softer.scale < 0.7 * drive.scale

@@ -12,7 +12,7 @@ RATE = 50e3
 
 def test_a_sweep_may_be_played_and_rises_linearly() -> None:
     sweep = linear_sweep(50e3, 7.0, 625.0, 48.0)
-    Limits(low=-48, high=48, mean=0.01, end=0.5, slew=0.5e6).check(sweep, 50e3)
+    Limits(min=-48, max=48, max_offset=0.01, max_end=0.5, slew=0.5e6).check(sweep, 50e3)
     assert np.abs(sweep).max() == pytest.approx(48)
     for second in (1.0, 3.5, 6.0):
         piece = sweep[round((second - 0.1) * 50e3) : round((second + 0.1) * 50e3)]
@@ -39,7 +39,7 @@ def test_a_sweep_that_cannot_be_sampled_is_refused(duration: float, stop: float)
 )
 def test_a_multisine_may_be_played_and_holds_its_lines_alone(multisine: Multisine) -> None:
     drive = multisine.volts(RATE, 48.0)
-    Limits(low=-48, high=48, mean=0.5, end=0.5, slew=0.5e6).check(drive, RATE)
+    Limits(min=-48, max=48, max_offset=0.5, max_end=0.5, slew=0.5e6).check(drive, RATE)
     assert np.abs(drive).max() == pytest.approx(48)
     assert len(drive) / RATE == pytest.approx(multisine.duration, abs=1 / RATE)
     one = multisine.samples(RATE)

@@ -57,13 +57,13 @@ def test_a_generation_is_published_whole_and_then_activated(history: History) ->
     assert (first.reason, first.details, first.parent) == ("because", {"n": 1}, "")
     with pytest.raises(DataError, match="no active calibration"):
         history.active()
-    line = history.activate(first, when=WHEN, who="somebody", reason="it begins")
+    line = history.activate(first, when=WHEN, actor="somebody", reason="it begins")
     assert history.active() == first
     second = publish(history, b"other", parent=first.name)
     assert second.name.startswith("0002-") and history.active() == first
-    history.activate(second, when=WHEN + timedelta(hours=1), who="cron", reason="drifted")
+    history.activate(second, when=WHEN + timedelta(hours=1), actor="cron", reason="drifted")
     assert history.active() == second == history.find("2") == history.find("active")
-    history.activate(first, when=WHEN + timedelta(hours=2), who="somebody", reason="was better")
+    history.activate(first, when=WHEN + timedelta(hours=2), actor="somebody", reason="was better")
     assert history.active() == first
     assert [a.reason for a in history.activations] == ["it begins", "drifted", "was better"]
     assert (
@@ -84,7 +84,7 @@ def test_numbers_go_on_past_four_digits(history: History) -> None:
 @pytest.mark.parametrize("how", ["changed", "gone"])
 def test_what_is_not_whole_is_never_active(history: History, name: str, how: str) -> None:
     generation = publish(history)
-    history.activate(generation, when=WHEN, who="", reason="")
+    history.activate(generation, when=WHEN, actor="", reason="")
     path = generation.folder / name
     content = path.read_bytes()
     path.unlink()
@@ -94,13 +94,13 @@ def test_what_is_not_whole_is_never_active(history: History, name: str, how: str
         history.active()
     if name != "generation.json":
         with pytest.raises(DataError, match=name):
-            history.activate(generation, when=WHEN, who="", reason="")
+            history.activate(generation, when=WHEN, actor="", reason="")
         assert len(history.activations) == 1
 
 
 def test_a_line_that_was_never_finished_was_never_said(history: History) -> None:
     first = publish(history)
-    history.activate(first, when=WHEN, who="a", reason="b")
+    history.activate(first, when=WHEN, actor="a", reason="b")
     path = history.folder / "activations.jsonl"
     whole = path.read_bytes()
     for cut in range(1, len(whole)):
@@ -108,13 +108,13 @@ def test_a_line_that_was_never_finished_was_never_said(history: History) -> None
         if cut < len(whole):
             assert history.active() == first
     second = publish(history)
-    history.activate(second, when=WHEN, who="a", reason="b")
+    history.activate(second, when=WHEN, actor="a", reason="b")
     assert history.active() == second and len(history.activations) == 2
 
 
 @pytest.mark.parametrize("line", [b"no JSON", b"[1]", b'{"generation": 1}', b"7", b"\xff"])
 def test_a_damaged_line_is_said(history: History, line: bytes) -> None:
-    history.activate(publish(history), when=WHEN, who="a", reason="b")
+    history.activate(publish(history), when=WHEN, actor="a", reason="b")
     with (history.folder / "activations.jsonl").open("ab") as file:
         file.write(line + b"\n")
     with pytest.raises(DataError, match=r"activations\.jsonl.* is damaged"):
@@ -173,7 +173,7 @@ def write(folder):
             parts = {f"{kind}/{n}.h5": Part(bytes(200_000)) for kind in ("a", "b") for n in range(3)}
             now, parent = datetime.now(UTC), history.active().name
             g = history.add(parts, when=now, reason="r", details={}, parent=parent)
-            history.activate(g, when=now, who="w", reason="r")
+            history.activate(g, when=now, actor="w", reason="r")
             history.note({"active": g.name})
 
 serve(write)
@@ -185,7 +185,7 @@ serve(write)
 def test_a_kill_leaves_exactly_one_active_and_it_is_whole(history: History, full: bool) -> None:
     """The writer does nothing but publish and activate, so that every kill falls into the middle of it."""
     rng = random.Random(7)
-    history.activate(publish(history), when=WHEN, who="", reason="")
+    history.activate(publish(history), when=WHEN, actor="", reason="")
     left = 0
     with Victims(WRITER) as victims:
         for _ in range(400 if full else 20):

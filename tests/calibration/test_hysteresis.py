@@ -14,18 +14,18 @@ def patch() -> Hysteresis:
 
 def test_the_inverse_undoes_the_loop(patch: Hysteresis) -> None:
     walk = np.random.default_rng(0).standard_normal(5000).cumsum()
-    strain = patch.strain(walk)
-    assert np.abs(strain - walk).max() > 3
-    assert np.abs(patch.volts(strain) - walk).max() < 1e-9
-    assert np.abs(patch.strain(patch.volts(walk)) - walk).max() < 1e-9
-    assert patch.volts(np.zeros(10)) == pytest.approx(0)
+    linear_volts = patch.to_linear_volts(walk)
+    assert np.abs(linear_volts - walk).max() > 3
+    assert np.abs(patch.from_linear_volts(linear_volts) - walk).max() < 1e-9
+    assert np.abs(patch.to_linear_volts(patch.from_linear_volts(walk)) - walk).max() < 1e-9
+    assert patch.from_linear_volts(np.zeros(10)) == pytest.approx(0)
 
 
 @pytest.mark.parametrize("amplitude", [2, 10, 30, 50])
 def test_the_gain_is_the_first_harmonic(patch: Hysteresis, amplitude: float) -> None:
     turn = 2 * np.pi * np.arange(20000) / 10000
-    strain = patch.strain(amplitude * np.sin(turn))[10000:]
-    measured = 2j * np.mean(strain * np.exp(-1j * turn[10000:])) / amplitude
+    linear_volts = patch.to_linear_volts(amplitude * np.sin(turn))[10000:]
+    measured = 2j * np.mean(linear_volts * np.exp(-1j * turn[10000:])) / amplitude
     assert patch.gain(amplitude) == pytest.approx(measured, abs=1e-4)
 
 
@@ -39,8 +39,8 @@ def test_what_was_fitted_is_what_was_measured(calibrated: Calibrated) -> None:
         # The loop's opening over its height at 100 Vpp, as the rig file has it.
         turn = 2 * np.pi * np.arange(20000) / 10000
         volts = response.level * np.sin(turn)
-        strain = hysteresis.strain(volts)[10000:]
-        opening = strain[5000] - strain[0]
-        assert abs(opening) / np.ptp(strain) == pytest.approx(
+        linear_volts = hysteresis.to_linear_volts(volts)[10000:]
+        opening = linear_volts[5000] - linear_volts[0]
+        assert abs(opening) / np.ptp(linear_volts) == pytest.approx(
             calibrated.rig.file.simulation.hysteresis, rel=0.15
         )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.fft import rfft, rfftfreq
 
-from calibration.inversion import Plan, loudest, quiet, within
+from calibration.inversion import Plan, max_output, min_peak, within
 from calibration.spectra import fade
 
 
@@ -23,14 +23,14 @@ def plan() -> Plan:
         w = 2 * np.pi * hertz
         gain += sign * s**2 / (s**2 + 2 * 0.01 * w * s + w**2)
     weight = ((f > 150) & (f < 600)).astype(float)
-    wanted = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * weight
+    target = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * weight
     window = np.zeros(n)
     window[:4500] = fade(4500, 100, 100)
-    return Plan(wanted, gain, weight, np.full(len(f), 1e-3), window, 0.0)
+    return Plan(target, gain, weight, np.full(len(f), 1e-3), window, 0.0)
 
 
 def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
-    drive, error = quiet(plan, 0.01)
+    drive, error = min_peak(plan, 0.01)
     assert error < 0.01
     before = drive[:1400]
     assert np.linalg.norm(before) > 0.02 * np.linalg.norm(drive)
@@ -40,8 +40,8 @@ def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
 
 @pytest.mark.parametrize("budget", [0.05, 0.15])
 def test_a_limit_is_met_better_by_planning_than_by_regularising(plan: Plan, budget: float) -> None:
-    plain, _ = quiet(plan, budget)
-    planned, error = loudest(plan, budget)
+    plain, _ = min_peak(plan, budget)
+    planned, error = max_output(plan, budget)
     assert error <= budget
     assert np.abs(planned).max() < 0.9 * np.abs(plain).max()
     assert np.all(np.abs(planned) <= plan.window * np.abs(planned).max() + 1e-12)
@@ -51,34 +51,34 @@ def test_a_limit_is_met_better_by_planning_than_by_regularising(plan: Plan, budg
 
 
 def test_steps_are_limited_by_planning_too(plan: Plan) -> None:
-    free, _ = loudest(plan, 0.1)
-    steepest = 0.5 * float(np.abs(np.diff(free)).max() / np.abs(free).max())
-    planned, error = loudest(replace(plan, steepest=steepest), 0.1)
+    free, _ = max_output(plan, 0.1)
+    slew = 0.5 * float(np.abs(np.diff(free)).max() / np.abs(free).max())
+    planned, error = max_output(replace(plan, slew=slew), 0.1)
     peak = float(np.abs(planned).max())
     # Steps are kept as well as the splitting converged, and no further: the caller scales what is left.
-    assert np.abs(np.diff(planned)).max() < 1.25 * steepest * peak
+    assert np.abs(np.diff(planned)).max() < 1.25 * slew * peak
     assert error <= 0.1
-    # Not by being as slow as its steepest step asks of the whole: that would need a higher peak.
+    # Not by being as slow as its largest step asks of the whole: that would need a higher peak.
     assert peak < 1.9 * np.abs(free).max()
 
 
 def test_a_known_drive_is_left_where_nothing_is_to_gain(plan: Plan) -> None:
-    drive, _ = quiet(plan, 0.01)
-    known = replace(plan, wanted=plan.gain * rfft(drive), around=rfft(drive), ridge=1e-4)
+    drive, _ = min_peak(plan, 0.01)
+    known = replace(plan, target=plan.gain * rfft(drive), operating_point=rfft(drive), ridge=1e-4)
     again, _ = within(known, 2 * float(np.abs(drive).max()))
     assert np.linalg.norm(again - drive) < 0.05 * np.linalg.norm(drive)
 
 
-def test_noise_and_doubt_are_part_of_what_is_expected(plan: Plan) -> None:
-    drive, error = quiet(plan, 0.05)
+def test_noise_and_uncertainty_are_part_of_the_expected_error(plan: Plan) -> None:
+    drive, error = min_peak(plan, 0.05)
     noisy = replace(plan, noise=0.1 / float(np.abs(drive).max()))
     assert noisy.error(drive) == pytest.approx(np.hypot(error, 0.1))
-    assert replace(plan, doubt=100 * plan.doubt).error(drive) > 1.5 * error
+    assert replace(plan, uncertainty=100 * plan.uncertainty).error(drive) > 1.5 * error
 
 
 def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
     hopeless = replace(plan, noise=10.0)
-    drive, error = loudest(hopeless, 0.05)
+    drive, error = max_output(hopeless, 0.05)
     assert error > 0.05
-    assert error <= quiet(hopeless, 0.05)[1] * 1.001
+    assert error <= min_peak(hopeless, 0.05)[1] * 1.001
     assert np.all(np.isfinite(drive))

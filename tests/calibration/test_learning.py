@@ -11,7 +11,7 @@ import pytest
 
 from calibration import Drive, Learning, calibrate, check, drive_for, learn
 from calibration import learning as learning_module
-from calibration.correction import Known
+from calibration.correction import ResponseEstimate
 from calibration.drive import Method
 from calibration.learning import _in_common
 from haploop.pytest_plugin import Rigs
@@ -106,7 +106,7 @@ def test_a_noisy_vibrometer_does_not_write_its_noise_into_the_drive(
     assert best.nrmse <= 1.6 * best.floor
 
 
-def quieter(_known: Known, volts: FloatArray, *_rest: object) -> tuple[FloatArray, float]:
+def quieter(_estimate: ResponseEstimate, volts: FloatArray, *_rest: object) -> tuple[FloatArray, float]:
     """A correction that is none, and promises everything."""
     return 0.9 * volts, 1.0
 
@@ -117,12 +117,12 @@ def test_a_correction_that_makes_it_worse_is_not_kept(
 ) -> None:
     """Whatever a model that is wrong promises: what was measured decides."""
 
-    monkeypatch.setattr(Known, "correction", quieter)
+    monkeypatch.setattr(ResponseEstimate, "correction", quieter)
     rig = open(vibrometer_noise_scale=QUIET)
     learning = learn(rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert [iteration.kept for iteration in learning.iterations] == [True, False]
     assert learning.best == 0 and learning.drive is drive
-    assert "no closer" in learning.iterations[1].why
+    assert "no closer" in learning.iterations[1].reason
 
 
 @pytest.mark.requires("simulation")
@@ -131,8 +131,8 @@ def test_what_was_better_by_chance_is_not_taken(
 ) -> None:
     """The plays that chose the best say that it is; those after them do not."""
     rig = open(vibrometer_noise_scale=QUIET)
-    monkeypatch.setattr(Known, "correction", quieter)
-    monkeypatch.setattr(learning_module, "_SURE", -1e9)
+    monkeypatch.setattr(ResponseEstimate, "correction", quieter)
+    monkeypatch.setattr(learning_module, "_STEP_SIGNIFICANCE", -1e9)
     learning = learn(rig, drive, calibrated.calibration, iterations=1, plays=3)
     assert learning.best == 0 and learning.drive is drive
     assert learning.best_again > learning.first_again
@@ -146,7 +146,7 @@ def test_every_iteration_is_kept_on_disk(learnt: Learning, tmp_path: Path) -> No
     assert len(back.iterations) == len(learnt.iterations) > 1
     for mine, theirs in zip(learnt.iterations, back.iterations, strict=True):
         assert np.array_equal(mine.volts, theirs.volts) and np.array_equal(mine.measured, theirs.measured)
-        assert (mine.kept, mine.why, mine.nrmse) == (theirs.kept, theirs.why, theirs.nrmse)
+        assert (mine.kept, mine.reason, mine.nrmse) == (theirs.kept, theirs.reason, theirs.nrmse)
     assert back.stopped == learnt.stopped
     assert np.array_equal(back.drive.volts, learnt.iterations[learnt.best].volts)
 

@@ -37,8 +37,8 @@ def lag(rig: Rig, level: float) -> complex:
     """First harmonic of what the plant's hysteresis makes of a sine: what a sweep at `level` shows."""
     phase = 2 * np.pi * np.arange(20_000) / 5_000
     law = Hysteresis(rig.file.simulation.hysteresis)
-    strain = law.follow(np.asarray(level * np.sin(phase)))[5_000:]
-    return complex(2j * np.mean(strain * np.exp(-1j * phase[5_000:])) / level)
+    linear_volts = law.follow(np.asarray(level * np.sin(phase)))[5_000:]
+    return complex(2j * np.mean(linear_volts * np.exp(-1j * phase[5_000:])) / level)
 
 
 def error(mapped: Mapped) -> float:
@@ -46,14 +46,14 @@ def error(mapped: Mapped) -> float:
     found, truth = mapped.found, mapped.rig.simulation
     assert truth is not None
     f = np.arange(*BAND, 0.5)
-    wanted, got = [], []
+    expected, got = [], []
     for name in found.configurations:
         patches = found.plan.patches if name == "all" else (name,)
-        wanted.append(
+        expected.append(
             [sum(truth.truth.velocity_response(p, point, f) for p in patches) for point in found.points]
         )
         got.append(found.velocity(name, f))
-    true = np.array(wanted) * lag(mapped.rig, found.plan.level)
+    true = np.array(expected) * lag(mapped.rig, found.plan.level)
     return float(np.linalg.norm(np.array(got) - true) / np.linalg.norm(true))
 
 

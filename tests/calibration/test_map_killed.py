@@ -43,8 +43,8 @@ def velocity(found: VibrationMap) -> np.ndarray:
 
 
 def measured(folder: MapFolder) -> dict[str, np.ndarray]:
-    records = {step.name: folder.read(step) for step in folder.plan.steps if folder.file(step).exists()}
-    return {name: record.velocity for name, record in records.items() if record is not None}
+    measurements = {step.name: folder.read(step) for step in folder.plan.steps if folder.file(step).exists()}
+    return {name: point.velocity for name, point in measurements.items() if point is not None}
 
 
 @pytest.mark.timeout(3600)
@@ -89,8 +89,8 @@ def test_killed_anywhere_and_gone_on_with_it_is_the_same_map(tmp_path: Path, mod
             done = before.keys() == after.keys()
             ends["fitting" if done else "measuring" if before else "begun"] += 1
             if full:
-                found, wanted = velocity(VibrationMap.load(path)), velocity(VibrationMap.load(whole.path))
-                apart.append(float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted)))
+                found, expected = velocity(VibrationMap.load(path)), velocity(VibrationMap.load(whole.path))
+                apart.append(float(np.linalg.norm(found - expected) / np.linalg.norm(expected)))
                 assert not done or apart[-1] == 0
             shutil.rmtree(path)
     print(ends, f"apart {max(apart, default=0):.3%}")

@@ -114,7 +114,7 @@ def test_noise_alone_is_stable_or_refused() -> None:
 
 @pytest.mark.parametrize("velocity", [np.zeros(50, complex), np.full(50, np.nan + 0j)])
 def test_what_is_no_response_is_refused(velocity: np.ndarray) -> None:
-    with pytest.raises(DataError, match="zero or no number"):
+    with pytest.raises(DataError, match="zero, NaN or infinite"):
         fit(response_of(np.linspace(20, 600, 50), velocity))
 
 

@@ -24,19 +24,20 @@ def made(own: int, of: int, points: int, noise: float, rng: np.random.Generator)
         r = 1e-3 * (rng.normal(size=(points, len(POLES))) + 0.1j * rng.normal(size=(points, len(POLES))))
         return np.asarray((near @ r.T + mirror @ r.conj().T).T)
 
-    strains, responses = [], []
+    inputs, responses = [], []
     for patch in range(of):
         lines = Multisine(period=PERIOD, lines=(patch, of) if of > 1 else "odd").excited()
-        strain = np.zeros(len(F), dtype=np.complex128)
-        strain[np.isin(LINES, lines)] = np.exp(2j * np.pi * rng.random(int(np.isin(LINES, lines).sum())))
-        strains.append(strain)
+        linear_volts = np.zeros(len(F), dtype=np.complex128)
+        excited = np.isin(LINES, lines)
+        linear_volts[excited] = np.exp(2j * np.pi * rng.random(int(excited.sum())))
+        inputs.append(linear_volts)
         responses.append(modal())
-    velocity = sum(x * H for x, H in zip(strains, responses, strict=True)) + 0.3 * modal()
+    velocity = sum(x * H for x, H in zip(inputs, responses, strict=True)) + 0.3 * modal()
     velocity = velocity + noise * np.std(velocity) * (
         rng.normal(size=velocity.shape) + 1j * rng.normal(size=velocity.shape)
     )
     patches = tuple(range(own, own + of))
-    return Plays(F, patches, np.array(strains)[:, None], velocity.T), np.array(responses)
+    return Plays(F, patches, np.array(inputs)[:, None], velocity.T), np.array(responses)
 
 
 @pytest.mark.parametrize("together", [False, True])

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration import Calibration, Response
-from calibration import recalibration as room
+from calibration import Calibration, Response, recalibration
 from calibration.button import DigitalButton, build_button
 from calibration.drift import compare
 from calibration.history import History
@@ -118,7 +117,7 @@ def first(calibrated: Calibrated, tmp_path_factory: pytest.TempPathFactory) -> P
     button = build_button(calibrated.rig, make_press(), calibrated.calibration, iterations=0)
     folder = tmp_path_factory.mktemp("history") / "calibrations"
     history = History(folder)
-    adopt(history, [button], who="a test", reason="it begins", when=WHEN)
+    adopt(history, [button], actor="a test", reason="it begins", when=WHEN)
     # The look that knows how the laser is when all is well.
     assert recalibrate(calibrated.rig, history, when=WHEN).kind == "unchanged"
     return folder
@@ -251,7 +250,7 @@ def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.Mon
     """One button of two fails: neither is activated."""
     (push,) = buttons_of(history.active()).values()
     latch = replace(push, press=replace(push.press, button="latch"))
-    adopt(history, [latch], who="a test", reason="a second one")
+    adopt(history, [latch], actor="a test", reason="a second one")
     old = {"push": push, "latch": latch}
 
     def build(_rig: Rig, press: Any, _calibration: Calibration, **_more: Any) -> DigitalButton:
@@ -260,8 +259,8 @@ def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.Mon
             return button
         return replace(button, check=replace(button.check, reasons=("It is not what it was.",)))
 
-    monkeypatch.setattr(room, "build_button", build)
-    monkeypatch.setattr(room, "check", lambda _rig, _drive, **_more: push.check)
+    monkeypatch.setattr(recalibration, "build_button", build)
+    monkeypatch.setattr(recalibration, "check", lambda _rig, _drive, **_more: push.check)
     before = content(history)
     rig = left_alone(open(mode_drift=0.01))
     outcome = recalibrate(rig, history)
@@ -272,12 +271,12 @@ def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.Mon
         f"Nothing was changed: {outcome.active.name} stays the active one.",
     )
 
-    for error, kind in ((LimitError("no room."), "drifted"), (InstrumentError("it died."), "broken")):
+    for error, kind in ((LimitError("no headroom."), "drifted"), (InstrumentError("it died."), "broken")):
 
         def fail(*_args: Any, error: Exception = error, **_more: Any) -> DigitalButton:
             raise error
 
-        monkeypatch.setattr(room, "build_button", fail)
+        monkeypatch.setattr(recalibration, "build_button", fail)
         outcome = recalibrate(rig, history)
         assert changed_nothing(history, outcome, before, kind)
         assert str(error) in " ".join(outcome.sentences)
@@ -289,7 +288,7 @@ def test_another_rig_s_history_is_refused(calibrated: Calibrated, history: Histo
     foreign = replace(calibration, response=replace(calibration.response, rig="another"))
     parts = {"calibrations/A-button.h5": foreign}
     other = history.add(parts, when=WHEN, reason="", details={})
-    history.activate(other, when=WHEN, who="", reason="")
+    history.activate(other, when=WHEN, actor="", reason="")
     with pytest.raises(ConfigurationError, match=r"of the \w+ rig 'another', and this is the"):
         recalibrate(calibrated.rig, history)
     with pytest.raises(DataError, match="no active calibration"):
@@ -301,18 +300,18 @@ def test_what_did_not_pass_is_not_adopted(history: History) -> None:
     good = buttons_of(history.active())["push-A-button"]
     bad = replace(good, check=replace(good.check, reasons=("No.",)))
     with pytest.raises(DataError, match="push-A-button did not pass"):
-        adopt(history, [bad], who="", reason="")
+        adopt(history, [bad], actor="", reason="")
     with pytest.raises(DataError, match="only once"):
-        adopt(history, [good, good], who="", reason="")
+        adopt(history, [good, good], actor="", reason="")
     assert content(history) == before
     other = replace(good, press=replace(good.press, button="a latch/2"))
-    adopted = adopt(history, [other], who="a test", reason="one more")
+    adopted = adopt(history, [other], actor="a test", reason="one more")
     assert set(buttons_of(adopted)) == {"push-A-button", "a_latch_2-A-button"}
     assert history.active() == adopted
 
 
 RECALIBRATE = """
-from calibration import recalibration as room
+from calibration import recalibration
 from calibration.history import History
 from instruments import open_rig
 from instruments.unattended import Unattended
@@ -322,12 +321,12 @@ def run(folder):
     history = History(folder)
     if {short}:
         # What takes long, and writes nothing, is left out: only --full has the time.
-        old = room.buttons_of(history.active())
-        room.check = lambda _rig, drive, **_more: old[f"{{drive.button}}-A-button"].check
-        room.build_button = lambda _rig, press, _calibration, **_more: old[f"{{press.button}}-A-button"]
+        old = recalibration.buttons_of(history.active())
+        recalibration.check = lambda _rig, drive, **_more: old[f"{{drive.button}}-A-button"].check
+        recalibration.build_button = lambda _rig, press, *_, **_more: old[f"{{press.button}}-A-button"]
     with open_rig("simulated", simulate="twin", simulation={{"mode_drift": 0.03}}) as rig:
         rig.adopt("operator", Unattended())
-        room.recalibrate(rig, history, iterations=0)
+        recalibration.recalibrate(rig, history, iterations=0)
 
 serve(run)
 """

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 from calibration import Calibration, Response, read_uff, write_uff
 from haploop.cli import cli
-from haploop.exits import Session
+from haploop.exits import CommandState
 from instruments import ConfigurationError, DataError, load_rig_file
 from tests.calibration.conftest import Calibrated
 from tests.calibration.test_model import plate
@@ -161,12 +161,14 @@ def test_a_calibration_is_exported_by_a_command(calibrated: Calibrated, tmp_path
     file = tmp_path / "calibration.h5"
     calibrated.calibration.save(file)
     for name in ("a.uff", "a.mat"):
-        result = CliRunner().invoke(cli, ["export", str(file), "--to", str(tmp_path / name)], obj=Session())
+        arguments = ["export", str(file), "--to", str(tmp_path / name)]
+        result = CliRunner().invoke(cli, arguments, obj=CommandState())
         assert result.exit_code == 0, result.output
         assert ("Simulated" in result.output) == calibrated.rig.simulated
     (back,) = read_uff(tmp_path / "a.uff")
     assert back.velocity == pytest.approx(calibrated.calibration.response.velocity, rel=1e-10)
     assert np.array_equal(loadmat(tmp_path / "a.mat")["poles"].ravel(), calibrated.calibration.model.poles)
-    for wrong, said in (("a.uff", "nothing is overwritten"), ("a.txt", ".uff or .mat")):
-        result = CliRunner().invoke(cli, ["export", str(file), "--to", str(tmp_path / wrong)], obj=Session())
+    for wrong, said in (("a.uff", "is not overwritten"), ("a.txt", ".uff or .mat")):
+        arguments = ["export", str(file), "--to", str(tmp_path / wrong)]
+        result = CliRunner().invoke(cli, arguments, obj=CommandState())
         assert result.exit_code == 2 and said in " ".join(result.output.split())

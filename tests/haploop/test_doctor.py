@@ -89,7 +89,7 @@ def test_a_saturated_gauge_is_named(open: OpenRig) -> None:
     assert [finding.name for finding in red] == ["Noise floor of gauge2", "Known mass"]
 
 
-def test_a_rig_without_a_table_is_judged_by_what_it_has(open: OpenRig, mode: str) -> None:
+def test_a_rig_without_a_table_is_tested_for_what_it_has(open: OpenRig, mode: str) -> None:
     if mode not in ("twin", "wire"):
         pytest.skip("of a rig that haploop ships")
     findings = examine(open("minimal"))

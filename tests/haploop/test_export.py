@@ -33,7 +33,7 @@ def test_a_model_goes_to_matlab(demo: Demo, run: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("args", "sentence"),
     [
-        (["export", "calibration.h5", "--to", "a.txt"], "must end with .uff or .mat"),
+        (["export", "calibration.h5", "--to", "a.txt"], "use a name that ends with .uff or .mat"),
         (["import", "report.html", "--out", "b.h5"], "report.html"),
         (["import", "nothing.uff", "--out", "b.h5"], "nothing.uff"),
     ],

@@ -5,7 +5,7 @@ import pytest
 
 from haploop.figures import Profile, activation_forces, profiles
 from haploop.plotting import active, continuous_phase, png, spectrum
-from haploop.report import Plate, render
+from haploop.report import CaptionedFigure, render
 
 RATE = 5000.0
 
@@ -124,6 +124,6 @@ def test_a_real_rig_s_report_does_not_call_itself_simulated() -> None:
 
 def test_a_report_is_the_same_when_it_is_made_again() -> None:
     def page() -> str:
-        return render(summary(), [Plate(profiles([profile()]), "A press", "A caption.")])
+        return render(summary(), [CaptionedFigure(profiles([profile()]), "A press", "A caption.")])
 
     assert page() == page()

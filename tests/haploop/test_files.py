@@ -19,7 +19,7 @@ from acquisition.store import Writer
 
 @pytest.fixture
 def files(tmp_path: Path) -> dict[str, Path]:
-    """A whole recording, one that was interrupted, one that was changed and one that was cut short."""
+    """An intact recording, and recordings that were interrupted, changed and truncated."""
     names = {"whole": "P01-push", "interrupted": "P02-push", "changed": "P03-push", "cut": "P04-push"}
     paths = {name: tmp_path / f"{stem}.h5" for name, stem in names.items()}
     for path in paths.values():
@@ -36,24 +36,24 @@ def files(tmp_path: Path) -> dict[str, Path]:
 
 def test_each_file_is_one_line_and_the_worst_gives_the_exit_code(run, files):
     for name, code, told in (
-        ("whole", 0, "is whole: SHA-256 "),
-        ("interrupted", 1, "was interrupted; haploop recover makes it whole."),
+        ("whole", 0, "is intact: SHA-256 "),
+        ("interrupted", 1, "was interrupted: `haploop recover` salvages it into a finished file."),
         ("changed", 1, "was changed after it was recorded: its content hash does not match."),
-        ("cut", 2, "is cut short: "),
+        ("cut", 2, "is truncated: "),
     ):
         result = run("verify", files[name])
         assert (result.exit_code, result.stdout.count("\n")) == (code, 1)
         assert result.stdout.startswith(f"{files[name]} {told}")
     result = run("verify", *files.values(), "nowhere.h5")
     assert (result.exit_code, result.stdout.count("\n")) == (2, 5)
-    assert "There is no recording nowhere.h5." in result.stdout
+    assert "There is no recording nowhere.h5: " in result.stdout
 
 
 def test_what_verify_found_is_one_json_object(run, files):
     result = run("verify", "--json", *files.values())
     assert result.exit_code == 2
     told = json.loads(result.stdout)["files"]
-    assert [file["status"] for file in told] == ["whole", "wrong", "wrong", "unreadable"]
+    assert [file["status"] for file in told] == ["intact", "damaged", "damaged", "unreadable"]
     assert [len(file["problems"]) for file in told] == [0, 1, 1, 1]
     assert len(told[0]["content_hash"]) == 64
 
@@ -70,5 +70,5 @@ def test_recovering_tells_what_was_saved_and_leaves_the_file_alone(run, files):
         assert run("verify", whole).exit_code == 0
         again = run("recover", files[name])
         assert (again.exit_code, again.stdout) == (2, "")
-        assert "never overwritten" in again.stderr
+        assert "not overwritten" in again.stderr
     assert np.all([run("recover", files[name]).exit_code == 2 for name in ("whole", "changed")])

@@ -33,18 +33,18 @@ def tripped(tmp_path: Path) -> Path:
 def test_a_rig_that_was_stopped_plays_again_when_a_person_says_so(run: Run, tripped: Path) -> None:
     refused = run("calibrate", "--rig", tripped, "--out", tripped.with_name("c.h5"))
     assert refused.exit_code == 2
-    assert "Nothing is played on this rig since" in refused.stderr and "haploop reset" in refused.stderr
+    assert "The rig is locked out" in refused.stderr and "haploop reset" in refused.stderr
     assert run("reset", "--rig", tripped).exit_code == 2
     assert "needs a reason" in run("reset", "--rig", tripped, "--reason", "  ").stderr
     shown = json.loads(run("log", "--rig", tripped, "--json").stdout)
-    assert "Nothing is played" in shown["latched"]
+    assert "The rig is locked out" in shown["lockout"]
     done = run("reset", "--rig", tripped, "--reason", "The gain was set back.")
     assert (done.exit_code, done.stdout) == (0, "") and "plays again" in done.stderr
     shown = json.loads(run("log", "--rig", tripped, "--json", "--last", 1).stdout)
-    assert shown["latched"] is None
+    assert shown["lockout"] is None
     (entry,) = shown["entries"]
     assert entry["kind"] == "reset" and entry["reason"] == "The gain was set back."
-    assert "not latched" in run("reset", "--rig", tripped, "--reason", "again").stderr
+    assert "not locked out" in run("reset", "--rig", tripped, "--reason", "again").stderr
 
 
 def test_the_log_is_a_table_for_people(run: Run, tripped: Path) -> None:
@@ -55,9 +55,9 @@ def test_the_log_is_a_table_for_people(run: Run, tripped: Path) -> None:
     assert "simulated" not in run("log", "--rig", "haptable").stdout
 
 
-def test_the_doctor_says_what_the_limits_are_and_that_a_rig_is_latched(run: Run, tripped: Path) -> None:
+def test_the_doctor_says_what_the_limits_are_and_that_a_rig_is_locked_out(run: Run, tripped: Path) -> None:
     found = json.loads(run("doctor", "--rig", tripped, "--json").stdout)["findings"]
     named = {finding["name"]: finding for finding in found}
-    assert named["Latch"]["status"] == "red" and "haploop reset" in named["Latch"]["sentence"]
+    assert named["Lockout"]["status"] == "red" and "haploop reset" in named["Lockout"]["sentence"]
     assert "opens by itself after 2 s" in named["Dead-man time"]["sentence"]
     assert "48 V" in named["Limits"]["sentence"] and "52.8 V" in named["Limits"]["sentence"]

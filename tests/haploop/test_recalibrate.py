@@ -77,7 +77,7 @@ def test_a_drift_is_reported_with_before_and_after(folder: Path) -> None:
     assert [look["outcome"] for look in history.looks] == ["unchanged", "restored"]
     (report,) = (folder / "reports").glob("*-restored.html")
     html = report.read_text(encoding="utf-8")
-    assert "The table had drifted, and every button is back" in html
+    assert "The table had drifted; every button is within tolerance again" in html
     assert "Everything here is simulated." in html
     before, after = re.findall(r"latch-A-button</th><td>([\d.]+) %</td><td>([\d.]+) %", html)[0]
     assert float(before) > 50 and float(after) < 20
@@ -106,7 +106,7 @@ def test_an_earlier_one_can_be_activated_and_nothing_is_lost(history: Path, run:
     assert asked(run, "calibrations", "activate", "1", *REASON, *at)["name"].startswith("0001-")
     last = History(history).activations[-1]
     assert last.generation.startswith("0001-") and last.reason == "for a test"
-    assert "calibrations activate" in last.who
+    assert "calibrations activate" in last.actor
     assert len(History(history).generations) == 2
     damaged = next((history / History(history).find("2").name / "buttons").glob("*.h5"))
     damaged.write_bytes(damaged.read_bytes()[:-1])
@@ -142,7 +142,7 @@ def test_what_cannot_begin_plays_nothing(history: Path, run: Run, tmp_path: Path
         result = run("recalibrate", "--calibrations", history)
     assert result.exit_code == 3 and "open in this program" in result.stderr
     result = run("recalibrate", "--calibrations", history, "--laser-at", "84")
-    assert result.exit_code == 2 and "no point of the table" in result.stderr
+    assert result.exit_code == 2 and "The table has no point" in result.stderr
 
 
 def test_a_laser_left_elsewhere_is_broken(history: Path, run: Run) -> None:

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import haploop.show
-from calibration.files import why, write
+from calibration.files import os_error_text, write
 from instruments import ConfigurationError, DataError
 from tests.elsewhere import in_use_elsewhere
 from tests.haploop.conftest import Demo, Run
@@ -122,8 +122,8 @@ def test_the_reason_is_the_system_s_own() -> None:
     text = (
         "Can't write data (file write failed: errno = 28, error message = 'No space', buf = 0x7f, size = 8)"
     )
-    assert why(OSError(28, text)) == why(RuntimeError(text)) == os.strerror(28)
-    assert "buf" not in why(OSError("buf = 0x7f"))
+    assert os_error_text(OSError(28, text)) == os_error_text(RuntimeError(text)) == os.strerror(28)
+    assert "buf" not in os_error_text(OSError("buf = 0x7f"))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")

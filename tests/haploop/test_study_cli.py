@@ -42,19 +42,20 @@ def test_a_study_from_its_first_line_to_its_figure(run: Run, study: Path, tmp_pa
     assert "P01, toggle: 2 of 2 presses." in first.stderr
 
     rejected = run("study", "reject", "P01", "toggle", 2, "--reason", "coughed [/red]", "-s", study)
-    assert rejected.stdout == "Rejected of toggle by P01: 2. `haploop study run` asks for it again.\n"
+    said = "Rejected presses of toggle by P01: 2. `haploop study run` asks for them again.\n"
+    assert rejected.stdout == said
     status = run("study", "status", "--study", study)
     assert "1/2 (1 rejected)" in status.stdout
     shown = run("show", study / "recordings" / "P01-toggle.h5")
     assert "press 2, attempt 1: Rejected: coughed [/red]" in shown.stdout
-    assert "`haploop study run` goes on with P01, toggle, press 2." in status.stdout
+    assert "`haploop study run` continues with P01, toggle, press 2." in status.stdout
 
     again = run("study", "run", "--study", study, "--json")
     values = json.loads(again.stdout)
     assert values["complete"] is True
     toggle = values["participants"][0]["buttons"]["toggle"]
     assert [Path(file).name for file in toggle["files"]] == ["P01-toggle.h5", "P01-toggle.2.h5"]
-    assert (toggle["rejected"], toggle["sittings"]) == (1, 2)
+    assert (toggle["rejected"], toggle["sessions"]) == (1, 2)
 
     shown = run("show", study, "--plot", tmp_path / "forces.png", "--json")
     values = json.loads(shown.stdout)
@@ -118,17 +119,17 @@ def test_a_new_button_in_one_go_on_any_rig(run: Run, tmp_path: Path, rig: str) -
     assert recorded.exit_code == 0, recorded.stderr
     shown = run("show", tmp_path / "P01-doorbell.h5", "--plot", tmp_path / "doorbell.png", "--json")
     values = json.loads(shown.stdout)
-    assert (values["presses_detected"], values["presses_accepted"], values["judged_bad"]) == (1, 1, [])
+    assert (values["presses_detected"], values["presses_accepted"], values["bad_presses"]) == (1, 1, [])
     assert (tmp_path / "doorbell.png").read_bytes().startswith(PNG)
 
 
 def test_a_bad_press_is_told_of_while_recording_and_in_the_file(run: Run, tmp_path: Path) -> None:
-    rig = tmp_path / "clumsy.toml"
-    rig.write_text("[simulation]\nclumsy = 0.9\nseed = 2\n", encoding="utf-8")
+    rig = tmp_path / "bad-presses.toml"
+    rig.write_text("[simulation]\nbad_press_rate = 0.9\nseed = 2\n", encoding="utf-8")
     recorded = run("record", "push", "-p", "P01", "-n", 1, "--rig", rig, "--out", tmp_path)
     assert recorded.exit_code == 0, recorded.stderr
     assert "Press 1, attempt 1: " in recorded.stderr
     values = json.loads(run("show", tmp_path / "P01-push.h5", "--json").stdout)
     assert values["presses_accepted"] == 1
-    assert values["judged_bad"][0]["flags"]
-    assert values["judged_bad"][0]["reason"] in recorded.stderr
+    assert values["bad_presses"][0]["flags"]
+    assert values["bad_presses"][0]["reason"] in recorded.stderr

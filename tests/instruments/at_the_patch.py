@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from mocks.truth import Fed
+from mocks.truth import AmplifierOutput
 
 STEP = 20e-6
 """Seconds in which an output changes that had been resting."""
@@ -38,16 +38,16 @@ class Burst:
         return self.stop - self.start
 
 
-def bursts(record: list[Fed]) -> list[Burst]:
+def bursts(record: list[AmplifierOutput]) -> list[Burst]:
     """Everything that was not zero volts at a closed patch, in one piece where it hangs together."""
     times, volts, steps, patches = [], [], [], []
-    for fed in record:
-        count = len(fed.volts)
-        period = fed.period if fed.period < 1e-3 else STEP
-        times.append(fed.start + np.arange(count) * (period if count > 1 else 0.0))
-        volts.append(fed.volts if fed.closed else np.zeros(count))
+    for output in record:
+        count = len(output.volts)
+        period = output.period if output.period < 1e-3 else STEP
+        times.append(output.start + np.arange(count) * (period if count > 1 else 0.0))
+        volts.append(output.volts if output.closed else np.zeros(count))
         steps.append(np.full(count, period))
-        patches.append(np.full(count, len(fed.closed)))
+        patches.append(np.full(count, len(output.closed)))
     if not times:
         return []
     t, v, step, n = (np.concatenate(x) for x in (times, volts, steps, patches))
@@ -82,12 +82,12 @@ def bursts(record: list[Fed]) -> list[Burst]:
     return found
 
 
-def of_patch(record: list[Fed], patch: str) -> list[Fed]:
+def of_patch(record: list[AmplifierOutput], patch: str) -> list[AmplifierOutput]:
     """What one patch got of a record in which several amplifiers put something out at the same times."""
     found = []
-    for _, together in groupby(record, key=lambda fed: (fed.start, fed.period, len(fed.volts))):
+    for _, together in groupby(record, key=lambda output: (output.start, output.period, len(output.volts))):
         first, *others = together
-        own = [fed for fed in (first, *others) if patch in fed.closed]
+        own = [output for output in (first, *others) if patch in output.closed]
         found.append(replace(own[0] if own else first, closed=frozenset({patch} if own else ())))
     return found
 

@@ -387,10 +387,10 @@ class TestSpeaksMillimetres(BrokenVibrometer):
     class kind(BrokenVibrometer.kind):  # noqa: N801
         def __init__(self, settings: Pdv100.Settings) -> None:
             super().__init__(settings)
-            self.sensitivity *= 1000
+            self.scale *= 1000
 
     breaks: ClassVar = {
-        "test_range_and_sensitivity_belong_together",
+        "test_range_and_scale_belong_together",
         "test_signal_level_is_a_share",
     }
 

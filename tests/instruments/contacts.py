@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from mocks.clock import VirtualClock
-from mocks.relay import BoxFault, RelayBox
+from mocks.relay import BoxFault, SimulatedBox
 
 
 class Contacts:
@@ -15,12 +15,12 @@ class Contacts:
         self.clock = VirtualClock()
         self.events: list[tuple[float, str, bool]] = []
         self._patches = tuple(patches)
-        self._boxes: list[RelayBox] = []
+        self._boxes: list[SimulatedBox] = []
 
     def rng(self, name: str) -> np.random.Generator:
         return np.random.default_rng(7)
 
-    def wire(self, box: RelayBox) -> None:
+    def wire(self, box: SimulatedBox) -> None:
         self._boxes.append(box)
 
     def box_faults(self, patches: Mapping[str, int]) -> list[BoxFault]:

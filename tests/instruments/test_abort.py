@@ -1,4 +1,4 @@
-"""A play that goes beyond a limit is stopped, latched and written down; only a person lifts the latch."""
+"""A play that exceeds an abort limit is stopped, logged and locked out; only a person clears the lockout."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from instruments import ConfigurationError, InstrumentError, LimitError, Rig, RigFile, load_rig_file, open_rig
 from instruments.audit import entries
-from instruments.latch import Latch, hang, latch_of, lift
+from instruments.latch import Lockout, clear_lockout, lockout_of, set_lockout
 from instruments.rig_file import AbortLimits
 from tests.instruments.at_the_patch import bursts
 
@@ -65,18 +65,16 @@ def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks() -> None:
         ({"velocity": 2e-3}, r"The surface moved at .* m/s, and \[abort\] allows 0\.002 m/s"),
     ],
 )
-def test_what_the_rig_file_names_is_looked_at_whatever_is_recorded(
-    abort: dict[str, float], says: str
-) -> None:
+def test_every_abort_limit_is_tested_whatever_is_recorded(abort: dict[str, float], says: str) -> None:
     with open_rig(file(**abort)) as rig:
         record = rig.simulation.truth.record()
         with pytest.raises(InstrumentError, match=says):
             rig.excite(tone(rig), ["A"], ["switch"])
         assert rig.simulation.truth.closed == frozenset()
-        assert rig.latch is not None
-        kept = np.load(rig.latch.samples)
+        assert rig.lockout is not None
+        kept = np.load(rig.lockout.samples)
         assert kept["volts"].shape[0] == len(kept["channels"]) and kept["volts"].shape[1] > 4000
-        assert str(kept["why"]) == rig.latch.why and {"drive", "switch"} <= set(kept["channels"].tolist())
+        assert str(kept["why"]) == rig.lockout.why and {"drive", "switch"} <= set(kept["channels"].tolist())
     (burst,) = bursts(record)
     assert burst.seconds < SECONDS - TWO_BLOCKS
 
@@ -103,25 +101,25 @@ def test_the_weight_that_rests_on_the_sensor_is_no_finger() -> None:
     with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
         rig.simulation.plant.put(5.0)
         rig.excite(tone(rig, 10), ["A"], ["laser"])
-        assert rig.latch is None
+        assert rig.lockout is None
 
 
-def test_a_card_that_cannot_watch_as_well_says_so() -> None:
+def test_a_card_that_cannot_sample_the_monitored_channels_too_says_so() -> None:
     with open_rig(file(force=20.0)) as rig, pytest.raises(ConfigurationError, match="lower the rate"):
         rig.excite(tone(rig), ["A"], ["laser"])
 
 
-def test_a_watched_channel_that_shows_its_end_shows_nothing() -> None:
+def test_a_monitored_channel_in_overload_stops_the_play() -> None:
     saturated = [{"kind": "sensor-saturated", "channel": "laser", "after": 0.3, "duration": 0.1}]
     says = r"The velocity stood at the end of its channel's range"
     with open_rig(file(faults=saturated, velocity=1.0)) as rig, pytest.raises(InstrumentError, match=says):
         rig.excite(tone(rig), ["A"], ["drive"])
 
 
-# The latch
+# The lockout
 
 
-def test_a_latched_rig_records_and_plays_nothing_until_a_person_lifts_it() -> None:
+def test_a_locked_out_rig_records_but_plays_nothing_until_a_reset() -> None:
     with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
         rig.excite(tone(rig), ["A"], ["laser"])
     with open_rig(DOUBLED) as rig:
@@ -129,50 +127,50 @@ def test_a_latched_rig_records_and_plays_nothing_until_a_person_lifts_it() -> No
         with rig.daq.stream(["laser"], 5000, 500, 1000) as stream:
             stream.capture()
         with pytest.raises(
-            LimitError, match=r"Nothing is played .* stopped at 2.*The patch got .*haploop reset"
+            LimitError, match=r"The rig is locked out: .* stopped at 2.*The patch got .*haploop reset"
         ):
             rig.excite(tone(rig, 1), ["A"], ["laser"])
         assert not bursts(record)
         assert kinds(rig).count("tripped") == 1 and kinds(rig)[-1] == "refused"
-        lift(rig.audit.folder, rig.hardware)  # at once, also for a rig that is open
+        clear_lockout(rig.audit.folder, rig.hardware)  # at once, also for a rig that is open
         rig.excite(tone(rig, 1), ["A"], ["laser"])
 
 
-def test_another_simulated_world_is_not_latched() -> None:
+def test_another_simulated_world_is_not_locked_out() -> None:
     with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
         rig.excite(tone(rig), ["A"], ["laser"])
     with open_rig("simulated") as rig:
-        assert rig.latch is None
+        assert rig.lockout is None
 
 
-def test_a_latch_that_cannot_be_kept_holds_the_open_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     with open_rig(DOUBLED) as rig:
-        monkeypatch.setattr("instruments.watch.hang", full)
+        monkeypatch.setattr("instruments.watch.set_lockout", full)
         monkeypatch.setattr("numpy.savez", full)
         with pytest.raises(InstrumentError, match="The play was stopped"):
             rig.excite(tone(rig), ["A"], ["laser"])
-        with pytest.raises(LimitError, match="Nothing is played on this rig"):
+        with pytest.raises(LimitError, match="The rig is locked out"):
             rig.excite(tone(rig, 1), ["A"], ["laser"])
 
 
-def test_a_latch_hangs_on_every_piece_of_hardware_and_is_never_overwritten(tmp_path: Path) -> None:
-    first, second = Latch("2026-01-01", "one", "me", ""), Latch("2026-01-02", "two", "you", "")
-    hang(tmp_path, {"card", "relay"}, first)
-    hang(tmp_path, {"relay", "laser"}, second)
-    assert latch_of(tmp_path, {"relay"}) == latch_of(tmp_path, {"card", "other"}) == first
-    assert latch_of(tmp_path, {"laser"}) == second
-    assert latch_of(tmp_path, {"other"}) is None
-    lift(tmp_path, {"relay", "card"})
-    assert latch_of(tmp_path, {"relay"}) is None and latch_of(tmp_path, {"laser"}) == second
+def test_a_lockout_is_set_on_every_piece_of_hardware_and_never_overwritten(tmp_path: Path) -> None:
+    first, second = Lockout("2026-01-01", "one", "me", ""), Lockout("2026-01-02", "two", "you", "")
+    set_lockout(tmp_path, {"card", "relay"}, first)
+    set_lockout(tmp_path, {"relay", "laser"}, second)
+    assert lockout_of(tmp_path, {"relay"}) == lockout_of(tmp_path, {"card", "other"}) == first
+    assert lockout_of(tmp_path, {"laser"}) == second
+    assert lockout_of(tmp_path, {"other"}) is None
+    clear_lockout(tmp_path, {"relay", "card"})
+    assert lockout_of(tmp_path, {"relay"}) is None and lockout_of(tmp_path, {"laser"}) == second
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", json.dumps({"when": "now"}), "\xff"])
-def test_a_latch_that_cannot_be_read_is_a_latch(tmp_path: Path, content: str) -> None:
-    hang(tmp_path, {"relay"}, Latch("now", "why", "who", ""))
-    (path,) = (tmp_path / "latched").glob("*.json")
+def test_a_lockout_that_cannot_be_read_is_a_lockout(tmp_path: Path, content: str) -> None:
+    set_lockout(tmp_path, {"relay"}, Lockout("now", "why", "who", ""))
+    (path,) = (tmp_path / "lockouts").glob("*.json")
     path.write_text(content, encoding="latin-1")
-    found = latch_of(tmp_path, {"relay"})
+    found = lockout_of(tmp_path, {"relay"})
     assert found is not None and "cannot be read" in found.sentence and found.sentence.count("\n") == 0

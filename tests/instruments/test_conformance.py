@@ -43,7 +43,7 @@ from mocks.ni import NiServer, inventory_of
 from mocks.ofv5000 import Controller
 from mocks.operator import OperatorTwin
 from mocks.plant import LaserHead, Plant
-from mocks.relay import BoxFault, RelayBox, RelayTwin, box_in
+from mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from mocks.serial_relay import SerialRelayTwin, SerialRelayWire
 from mocks.yocto_hub import YoctoHub
 from tests.instruments import broken_drivers
@@ -74,7 +74,7 @@ class BoxConformance(RelayConformance):
     faults: ClassVar[tuple[str, ...]] = BOX_FAULTS
     patches: ClassVar[dict[str, int]]
     bench: Contacts
-    box: RelayBox
+    box: SimulatedBox
     far: Any = None
     """The hub or board at the other end of the line, if there is a line."""
 
@@ -308,7 +308,7 @@ def controller() -> Controller:
 
 def ofv(**more: object) -> Ofv5000.Settings:
     return Ofv5000.Settings.model_validate(
-        {"port": "COM3", "channel": "laser", "sensitivity": 0.005, "timeout": TIMEOUT, **more}
+        {"port": "COM3", "channel": "laser", "scale": 0.005, "timeout": TIMEOUT, **more}
     )
 
 

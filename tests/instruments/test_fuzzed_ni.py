@@ -20,7 +20,7 @@ import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.errors import DaqWarning
 
-from instruments.conformance import let_play
+from instruments.conformance import bypass_interlock
 from instruments.daq import Capture
 from instruments.errors import HaploopError, InstrumentError
 from instruments.ni_daqmx import NiDaq
@@ -54,7 +54,7 @@ def opened(server: NiServer, bench: Bench) -> Iterator[NiDaq]:
     daq = NiDaq.open(settings(server=server.address), bench.clock)
     try:
         daq.clear_left()
-        let_play(daq)
+        bypass_interlock(daq)
         yield daq
     finally:
         daq.close()
@@ -150,15 +150,15 @@ def play_and_record(daq: NiDaq) -> Capture:
 
 
 def test_whole_calls_through_the_wire(full: bool) -> None:
-    """One reply of a session is spoiled, or several, or all; the next session finds all as it should be."""
+    """One reply of a session is corrupted, or several, or all; the next session finds all as it should be."""
     calls: list[str] = []
     sent: dict[str, list[np.ndarray]] = {}
-    spoiled: set[int] = set()
+    corrupted: set[int] = set()
     noise = random.Random(SEED)
 
-    def spoil(call: str, reply: bytes) -> bytes:
+    def corrupt(call: str, reply: bytes) -> bytes:
         calls.append(call)
-        if len(calls) - 1 in spoiled:
+        if len(calls) - 1 in corrupted:
             reply = next(replies((reply,), noise.randrange(1 << 30)))
         if call == "ReadAnalogF64":
             try:
@@ -170,14 +170,14 @@ def test_whole_calls_through_the_wire(full: bool) -> None:
 
     outcomes = {"refused": 0, "taken": 0}
     with serving() as (server, bench):
-        server.spoil(spoil)
+        server.corrupt(corrupt)
         with opened(server, bench) as daq:
             play_and_record(daq)
         whole = len(calls)
         for number in range(400 if full else 2):
             calls.clear()
             sent.clear()
-            spoiled = set(noise.sample(range(whole), noise.choice((1, 1, 1, 3)) if number else whole))
+            corrupted = set(noise.sample(range(whole), noise.choice((1, 1, 1, 3)) if number else whole))
             began = time.monotonic()
             try:
                 with opened(server, bench) as daq:
@@ -191,7 +191,7 @@ def test_whole_calls_through_the_wire(full: bool) -> None:
                 assert capture.volts.shape == (3, 200) and np.abs(capture.volts).max() <= 20
                 outcomes["taken"] += 1
             assert time.monotonic() - began < 30, "no answer is waited for longer than a call may take"
-            spoiled = set()
+            corrupted = set()
             with opened(server, bench) as daq:
                 daq.zero()
                 assert server.output("Dev2/ao0") == 0

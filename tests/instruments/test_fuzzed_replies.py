@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 from instruments.errors import HaploopError, InstrumentError
-from instruments.ofv5000_codec import duration_of, frequency_of, level_of, sensitivity_of
+from instruments.ofv5000_codec import duration_of, frequency_of, level_of, scale_of
 from instruments.relay_board import ChannelState
 from instruments.scpi_codec import error_of, number_of, switch_of, words_of
 from instruments.serial_relay import SerialRelay
@@ -107,7 +107,7 @@ def outcome(reply: bytes, parse: Callable[[str], Any]) -> tuple[str, Any] | None
 
 
 OFV = (
-    (sensitivity_of, rf"{NUMBER}\s*[uµm]?m/s/V", (b"5mm/s/V\n", b"100 um/s/V\n", b"1m/s/V\n"), 1e-12, 1e3),
+    (scale_of, rf"{NUMBER}\s*[uµm]?m/s/V", (b"5mm/s/V\n", b"100 um/s/V\n", b"1m/s/V\n"), 1e-12, 1e3),
     (duration_of, rf"{NUMBER}\s*([nuµm]?s)?", (b"12.3 us\n", b"1.1ms\n", b"7\n"), 0.0, 10.0),
     (frequency_of, rf"{NUMBER}\s*[kM]?Hz|not available", (b"20 kHz\n", b"Not Available\n"), 1, 1e9),
     (level_of, r"\d{1,3}", (b"512\n", b"0\n", b"37\n"), 0.0, 1.0),

@@ -229,7 +229,7 @@ def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full: bool) -> None:
 @pytest.mark.timeout(1800)
 def test_ctrl_c_at_any_time_and_again_and_again(full: bool) -> None:
     """Ctrl-C by a clock of its own: while a drive is played, while it is stopped, while it is left."""
-    rng, struck = random.Random(0), 0
+    rng, raised = random.Random(0), 0
     me = threading.get_ident()
     for _ in range(500 if full else 12):
         delays = [rng.uniform(0, 0.05)] + [rng.choice((0, 1e-4, 1e-3, 5e-3)) for _ in range(rng.randrange(4))]
@@ -248,7 +248,7 @@ def test_ctrl_c_at_any_time_and_again_and_again(full: bool) -> None:
                 for _ in range(4):
                     rig.excite(DRIVE[:20_000] / 4, ["A"], ["drive"])
         except KeyboardInterrupt:
-            struck += 1
+            raised += 1
         while True:
             try:
                 while not hail.ident or hail.is_alive():
@@ -258,7 +258,7 @@ def test_ctrl_c_at_any_time_and_again_and_again(full: bool) -> None:
             except KeyboardInterrupt:
                 continue
         assert safe(rigs[0])
-    assert struck
+    assert raised
 
 
 # A second program, kill -9, and the relay's own timer

@@ -9,16 +9,16 @@ from instruments import LimitError, Limits
 
 RATE_HZ = 50_000.0
 LIMITS = Limits(
-    low=-50,
-    high=50,
-    swing=90,
+    min=-50,
+    max=50,
+    peak_to_peak=90,
     slew=0.5e6,
     current_peak=0.1,
     current_average=0.05,
     capacitance=90e-9,
-    burst=2,
-    mean=0.5,
-    end=0.5,
+    max_duration=2,
+    max_offset=0.5,
+    max_end=0.5,
 )
 
 
@@ -35,8 +35,8 @@ def test_a_drive_within_every_limit_passes() -> None:
     ("drive", "says"),
     [
         (tone(60), "falls to|rises to"),
-        (tone(46), "swings over"),
-        (tone(44) + 0.6, "mean|starts or ends"),
+        (tone(46), "has a peak-to-peak voltage of"),
+        (tone(44) + 0.6, "offset|starts or ends"),
         (np.concatenate([tone(10), [8.0]]), "starts or ends"),
         (np.concatenate([[0.0], np.tile([20.0, -20.0], 100), [0.0]]), "slews"),
         (tone(40, duration=2.1), "lasts"),
@@ -63,16 +63,16 @@ def test_current_limits_follow_the_capacitance() -> None:
         Limits(current_average=1e-3, capacitance=360e-9).check(ramp, RATE_HZ)
 
 
-def test_peak_is_half_the_swing_or_the_nearer_end() -> None:
+def test_peak_is_half_of_peak_to_peak_or_the_nearer_limit() -> None:
     assert LIMITS.peak == 45
-    assert Limits(low=-30, high=100).peak == 30
+    assert Limits(min=-30, max=100).peak == 30
 
 
-@given(low=st.floats(-200, -1), high=st.floats(1, 200), swing=st.floats(1, 300), peak=st.floats(0, 300))
+@given(low=st.floats(-200, -1), high=st.floats(1, 200), width=st.floats(1, 300), peak=st.floats(0, 300))
 def test_what_passes_two_limits_passes_their_union(
-    low: float, high: float, swing: float, peak: float
+    low: float, high: float, width: float, peak: float
 ) -> None:
-    a, b, drive = Limits(low=low, high=high), Limits(swing=swing), tone(peak)
+    a, b, drive = Limits(min=low, max=high), Limits(peak_to_peak=width), tone(peak)
 
     def passes(limits: Limits) -> bool:
         try:
@@ -84,13 +84,15 @@ def test_what_passes_two_limits_passes_their_union(
     assert passes(a.within(b)) == (passes(a) and passes(b))
 
 
-@pytest.mark.parametrize("limit", ["low", "high", "swing", "slew", "mean", "end", "burst"])
-def test_a_limit_that_is_no_number_refuses_everything(limit: str) -> None:
+@pytest.mark.parametrize(
+    "limit", ["min", "max", "peak_to_peak", "slew", "max_offset", "max_end", "max_duration"]
+)
+def test_a_nan_limit_refuses_every_drive(limit: str) -> None:
     with pytest.raises(LimitError):
         Limits(**{limit: float("nan")}).check(tone(1), RATE_HZ)
 
 
-def test_what_was_measured_is_held_against_low_high_and_swing() -> None:
+def test_measured_volts_are_held_against_min_max_and_peak_to_peak() -> None:
     LIMITS.check_measured(tone(44), 1.1)
     for measured in (tone(60), tone(30) + 30, tone(30) - 30, np.full(5, np.nan)):
         with pytest.raises(LimitError, match="The patch got"):

@@ -13,7 +13,7 @@ import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
 from instruments.clock import RealClock
-from instruments.conformance import let_play
+from instruments.conformance import bypass_interlock
 from instruments.errors import ConfigurationError, InstrumentError, LimitError
 from instruments.ni_daqmx import NiDaq
 from mocks.ni import NiServer, inventory_of
@@ -70,7 +70,7 @@ def daq(server: NiServer, bench: Bench) -> Iterator[NiDaq]:
 @contextmanager
 def opened(server: NiServer, bench: Bench, **changes: Any) -> Iterator[NiDaq]:
     daq = NiDaq.open(settings(server=server.address, **changes), bench.clock)
-    let_play(daq)
+    bypass_interlock(daq)
     try:
         yield daq
     finally:
@@ -256,7 +256,7 @@ def test_card_in_use(server: NiServer, daq: NiDaq) -> None:
 def test_server_that_dies(bench: Bench) -> None:
     server = NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True)
     daq = NiDaq.open(settings(server=server.address), bench.clock)
-    let_play(daq)
+    bypass_interlock(daq)
     stream = daq.stream(["laser", "force"], 5000, 100, None, {"amplifier": np.ones(1000)})
     blocks = iter(stream)
     next(blocks)
@@ -365,7 +365,7 @@ def test_modules_of_one_chassis(bench: Bench) -> None:
     wave = np.linspace(-2, 2, 500)
     with NiServer(modules, bench, wiring) as server:
         daq = NiDaq.open(NiDaq.Settings.model_validate({**table, "server": server.address}), bench.clock)
-        let_play(daq)
+        bypass_interlock(daq)
         with daq.stream(["drive", "laser"], 10_000, 100, 600, {"amplifier": wave}) as stream:
             capture = stream.capture()
         daq.close()

@@ -49,26 +49,31 @@ class Held:
         own, table, file = self.file.limits, self.file.table, self.file
         assert table is not None and file.amplifier is not None and file.relay is not None
         amplifier, relay = file.amplifier.settings, file.relay.settings["rating"]
-        low = max(own.low, table.patch_low, -relay)
-        high = min(own.high, table.patch_high, relay)
+        low = max(own.min, table.patch_min, -relay)
+        high = min(own.max, table.patch_max, relay)
         share = 1 + AMPLIFIER_GAIN_ERROR + 1e-6
         broken = []
         for burst in found:
             farads = table.patch_capacitance * burst.patches
             rows = (
-                ("low", -burst.low, -low, CODE),
-                ("high", burst.high, high, CODE),
-                ("swing", burst.high - burst.low, own.swing, 2 * CODE),
+                ("min", -burst.low, -low, CODE),
+                ("max", burst.high, high, CODE),
+                ("peak_to_peak", burst.high - burst.low, own.peak_to_peak, 2 * CODE),
                 ("slew", burst.slew, own.slew, 2 * CODE / 20e-6),
                 ("current", farads * burst.slew, amplifier["current_peak"], farads * 2 * CODE / 20e-6),
                 ("average", farads * burst.charge / 2, amplifier["current_average"], farads * CODE * 5e4),
-                ("burst", burst.seconds, own.burst, 1e-4 if self.source in ("daq", "each") else 0.03),
+                (
+                    "max_duration",
+                    burst.seconds,
+                    own.max_duration,
+                    1e-4 if self.source in ("daq", "each") else 0.03,
+                ),
             )
             # No generator fades out what it switches off, nor does it know of a mean.
             if self.source != "generator":
                 rows += (("cut", burst.cut, own.slew, 2 * CODE / 20e-6),)
             if self.source in ("daq", "each"):
-                rows += (("mean", abs(burst.mean), own.mean, CODE),)
+                rows += (("max_offset", abs(burst.mean), own.max_offset, CODE),)
             broken += [
                 f"{name} {value} > {most}" for name, value, most, code in rows if value > most * share + code
             ]
@@ -88,15 +93,15 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
         return loose * draw(st.sampled_from((1.0,) * 2 * len(tight) + tight))
 
     limits = DriveLimits(
-        low=-near(50, 0.3, 0.6),
-        high=near(50, 0.3, 0.6),
-        swing=near(100, 0.3, 0.7),
+        min=-near(50, 0.3, 0.6),
+        max=near(50, 0.3, 0.6),
+        peak_to_peak=near(100, 0.3, 0.7),
         slew=near(0.5e6, 0.02, 0.2),
         # A sweep is taken to last half a second longer, until it is surely off.
-        burst=near(0.6, 0.1, 0.5) + 0.5 * (source == "generator"),
+        max_duration=near(0.6, 0.1, 0.5) + 0.5 * (source == "generator"),
         duty=near(1.0, 0.02, 0.005),
-        mean=near(2.0, 0.01, 0.3),
-        end=near(2.0, 0.01, 0.3),
+        max_offset=near(2.0, 0.01, 0.3),
+        max_end=near(2.0, 0.01, 0.3),
     )
     amplifier = file.amplifier.settings | {
         "input": file.amplifier.settings["input"] if source in ("daq", "each") else "source",
@@ -105,8 +110,8 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
     }
     table = file.table.model_copy(
         update={
-            "patch_low": -near(60, 0.2, 0.5),
-            "patch_high": near(60, 0.2, 0.5),
+            "patch_min": -near(60, 0.2, 0.5),
+            "patch_max": near(60, 0.2, 0.5),
             "patch_capacitance": draw(st.floats(10e-9, 200e-9)),
             "rate_hz": draw(st.sampled_from((20_000.0, 50_000.0))),
         }

@@ -16,8 +16,8 @@ from instruments.ofv5000_codec import (
     duration_of,
     frequency_of,
     level_of,
-    sensitivity_of,
-    sensitivity_text,
+    scale_of,
+    scale_text,
 )
 from mocks.clock import VirtualClock
 from mocks.line_server import DirectLine, LineServer
@@ -29,12 +29,12 @@ RANGE = "Get,VeloDec,0,Range"
 
 
 def settings(**changes: object) -> Ofv5000.Settings:
-    basic = {"port": "COM3", "channel": "laser", "sensitivity": 0.005, "timeout": 0.2}
+    basic = {"port": "COM3", "channel": "laser", "scale": 0.005, "timeout": 0.2}
     return Ofv5000.Settings.model_validate(basic | changes)
 
 
-def controller(clock: VirtualClock, sensitivity: float = 0.005) -> Controller:
-    return Controller(LaserHead(sensitivity * 10, sensitivity, 20e3, 12.3e-6), "VeloDec,0", 10.0, clock)
+def controller(clock: VirtualClock, scale: float = 0.005) -> Controller:
+    return Controller(LaserHead(scale * 10, scale, 20e3, 12.3e-6), "VeloDec,0", 10.0, clock)
 
 
 @dataclass
@@ -80,7 +80,7 @@ def test_reads_what_the_controller_is_set_to(setup: Setup) -> None:
     assert laser.identity == "OFV-5000 Vibrometer Controller"
     assert laser.channel == "laser"
     assert laser.declared is None
-    assert laser.sensitivity == 0.005
+    assert laser.scale == 0.005
     assert laser.range == pytest.approx(0.05)
     assert laser.delay == pytest.approx(12.3e-6)
     assert laser.bandwidth_hz == 20e3
@@ -96,19 +96,19 @@ def test_signal_level_is_a_share_of_full_light(setup: Setup) -> None:
 
 def test_setting_the_range_scales_the_head(setup: Setup) -> None:
     setup.laser.set_range(0.02)
-    assert setup.laser.sensitivity == setup.controller.head.sensitivity == 0.02
+    assert setup.laser.scale == setup.controller.head.scale == 0.02
     assert setup.laser.range == setup.controller.head.range == pytest.approx(0.2)
 
 
 def test_a_range_that_the_decoder_has_not_is_noticed(setup: Setup) -> None:
     with pytest.raises(InstrumentError, match=r"given the range 3mm/s/V but reads 5mm/s/V"):
         setup.laser.set_range(0.003)
-    assert setup.laser.sensitivity == 0.005
+    assert setup.laser.scale == 0.005
 
 
 def test_a_range_changed_at_the_front_panel_is_found_by_reading_it_again(setup: Setup) -> None:
     setup.laser.check_range()
-    setup.controller.head.sensitivity = 0.05
+    setup.controller.head.scale = 0.05
     with pytest.raises(ConfigurationError, match=r"set to the range 50mm/s/V.* says 5mm/s/V.*\[vibrometer\]"):
         setup.laser.check_range()
 
@@ -130,22 +130,22 @@ def test_autofocus_gives_up_at_its_deadline(setup: Setup) -> None:
 def test_an_echoing_interface_gives_the_same_answers(setup: Setup) -> None:
     setup.controller.echo = True
     setup.laser.set_range(0.02)
-    assert setup.laser.sensitivity == 0.02
+    assert setup.laser.scale == 0.02
     assert setup.laser.signal_level() == pytest.approx(0.8, abs=1e-2)
     setup.laser.autofocus()
 
 
 def test_opening_refuses_another_range_and_changes_none() -> None:
     clock = VirtualClock()
-    box = controller(clock, sensitivity=0.05)
+    box = controller(clock, scale=0.05)
     with LineServer(box.answer) as server:
         wanted = settings(port=f"socket://{server.address}")
         with pytest.raises(ConfigurationError, match="is set to the range 50mm/s/V"):
             Ofv5000.open(wanted, clock)
-        assert box.head.sensitivity == 0.05
+        assert box.head.scale == 0.05
         laser = Ofv5000.connect(wanted, clock)
-        assert laser.sensitivity == 0.05, "what is measured is scaled by what is set"
-        laser.set_range(wanted.sensitivity)
+        assert laser.scale == 0.05, "what is measured is scaled by what is set"
+        laser.set_range(wanted.scale)
         laser.check_range()
         laser.close()
         laser.close()
@@ -176,7 +176,7 @@ def test_a_fault_of_the_line_is_one_sentence_and_passes(wired: Setup, kind: str,
     with pytest.raises(InstrumentError, match=rf"^OFV-5000 at socket://\S+ .*{sentence}"):
         wired.laser.check_range()
     assert fault.fired == 1
-    assert wired.laser.sensitivity == 0.005, "nothing was taken for data"
+    assert wired.laser.scale == 0.005, "nothing was taken for data"
     wired.laser.check_range()
 
 
@@ -263,8 +263,8 @@ def test_codec() -> None:
     for line in ("", "Get,VeloDec,0", "Set,VeloDec,0,Range", "Put,VeloDec,0,Range", "Get,VeloDec,x,Range"):
         assert Command.parse(line) is None
     for text, value in (("5mm/s/V", 0.005), ("0.5 m/s/V", 0.5), ("100um/s/V", 1e-4)):
-        assert sensitivity_of(text) == pytest.approx(value)
-    assert sensitivity_of(sensitivity_text(0.125)) == 0.125
+        assert scale_of(text) == pytest.approx(value)
+    assert scale_of(scale_text(0.125)) == 0.125
     assert duration_of("12.3 us") == duration_of("12.3") == pytest.approx(12.3e-6)
     assert duration_of("1.1ms") == pytest.approx(1.1e-3)
     assert frequency_of("20 kHz") == frequency_of("20kHz") == 20e3

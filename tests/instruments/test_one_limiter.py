@@ -23,7 +23,7 @@ TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(10_000) / RATE) * np.hanning(10_0
 
 @pytest.fixture
 def rig() -> Iterator[Rig]:
-    with open_rig(held(low=-30, high=30)) as rig:
+    with open_rig(held(min=-30, max=30)) as rig:
         yield rig
 
 
@@ -55,7 +55,7 @@ def generator_rig() -> RigFile:
 def test_an_instrument_of_a_rig_plays_nothing_by_itself(file: Any, way: Callable[[Rig], object]) -> None:
     with open_rig(file, simulate="twin") as rig:
         rig.relay.connect(["A"])
-        with pytest.raises(LimitError, match=r"a rig plays only what its limits have admitted"):
+        with pytest.raises(LimitError, match=r"a rig plays only what its limiter has authorised"):
             way(rig)
         rig.clock.sleep(0.5)
     assert rig.simulation.truth.peak == 0
@@ -104,7 +104,7 @@ def test_no_driver_replaces_what_asks_the_limiter(role: type, name: str) -> None
         lambda volts: {"amplifier": volts, "elsewhere": volts},
     ],
 )
-def test_what_was_admitted_is_played_and_nothing_like_it(
+def test_only_the_authorised_drive_is_played(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], dict[str, np.ndarray]]
 ) -> None:
     stream = rig.daq.stream
@@ -169,11 +169,16 @@ def tone(peak: float, hertz: float = 250.0, seconds: float = 0.2) -> np.ndarray:
 @pytest.mark.parametrize(
     ("limits", "drive", "says", "seen"),
     [
-        ({"high": 20.0}, lambda s: s * tone(19.99), "rises to", lambda b: b.high / 20),
-        ({"low": -20.0}, lambda s: s * tone(19.99), "falls to", lambda b: -b.low / 20),
-        ({"swing": 40.0}, lambda s: s * tone(19.99), "swings over", lambda b: (b.high - b.low) / 40),
+        ({"max": 20.0}, lambda s: s * tone(19.99), "rises to", lambda b: b.high / 20),
+        ({"min": -20.0}, lambda s: s * tone(19.99), "falls to", lambda b: -b.low / 20),
+        (
+            {"peak_to_peak": 40.0},
+            lambda s: s * tone(19.99),
+            "has a peak-to-peak voltage of",
+            lambda b: (b.high - b.low) / 40,
+        ),
         ({"slew": 6e4}, lambda s: s * tone(38.2), "slews at", lambda b: b.slew / 6e4),
-        ({"burst": 0.2}, lambda s: tone(20, seconds=0.2 * s), "lasts", lambda b: b.seconds / 0.2),
+        ({"max_duration": 0.2}, lambda s: tone(20, seconds=0.2 * s), "lasts", lambda b: b.seconds / 0.2),
     ],
 )
 def test_a_limit_is_met_and_not_passed(
@@ -242,10 +247,10 @@ def test_what_a_player_makes_of_a_drive_is_held_to_the_limits() -> None:
     rng = np.random.default_rng(1)
     edges = np.repeat(np.sign(rng.uniform(-1, 1, 200)), 4) * 4.9
     edges = np.concatenate([[0.0], edges - edges.mean(), [0.0]])
-    strict = file.model_copy(update={"limits": DriveLimits(low=-5, high=5, swing=11)})
+    strict = file.model_copy(update={"limits": DriveLimits(min=-5, max=5, peak_to_peak=11)})
     with open_rig(strict, simulate="twin") as rig:
         assert np.abs(edges).max() < 5
-        with pytest.raises(LimitError, match=r"rises to|falls to|swings over"):
+        with pytest.raises(LimitError, match=r"rises to|falls to|peak-to-peak"):
             rig.excite(edges, ["A"], ["drive"])
     assert rig.simulation.truth.peak == 0
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from instruments import ConfigurationError, InstrumentError, LimitError, Rig, open_rig
-from instruments.conformance import let_play
+from instruments.conformance import bypass_interlock
 from instruments.generator import Sweep
 from instruments.signals import uninterrupted
 from tests.conftest import OpenRig
@@ -204,7 +204,7 @@ def test_the_generator_is_off_before_the_relay_opens_whatever_else_fails(
     order: list[str] = []
     off, connect = swept.generator.off, swept.relay.connect
     swept.relay.connect(["A"])
-    let_play(swept.generator)
+    bypass_interlock(swept.generator)
     swept.generator.configure(replace(SWEEP, amplitude=0.8))
     swept.generator.arm()
     swept.generator.trigger()

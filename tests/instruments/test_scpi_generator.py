@@ -13,7 +13,7 @@ import pytest
 
 from instruments import ConfigurationError, InstrumentError, LimitError, load_rig_file
 from instruments.arrays import FloatArray
-from instruments.conformance import let_play
+from instruments.conformance import bypass_interlock
 from instruments.generator import Sweep
 from instruments.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from mocks.clock import VirtualClock
@@ -70,7 +70,7 @@ class Setup:
 
 
 def played(generator: ScpiGenerator) -> ScpiGenerator:
-    let_play(generator)
+    bypass_interlock(generator)
     return generator
 
 
@@ -246,7 +246,7 @@ class Deaf(Box):
     ("deaf", "sentence"),
     [
         ("LOAD", r"given inf for load but reads 50"),
-        ("VOLT ", r"given 1.6 for swing but reads"),
+        ("VOLT ", r"given 1.6 for peak_to_peak but reads"),
         ("FREQ:STOP", r"given 625 for stop_hz but reads 1000"),
         ("SWE:TIME", r"given 2 for duration but reads 1"),
     ],
@@ -349,7 +349,7 @@ def test_a_sweep_moves_the_table(kind: str) -> None:
 
     def play(generator: ScpiGenerator) -> None:
         plant.switch("A", True, clock.now())
-        let_play(generator)
+        bypass_interlock(generator)
         generator.configure(Sweep(200, 300, 1, 0.8))
         generator.arm()
         generator.trigger()

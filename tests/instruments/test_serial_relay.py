@@ -14,7 +14,7 @@ from instruments.relay import Relay
 from instruments.serial_relay import SerialRelay, answer_in
 from mocks.clock import VirtualClock
 from mocks.loopback import Loopback, ReplyFault
-from mocks.relay import BoxFault, RelayBox, box_in
+from mocks.relay import BoxFault, SimulatedBox, box_in
 from mocks.serial_relay import SerialRelayTwin, SerialRelayWire, wire
 from tests.instruments.contacts import Contacts
 
@@ -53,7 +53,7 @@ def test_what_is_no_answer_to_this_command_is_refused(received: bytes) -> None:
 @dataclass
 class Setup:
     bench: Contacts
-    box: RelayBox
+    box: SimulatedBox
     relay: Relay
     wire: SerialRelayWire | None = None
 

@@ -18,7 +18,7 @@ from instruments.relay import Relay
 from instruments.yocto import Yocto
 from mocks.clock import VirtualClock
 from mocks.loopback import Loopback, ReplyFault
-from mocks.relay import BoxFault, RelayBox, RelayTwin, box_in
+from mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from mocks.yocto_hub import YoctoHub, wire
 from tests.instruments.contacts import Contacts
 
@@ -28,7 +28,7 @@ PATCHES = {"A": 1, "B": 2, "C": 3, "D": 8}
 @dataclass
 class Setup:
     bench: Contacts
-    box: RelayBox
+    box: SimulatedBox
     relay: Relay
     hub: YoctoHub | None = field(default=None)
 

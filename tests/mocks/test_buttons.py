@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from instruments.operator import Press
-from mocks.buttons import BUTTONS, FLAWS, ButtonPress, Finger, Flaw, button_named, press_button
+from mocks.buttons import BUTTONS, FLAWS, Finger, Flaw, SimulatedPress, button_named, press_button
 
 
-def press(button: str, seed: int = 0, start: float = 5.0, flaw: Flaw = "") -> ButtonPress:
+def press(button: str, seed: int = 0, start: float = 5.0, flaw: Flaw = "") -> SimulatedPress:
     rng = np.random.default_rng(seed)
     return press_button(button_named(button), Finger.of(rng), Press(button, "P01", 1, 1), start, rng, flaw)
 

@@ -1,4 +1,4 @@
-"""Faults strike when they were asked to, on twin and wire alike, and something of the product notices."""
+"""Faults fire on schedule, on twin and wire alike, and the product notices each."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_every_kind_is_in_the_guide() -> None:
     ("fault", "says"),
     [
         ({"kind": "relay-swaped"}, "did you mean 'relay-swapped'"),
-        ({}, "no fault of the kind"),
+        ({}, "unknown fault kind"),
         ({"kind": "patch-dead", "path": "A"}, "unknown key 'path'; did you mean 'patch'"),
         ({"kind": "patch-dead", "patch": "Z"}, "has A, B, C, D"),
         ({"kind": "relay-swapped", "patches": ["A", "A"]}, "two different patches"),

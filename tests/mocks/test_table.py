@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocks.hysteresis import _RADII, Hysteresis, _bent
-from mocks.table import AMPLIFIER_POLE_HZ, MAIN, Plate, Table, make_plate, warmed
+from mocks.table import AMPLIFIER_POLE_HZ, MAIN, Plate, TouchTable, make_plate, warmed
 
 PLACE = (8.5 / 12, 1.5 / 7)
 RATE_HZ = 50_000.0
@@ -20,7 +20,7 @@ def plate() -> Plate:
     return make_plate(np.random.default_rng(0))
 
 
-def swing(table: Table, volts: np.ndarray, cuts: list[int], start: float = 10.0) -> None:
+def swing(table: TouchTable, volts: np.ndarray, cuts: list[int], start: float = 10.0) -> None:
     rest = np.zeros(len(volts))
     for a, b in zip([0, *cuts], [*cuts, len(volts)], strict=True):
         if b > a:
@@ -30,7 +30,7 @@ def swing(table: Table, volts: np.ndarray, cuts: list[int], start: float = 10.0)
 
 def test_the_staircase_response_is_the_plates_own(plate: Plate) -> None:
     """A whole record's FFT ratio equals plate x staircase x amplifier x laser to a few 1e-5."""
-    table, n = Table(plate, 0.0, LASER_HZ), 100_000
+    table, n = TouchTable(plate, 0.0, LASER_HZ), 100_000
     t = np.arange(n) / RATE_HZ
     volts = 50 * np.sin(np.pi * 625 * t**2) * (t < 1)
     swing(table, volts, [5000, 5001, 40_000])
@@ -51,7 +51,7 @@ def test_how_the_drive_is_cut_into_steps_changes_nothing(plate: Plate) -> None:
     rng = np.random.default_rng(1)
     volts = 40 * rng.uniform(-1, 1, 3000)
     times = 10 + np.sort(rng.uniform(0, 0.07, 500))
-    whole, cut = Table(plate, 0.12, LASER_HZ), Table(plate, 0.12, LASER_HZ)
+    whole, cut = TouchTable(plate, 0.12, LASER_HZ), TouchTable(plate, 0.12, LASER_HZ)
     swing(whole, volts, [])
     swing(cut, volts, [1, 2, 700, 701, 2999])
     np.testing.assert_allclose(
@@ -95,30 +95,30 @@ def test_patch_and_point_apart_give_zeros_in_the_right_half_plane() -> None:
 
 def test_the_loop_has_the_width_that_was_asked_for() -> None:
     t = np.linspace(0, 3, 6001)
-    strain = Hysteresis(0.12).follow(50 * np.sin(2 * np.pi * t))[2000:]
-    crossing = strain[np.isclose(np.sin(2 * np.pi * t[2000:]), 0, atol=1e-9)]
-    assert np.ptp(strain) == pytest.approx(100, rel=1e-6)
-    assert np.ptp(crossing) / np.ptp(strain) == pytest.approx(0.12, rel=1e-6)
+    linear_volts = Hysteresis(0.12).follow(50 * np.sin(2 * np.pi * t))[2000:]
+    crossing = linear_volts[np.isclose(np.sin(2 * np.pi * t[2000:]), 0, atol=1e-9)]
+    assert np.ptp(linear_volts) == pytest.approx(100, rel=1e-6)
+    assert np.ptp(crossing) / np.ptp(linear_volts) == pytest.approx(0.12, rel=1e-6)
 
 
 @given(st.lists(st.floats(-60, 60), min_size=1, max_size=60), st.integers(0, 60))
 def test_hysteresis_equals_its_definition_step_by_step(path: list[float], cut: int) -> None:
     volts = np.array(path)
     patch, plain = Hysteresis(0.12), Hysteresis(0.12)
-    strain = np.concatenate([patch.follow(v) for v in (volts[:cut], volts[cut:]) if len(v)])
+    linear_volts = np.concatenate([patch.follow(v) for v in (volts[:cut], volts[cut:]) if len(v)])
     play, expected = np.zeros(len(_RADII)), []
     for v in volts:
         play = np.clip(play, v - _RADII, v + _RADII)
         expected.append(plain._linear * v + plain._weights @ play)
-    np.testing.assert_allclose(strain, _bent(np.array(expected)), atol=1e-9)
+    np.testing.assert_allclose(linear_volts, _bent(np.array(expected)), atol=1e-9)
 
 
 def test_a_table_that_warms_at_rest_stays_at_rest_and_rings_as_it_then_is(plate: Plate) -> None:
-    """With the strain that the patch kept of an earlier drive."""
+    """With the linear_volts that the patch kept of an earlier drive."""
     rng = np.random.default_rng(2)
     before, volts = 40 * rng.uniform(-1, 1, 3000), 40 * rng.uniform(-1, 1, 3000)
     later = replace(plate, natural_hz=1.01 * plate.natural_hz)
-    warm, new = Table(plate, 0.12, LASER_HZ), Table(later, 0.12, LASER_HZ)
+    warm, new = TouchTable(plate, 0.12, LASER_HZ), TouchTable(later, 0.12, LASER_HZ)
     for table in (warm, new):
         swing(table, np.append(before, 0.0), [])
         swing(table, np.zeros(1), [], start=20.0)

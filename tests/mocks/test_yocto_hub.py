@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mocks.clock import VirtualClock
-from mocks.relay import RelayBox
+from mocks.relay import SimulatedBox
 from mocks.yocto_hub import YoctoHub
 
 NATIVE_INFO = (
@@ -25,7 +25,7 @@ PURE_NOTIFY = b"GET /not.byn \r\n\r\n"
 class Bench:
     def __init__(self) -> None:
         self.clock = VirtualClock()
-        self.box = RelayBox({1: "A", 3: "C"}, self.clock, np.random.default_rng(3))
+        self.box = SimulatedBox({1: "A", 3: "C"}, self.clock, np.random.default_rng(3))
         self.hub = YoctoHub(self.box)
 
     def link(self) -> socket.socket:

@@ -12,12 +12,12 @@ from pydantic import Field
 
 from instruments.clock import Clock
 from instruments.errors import InstrumentError
-from instruments.relay_board import BoardRelay, BoardSettings, ChannelState
+from instruments.relay_board import BoardSettings, ChannelRelay, ChannelState
 from instruments.serial_line import Line, SerialLine
 
 
-class AcmeRelay(BoardRelay):
-    """`BoardRelay` switches over, reads back and keeps alive; `_Board` speaks to the product."""
+class AcmeRelay(ChannelRelay):
+    """`ChannelRelay` switches over, reads back and keeps alive; `_Board` speaks to the product."""
 
     class Settings(BoardSettings):
         patches: Annotated[dict[str, Annotated[int, Field(ge=1, le=8)]], Field(min_length=1)]

@@ -5,10 +5,10 @@ from contextlib import contextmanager
 
 from haploop_acme.relay import AcmeRelay
 from mocks.line_server import DirectLine, LineServer
-from mocks.relay import Contacts, RelayBox, box_in
+from mocks.relay import Contacts, SimulatedBox, box_in
 
 
-def reply(box: RelayBox, line: str) -> Sequence[str]:
+def reply(box: SimulatedBox, line: str) -> Sequence[str]:
     match line.split():
         case ["ID"]:
             return ["ACME RB-8 1.4"]
