@@ -19,9 +19,9 @@ from unittest import mock
 import h5py
 import numpy as np
 
-from acquisition.layout import Header
-from acquisition.store import Writer
-from instruments import Block, load_rig_file
+from haploop.acquisition.recording.file_format import Header
+from haploop.acquisition.recording.writer import Writer
+from haploop.instruments import Block, load_rig_file
 
 CHANNELS = 16
 NAMES = tuple(f"channel{i}" for i in range(CHANNELS))
@@ -100,7 +100,7 @@ def haploop_codes(folder: Path, material: Material, blocks: int) -> Iterator[Non
 
     writer = Writer(folder / "P01-push.h5", header(5000.0), material.samples, blocks)
     yield
-    with mock.patch("acquisition.store.to_codes", given), writer:
+    with mock.patch("haploop.acquisition.recording.writer.to_codes", given), writer:
         for i in range(blocks):
             codes = material.codes[i % len(material.codes)]
             writer.write(Block(i * material.samples, codes, NONE), 0.0)  # type: ignore[arg-type]

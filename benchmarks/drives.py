@@ -18,11 +18,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from acquisition import Representative
-from calibration import Calibration, Check, Drive, calibrate, check, drive_for, learn, paper_drive
-from calibration.drive import Method
-from calibration.paper_way import ORDERS
-from instruments import Rig, open_rig
+from haploop.acquisition import Representative
+from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for, learn, paper_drive
+from haploop.calibration.drive import check
+from haploop.calibration.drive.drive import Method
+from haploop.calibration.drive.paper_baseline import ORDERS
+from haploop.instruments import Rig, open_rig
 
 STALE = 0.03
 WORLDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {

@@ -27,10 +27,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 from contestants import CHANNELS, CONTESTANTS, FULL_SCALE, NAMES, Material, Way, header, raw
 
-from acquisition.reading import StreamReader
-from acquisition.scan import read_contents
-from acquisition.store import Writer
-from instruments import Block, RealClock, Stream
+from haploop.acquisition.recording.salvage import read_contents
+from haploop.acquisition.recording.writer import Writer
+from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.instruments import Block, RealClock, Stream
 
 PAPER_RATE = 5000.0
 

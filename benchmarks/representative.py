@@ -19,9 +19,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from acquisition.averaging import BARYCENTRE, average, barycentre
-from acquisition.registration import WarpModel, register
 from benchmarks.synthetic_presses import FAMILIES, RATE, Curve, error, shape_error, spectrum_error
+from haploop.acquisition.presses.averaging import BARYCENTRE, average, barycentre
+from haploop.acquisition.presses.registration import WarpModel, register
 
 WINDOW = WarpModel().window(RATE)
 

@@ -15,9 +15,9 @@ from functools import partial
 
 import numpy as np
 
-from calibration import LinearSweep, Multisine, Response, calibrate, fit, measure_response
-from calibration.model import Model
-from instruments import Rig, open_rig
+from haploop.calibration import LinearSweep, Multisine, Response, calibrate, fit, measure_response
+from haploop.calibration.model.model import Model
+from haploop.instruments import Rig, open_rig
 
 BAND = (30.0, 600.0)
 SNR_DB = 37.0

@@ -25,7 +25,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from instruments import DataError
+from haploop.instruments import DataError
 
 __all__ = ["Flat", "digest", "flatten", "new_file", "os_error_text", "read", "restore", "write"]
 

@@ -12,10 +12,10 @@ import click
 
 from haploop.commands.button import button
 from haploop.commands.calibrations import calibrations
-from haploop.commands.care import doctor, log, reset, schema
 from haploop.commands.demo import demo
 from haploop.commands.export import export, import_
 from haploop.commands.files import recover, show, verify
+from haploop.commands.maintenance import doctor, log, reset, schema
 from haploop.commands.map import map_command
 from haploop.commands.recalibrate import recalibrate
 from haploop.commands.record import record

@@ -14,14 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import ButtonPress, Recording, Representative, accepted_presses, record, representative
-from calibration import Calibration, Check, calibrate, check, drive_for
-from haploop import figures
-from haploop.report import CaptionedFigure, render
-from instruments import ConfigurationError, Rig, load_rig_file, open_rig
-from instruments.arrays import ComplexArray
-from instruments.clock import Clock, RealClock
-from instruments.driver import Mode
+from haploop.acquisition import (
+    ButtonPress,
+    Recording,
+    Representative,
+    accepted_presses,
+    record,
+    representative,
+)
+from haploop.calibration import Calibration, Check, calibrate, drive_for
+from haploop.calibration.drive import check
+from haploop.figures import figures
+from haploop.instruments import ConfigurationError, Rig, load_rig_file, open_rig
+from haploop.instruments.arrays import ComplexArray
+from haploop.instruments.clock import Clock, RealClock
+from haploop.instruments.driver import Mode
+from haploop.report.report import CaptionedFigure, render
 
 __all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo", "Progress", "claim_folder", "run_demo"]
 

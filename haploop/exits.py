@@ -19,8 +19,8 @@ from typing import Any, NoReturn
 
 import click
 
-from instruments import HaploopError
-from instruments.signals import STOPPING, uninterrupted
+from haploop.instruments import HaploopError
+from haploop.instruments.signals import STOPPING, uninterrupted
 
 __all__ = ["CommandState", "Commands"]
 

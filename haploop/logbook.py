@@ -10,12 +10,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from haploop.console import note, print_json, print_table
-from instruments import ConfigurationError, RigFile
-from instruments.audit import Audit, entries, state_folder
-from instruments.driver import Mode
-from instruments.latch import clear_lockout, lockout_of
-from instruments.opening import hardware
+from haploop.instruments import ConfigurationError, RigFile
+from haploop.instruments.driver import Mode
+from haploop.instruments.rig import hardware
+from haploop.instruments.safety import Audit, clear_lockout, entries, lockout_of, state_folder
+from haploop.progress import note, print_json, print_table
 
 __all__ = ["reset", "tell"]
 

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from instruments import Rig, RigFile
+    from haploop.instruments import Rig, RigFile
 
 __all__ = ["OpenRig", "Rigs"]
 
 OpenRig = Callable[..., "Rig"]
 
-pytest.register_assert_rewrite("instruments.conformance")
+pytest.register_assert_rewrite("haploop.instruments.conformance")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -72,7 +72,7 @@ class Rigs:
         plant: Mapping[str, Any] = MappingProxyType({}),
     ) -> Rig:
         """An open rig for `request.node`; the rest is as in the fixture `open_rig`."""
-        from instruments import ConfigurationError, InstrumentError, load_rig_file, open_rig  # noqa: PLC0415
+        from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file, open_rig  # noqa: PLC0415
 
         simulate = self.mode if self.mode in ("twin", "wire") else None
         file = load_rig_file(_beside(self._project, name)) if simulate and name else self._asked_for()
@@ -102,7 +102,7 @@ class Rigs:
         return _beside(self._here, self.mode)
 
     def _asked_for(self) -> RigFile:
-        from instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
+        from haploop.instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
 
         try:
             return load_rig_file(self._path)
@@ -111,9 +111,9 @@ class Rigs:
             pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
 
     def _hold(self) -> None:
-        from instruments import InstrumentError  # noqa: PLC0415
-        from instruments.lock import reserve  # noqa: PLC0415
-        from instruments.opening import hardware  # noqa: PLC0415
+        from haploop.instruments import InstrumentError  # noqa: PLC0415
+        from haploop.instruments.rig import hardware  # noqa: PLC0415
+        from haploop.instruments.safety import reserve  # noqa: PLC0415
 
         if not self._held:
             file = self._asked_for()
@@ -168,7 +168,7 @@ def _ours(item: pytest.Item) -> bool:
 
 def _has(file: RigFile, needed: str, simulated: bool) -> bool:
     """Whether a rig has an instrument, a sensor, a table, or (when simulated) a plant."""
-    from instruments.rig_file import ROLES  # noqa: PLC0415
+    from haploop.instruments.config import ROLES  # noqa: PLC0415
 
     parts: dict[str, object] = {role: getattr(file, role) for role in ROLES}
     parts |= dict(file.sensors)

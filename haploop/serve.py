@@ -51,11 +51,11 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
     The first line on standard output is "Server listening on port N". Ctrl-C stops the server. The
     devices measure the rig's simulated plant; the default rig is "simulated".
     """
-    from instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
-    from instruments.ni_daqmx import NiDaq  # noqa: PLC0415
-    from instruments.rig_file import validate  # noqa: PLC0415
-    from mocks.ni import inventory_from_file, inventory_of, run, wiring_of  # noqa: PLC0415
-    from mocks.plant import Plant  # noqa: PLC0415
+    from haploop.instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from haploop.instruments.config import validate  # noqa: PLC0415
+    from haploop.instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
+    from haploop.mocks.daq.ni import inventory_from_file, inventory_of, run, wiring_of  # noqa: PLC0415
+    from haploop.mocks.plant.plant import Plant  # noqa: PLC0415
 
     if devices is not None and rig is not None:
         raise click.UsageError("--rig and --devices exclude each other: use one of them")
@@ -76,9 +76,9 @@ def _serve(kinds: tuple[str, ...], rig: str | None, as_json: bool) -> None:
     """Serve wires on one plant until Ctrl-C, and print their addresses."""
     from importlib import metadata  # noqa: PLC0415
 
-    from instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
-    from instruments.rig_file import ROLES, validate  # noqa: PLC0415
-    from mocks.simulation import Simulation  # noqa: PLC0415
+    from haploop.instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from haploop.instruments.config import ROLES, validate  # noqa: PLC0415
+    from haploop.mocks.simulation import Simulation  # noqa: PLC0415
 
     file = load_rig_file(rig or "bench")
     drivers = {entry.name: entry for entry in metadata.entry_points(group="haploop.drivers")}

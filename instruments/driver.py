@@ -8,8 +8,8 @@ from typing import Any, Literal, Protocol
 
 from pydantic import BaseModel
 
-from instruments.clock import Clock
-from instruments.rig_file import Device
+from haploop.instruments.clock import Clock
+from haploop.instruments.config import Device
 
 __all__ = ["Driver", "Mode", "Simulation", "hardware_of", "one_name"]
 

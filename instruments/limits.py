@@ -7,8 +7,8 @@ from typing import Self
 
 import numpy as np
 
-from instruments.arrays import FloatArray
-from instruments.errors import LimitError
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.errors import LimitError
 
 __all__ = ["Limits", "sounding"]
 

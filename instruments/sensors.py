@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from instruments.arrays import BoolArray, ComplexArray, FloatArray
+from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
 
 __all__ = ["Accelerometer", "Divider", "ForceTorque", "Sensor", "Switch", "low_pass"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from instruments.clock import Clock
+from haploop.instruments.clock import Clock
 
 __all__ = ["VirtualClock"]
 

@@ -16,11 +16,11 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from instruments.arrays import BoolArray, FloatArray
-from instruments.clock import Clock
-from instruments.errors import ConfigurationError
-from instruments.rig_file import ROLES, RigFile, validate_kind
-from mocks.relay import BoxFault
+from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.instruments.clock import Clock
+from haploop.instruments.config import ROLES, RigFile, validate_kind
+from haploop.instruments.errors import ConfigurationError
+from haploop.mocks.relay.box import BoxFault
 
 __all__ = [
     "KINDS",

@@ -6,21 +6,21 @@ from contextlib import ExitStack
 from importlib import metadata
 from typing import Any
 
-from instruments.clock import Clock
-from instruments.driver import Driver, Mode
-from instruments.errors import ConfigurationError
-from instruments.rig_file import Device, RigFile, validate
-from mocks.clock import VirtualClock
-from mocks.faults import KINDS, Faults, Reply
-from mocks.faulty_line import faulty_lines
-from mocks.plant import Plant
-from mocks.truth import Truth
+from haploop.instruments.clock import Clock
+from haploop.instruments.config import Device, RigFile, validate
+from haploop.instruments.driver import Driver, Mode
+from haploop.instruments.errors import ConfigurationError
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.faults import KINDS, Faults, Reply
+from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant.truth import Truth
+from haploop.mocks.transport.faulty_line import faulty_lines
 
 __all__ = ["Simulation"]
 
 
 class Simulation:
-    """See `instruments.rig.Simulation`. One plant, on a virtual clock, behind every instrument.
+    """See `haploop.instruments.rig.rig.Simulation`. One plant, on a virtual clock, behind every instrument.
 
     Twins are found by the driver's name among the entry points `haploop.twins`: each is called
     with the driver's settings and the plant. Wires, among `haploop.wires`, are called likewise and
@@ -29,7 +29,7 @@ class Simulation:
     """
 
     fault_kinds = KINDS
-    """See `mocks.faults`."""
+    """See `haploop.mocks.faults`."""
 
     def __init__(self, file: RigFile, clock: Clock | None = None) -> None:
         self.clock = clock or VirtualClock()
@@ -39,7 +39,7 @@ class Simulation:
 
     @property
     def truth(self) -> Truth:
-        """See `mocks.truth.Truth`."""
+        """See `haploop.mocks.plant.truth.Truth`."""
         return self.plant.truth
 
     @property
@@ -48,7 +48,7 @@ class Simulation:
         return self.plant.faults
 
     def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:
-        """See `instruments.rig.Simulation.instrument`."""
+        """See `haploop.instruments.rig.rig.Simulation.instrument`."""
         settings = validate(driver.Settings, device.settings, f"[{role}] of {self._file.name}")
         wires = metadata.entry_points(group="haploop.wires", name=device.driver)
         disturbed = [fault for fault in self.faults.of(Reply) if fault.settings.instrument == role]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from instruments import load_rig_file
-from instruments.lock import _locked
-from instruments.opening import hardware
+from haploop.instruments import load_rig_file
+from haploop.instruments.rig.opening import hardware
+from haploop.instruments.safety.lock import _locked
 
 
 @contextmanager

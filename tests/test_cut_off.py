@@ -23,18 +23,18 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import Recording, recover
-from calibration import Calibration
+from haploop.acquisition import Recording, recover
+from haploop.calibration import Calibration
 from haploop.cli import cli
-from instruments import Press, RealClock, load_rig_file
-from instruments.ni_daqmx import NiDaq
-from instruments.ofv5000 import Ofv5000
-from instruments.rig_file import validate
-from instruments.scpi_generator import Keysight33500
-from instruments.yocto import Yocto
-from mocks.loopback import Loopback
-from mocks.plant import Plant
-from mocks.simulation import Simulation
+from haploop.instruments import Press, RealClock, load_rig_file
+from haploop.instruments.config.rig_file import validate
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.generator.scpi_generator import Keysight33500
+from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.vibrometer.ofv5000 import Ofv5000
+from haploop.mocks.plant.plant import Plant
+from haploop.mocks.simulation import Simulation
+from haploop.mocks.transport.loopback import Loopback
 
 DEAD_MAN = 2.0
 SLACK = 1.5

@@ -20,15 +20,15 @@ from types import FrameType
 
 import pytest
 
-from acquisition import Recording, recover
-from acquisition.layout import FORMAT
-from calibration import Calibration
-from calibration.history import History
+from haploop.acquisition import Recording, recover
+from haploop.acquisition.recording.file_format import FORMAT
+from haploop.calibration import Calibration
+from haploop.calibration.upkeep.history import History
 from haploop.cli import cli
 from haploop.exits import Commands
-from instruments import DataError, signals
-from mocks.plant import Plant
-from mocks.simulation import Simulation
+from haploop.instruments import DataError, signals
+from haploop.mocks.plant.plant import Plant
+from haploop.mocks.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX timers")
 

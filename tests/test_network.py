@@ -16,10 +16,10 @@ UNPICKLES = {"pickle", "marshal", "shelve", "dill", "joblib", "cloudpickle"}
 
 def test_listeners_are_on_loopback_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every wire of the rigs that haploop ships, and the addresses that they asked the system for."""
-    from instruments import RealClock, load_rig_file
-    from instruments.rig_file import validate
-    from mocks.loopback import Loopback
-    from mocks.simulation import Simulation
+    from haploop.instruments import RealClock, load_rig_file
+    from haploop.instruments.config.rig_file import validate
+    from haploop.mocks.simulation import Simulation
+    from haploop.mocks.transport.loopback import Loopback
 
     bound: list[str] = []
     bind, serve = socket.socket.bind, grpc.server

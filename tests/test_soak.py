@@ -26,11 +26,11 @@ from typing import Any
 
 import pytest
 
-from acquisition import Recording, record
-from calibration import LinearSweep, build_button, calibrate
-from calibration.history import History
-from calibration.recalibration import adopt, calibrations_of, recalibrate
-from instruments import DataError, InstrumentError, Rig, open_rig
+from haploop.acquisition import Recording, record
+from haploop.calibration import LinearSweep, build_button, calibrate
+from haploop.calibration.upkeep.history import History
+from haploop.calibration.upkeep.recalibration import adopt, calibrations_of, recalibrate
+from haploop.instruments import DataError, InstrumentError, Rig, open_rig
 from tests.calibration.conftest import make_press
 
 START = datetime(2026, 8, 3, tzinfo=UTC)

@@ -12,7 +12,7 @@ from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_ri
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments.driver import Mode
+    from haploop.instruments.driver import Mode
 
 __all__ = ["button"]
 
@@ -79,9 +79,9 @@ def make(
     Exit codes: 0 the check passed, 1 it failed (the file is written and states why).
     """
     import haploop  # noqa: PLC0415
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps  # noqa: PLC0415
-    from haploop.targets import check_new_file  # noqa: PLC0415
+    from haploop.destinations import check_new_file  # noqa: PLC0415
+    from haploop.progress import Steps  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
 
     check_new_file(out)
     loaded = haploop.Calibration.load(calibration)
@@ -111,8 +111,8 @@ def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_j
     The file is not changed. Exit codes: 0 the check passed, 1 it failed.
     """
     import haploop  # noqa: PLC0415
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps  # noqa: PLC0415
+    from haploop.progress import Steps  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
 
     loaded = haploop.DigitalButton.load(file)
     with (

@@ -11,7 +11,7 @@ import click
 from haploop.commands.options import JSON, PATH, RIG
 
 if TYPE_CHECKING:
-    from calibration.history import History
+    from haploop.calibration.upkeep import History
 
 __all__ = ["CALIBRATIONS", "actor", "calibrations", "history_of"]
 
@@ -26,7 +26,7 @@ REASON = click.option("--reason", required=True, help="Reason; stored in the his
 
 def history_of(rig: str, folder: Path | None) -> History:
     """The history of a rig: in `folder`, beside the rig file, or in this folder for a shipped rig."""
-    from calibration.history import History  # noqa: PLC0415
+    from haploop.calibration.upkeep import History  # noqa: PLC0415
 
     path = Path(rig)
     beside = path.parent if path.is_file() else Path()
@@ -35,7 +35,7 @@ def history_of(rig: str, folder: Path | None) -> History:
 
 def actor() -> str:
     """The user, host and command, for the history."""
-    from instruments.audit import who  # noqa: PLC0415
+    from haploop.instruments.safety import who  # noqa: PLC0415
 
     person = who()
     return f"{person['user']} on {person['host']}, by {click.get_current_context().command_path}"
@@ -58,8 +58,8 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
     The new active calibration holds these BUTTONs and the buttons that are active already. A BUTTON
     replaces the active one with the same name, patch and point. The first adoption creates the history.
     """
-    from calibration import recalibration  # noqa: PLC0415
-    from calibration.button import DigitalButton  # noqa: PLC0415
+    from haploop.calibration.drive import DigitalButton  # noqa: PLC0415
+    from haploop.calibration.upkeep import recalibration  # noqa: PLC0415
 
     history = history_of(rig, calibrations)
     loaded = [DigitalButton.load(path) for path in buttons]
@@ -76,8 +76,8 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
 @JSON
 def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
     """List all calibrations, and mark the active one."""
-    from haploop import show_history  # noqa: PLC0415
-    from haploop.console import print_json, print_table  # noqa: PLC0415
+    from haploop.progress import print_json, print_table  # noqa: PLC0415
+    from haploop.show import history as show_history  # noqa: PLC0415
 
     values, table = show_history.listing(history_of(rig, calibrations))
     if as_json:
@@ -106,8 +106,8 @@ def show(name: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
 @JSON
 def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Show what changed from calibration ONE to OTHER."""
-    from haploop import show_history  # noqa: PLC0415
-    from haploop.console import print_json, print_table  # noqa: PLC0415
+    from haploop.progress import print_json, print_table  # noqa: PLC0415
+    from haploop.show import history as show_history  # noqa: PLC0415
 
     history = history_of(rig, calibrations)
     values, table = show_history.difference(history.find(one), history.find(other))
@@ -126,8 +126,8 @@ def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: boo
 @JSON
 def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Activate an earlier calibration by its NAME or number. Nothing is played."""
-    from calibration.recalibration import calibrations_of  # noqa: PLC0415
-    from instruments.audit import now_utc  # noqa: PLC0415
+    from haploop.calibration.upkeep import calibrations_of  # noqa: PLC0415
+    from haploop.instruments.safety import now_utc  # noqa: PLC0415
 
     history = history_of(rig, calibrations)
     with history.hold():
@@ -148,9 +148,10 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
 @JSON
 def plot(out: Path, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Plot resonance, damping, gain and coherence over time."""
-    from haploop import show, show_history  # noqa: PLC0415
-    from haploop.console import print_json, print_line  # noqa: PLC0415
-    from haploop.targets import check_new_picture  # noqa: PLC0415
+    from haploop.destinations import check_new_picture  # noqa: PLC0415
+    from haploop.progress import print_json, print_line  # noqa: PLC0415
+    from haploop.show import history as show_history  # noqa: PLC0415
+    from haploop.show import show  # noqa: PLC0415
 
     check_new_picture(out)
     history = history_of(rig, calibrations)
@@ -166,8 +167,8 @@ def plot(out: Path, calibrations: Path | None, rig: str, as_json: bool) -> int:
 
 def _audit(rig: str, made_on: Collection[tuple[str, bool]]) -> Callable[..., None]:
     """The audit log of the rig. Raises ConfigurationError for calibrations made on another rig."""
-    from instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
-    from instruments.audit import Audit, state_folder  # noqa: PLC0415
+    from haploop.instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
+    from haploop.instruments.safety import Audit, state_folder  # noqa: PLC0415
 
     file = load_rig_file(rig)
     others = [name for name, _ in made_on if name != file.name]
@@ -180,8 +181,8 @@ def _audit(rig: str, made_on: Collection[tuple[str, bool]]) -> Callable[..., Non
 
 
 def _show(history: History, name: str, as_json: bool) -> None:
-    from haploop import show_history  # noqa: PLC0415
-    from haploop.console import print_json, print_line, print_table  # noqa: PLC0415
+    from haploop.progress import print_json, print_line, print_table  # noqa: PLC0415
+    from haploop.show import history as show_history  # noqa: PLC0415
 
     values, table = show_history.describe(history, history.find(name))
     if as_json:

@@ -11,7 +11,7 @@ from haploop.commands.options import JSON, PATH, RIG, SIMULATE
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments.driver import Mode
+    from haploop.instruments.driver import Mode
 
 __all__ = ["demo"]
 
@@ -45,10 +45,10 @@ def demo(
 
     Writes recordings, representative presses, a calibration, drives and a report into a folder.
     """
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps, note, print_json  # noqa: PLC0415
     from haploop.demo import claim_folder, run_demo  # noqa: PLC0415
-    from instruments import load_rig_file  # noqa: PLC0415
+    from haploop.instruments import load_rig_file  # noqa: PLC0415
+    from haploop.progress import Steps, note, print_json  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
 
     load_rig_file(rig)
     folder = claim_folder(out)

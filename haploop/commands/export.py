@@ -24,8 +24,8 @@ __all__ = ["export", "import_"]
 def export(file: Path, to: Path, as_json: bool) -> int:
     """Export the calibration FILE as .uff or .mat."""
     import haploop  # noqa: PLC0415
-    from haploop.console import print_json, print_line  # noqa: PLC0415
-    from haploop.targets import check_new_file  # noqa: PLC0415
+    from haploop.destinations import check_new_file  # noqa: PLC0415
+    from haploop.progress import print_json, print_line  # noqa: PLC0415
 
     kind = to.suffix.lower()
     if kind not in (".uff", ".mat"):
@@ -67,9 +67,9 @@ def import_(file: Path, out: Path, patch: str | None, point: str | None, rig: st
     belongs to. --patch and --point select one of several responses in FILE.
     """
     import haploop  # noqa: PLC0415
-    from haploop import show  # noqa: PLC0415
-    from haploop.targets import check_new_file  # noqa: PLC0415
-    from instruments import load_rig_file  # noqa: PLC0415
+    from haploop.destinations import check_new_file  # noqa: PLC0415
+    from haploop.instruments import load_rig_file  # noqa: PLC0415
+    from haploop.show import show  # noqa: PLC0415
 
     check_new_file(out)
     found = haploop.read_uff(file, rig=load_rig_file(rig))

@@ -23,8 +23,8 @@ def show(files: Sequence[Path], plot: Path | None, as_json: bool) -> int:
     a vibration map. For several recordings, or a study (its study.toml or its folder), show the force at
     activation by participant and button.
     """
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.show_study import show_forces  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
+    from haploop.show.study import show_forces  # noqa: PLC0415
 
     a_map = (files[0] / "map.json").is_file()
     if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
@@ -43,9 +43,9 @@ def recover(file: Path, as_json: bool) -> int:
     FILE was interrupted, truncated or damaged. The intact part is written beside it, into a new file with
     the suffix .recovered.h5; FILE is not changed.
     """
-    import acquisition  # noqa: PLC0415
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import note  # noqa: PLC0415
+    from haploop import acquisition  # noqa: PLC0415
+    from haploop.progress import note  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
 
     saved = acquisition.recover(file)
     note(acquisition.Recording.open(saved).events[-1].text)
@@ -63,9 +63,9 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
 
     Exit codes: 0 all recordings are intact, 1 a readable recording has problems, 2 a file cannot be read.
     """
-    import acquisition  # noqa: PLC0415
-    from haploop.console import print_json, print_line  # noqa: PLC0415
-    from instruments import DataError  # noqa: PLC0415
+    from haploop import acquisition  # noqa: PLC0415
+    from haploop.instruments import DataError  # noqa: PLC0415
+    from haploop.progress import print_json, print_line  # noqa: PLC0415
 
     worst, told = 0, []
     for file in files:

@@ -11,7 +11,7 @@ from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_ri
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments.driver import Mode
+    from haploop.instruments.driver import Mode
 
 __all__ = ["map_command"]
 
@@ -61,10 +61,10 @@ def map_command(
 
     An interrupted map is continued by the same command.
     """
-    from calibration.mapping import map_plan, measure_map  # noqa: PLC0415
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps, note  # noqa: PLC0415
-    from haploop.targets import check_new_picture  # noqa: PLC0415
+    from haploop.calibration.map import map_plan, measure_map  # noqa: PLC0415
+    from haploop.destinations import check_new_picture  # noqa: PLC0415
+    from haploop.progress import Steps, note  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
 
     if gif is not None:
         check_new_picture(gif, ".gif")
@@ -93,9 +93,9 @@ def map_command(
 
 
 def _animate(out: Path, gif: Path) -> None:
-    from calibration.map import VibrationMap  # noqa: PLC0415
-    from haploop.console import note  # noqa: PLC0415
-    from haploop.show_map import animate  # noqa: PLC0415
+    from haploop.calibration.map import VibrationMap  # noqa: PLC0415
+    from haploop.progress import note  # noqa: PLC0415
+    from haploop.show.map import animate  # noqa: PLC0415
 
     animate(VibrationMap.load(out), gif)
     note(f"Animation: {gif}")

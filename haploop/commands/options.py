@@ -12,8 +12,8 @@ import click
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments import Rig, RigFile
-    from instruments.driver import Mode
+    from haploop.instruments import Rig, RigFile
+    from haploop.instruments.driver import Mode
 
 __all__ = ["JSON", "NOTES", "PATH", "RIG", "SIMULATE", "alone", "on_table", "opened_rig"]
 
@@ -38,7 +38,7 @@ PATH = click.Path(path_type=Path)
 
 def on_table(rig: Rig, point: str) -> None:
     """Refuse a point that the rig's table does not have: ConfigurationError."""
-    from instruments import ConfigurationError  # noqa: PLC0415
+    from haploop.instruments import ConfigurationError  # noqa: PLC0415
 
     points = rig.table.rows * rig.table.columns
     if point != "button" and not (point.isdecimal() and int(point) < points):
@@ -50,9 +50,9 @@ def on_table(rig: Rig, point: str) -> None:
 @contextmanager
 def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
     """Load the rig file, and reserve its hardware for this program."""
-    from instruments import load_rig_file  # noqa: PLC0415
-    from instruments.lock import reserve  # noqa: PLC0415
-    from instruments.opening import hardware  # noqa: PLC0415
+    from haploop.instruments import load_rig_file  # noqa: PLC0415
+    from haploop.instruments.rig import hardware  # noqa: PLC0415
+    from haploop.instruments.safety import reserve  # noqa: PLC0415
 
     file = load_rig_file(rig)
     if simulate or file.simulate:
@@ -65,8 +65,8 @@ def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
 @contextmanager
 def opened_rig(state: CommandState, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
     """Open the rig, and print a note when it is simulated."""
-    from haploop.console import note  # noqa: PLC0415
-    from instruments import open_rig  # noqa: PLC0415
+    from haploop.instruments import open_rig  # noqa: PLC0415
+    from haploop.progress import note  # noqa: PLC0415
 
     with open_rig(file, simulate=simulate) as opened:
         state.rig_opened = True

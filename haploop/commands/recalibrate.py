@@ -12,7 +12,7 @@ from haploop.commands.options import JSON, RIG, SIMULATE, alone, on_table, opene
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments.driver import Mode
+    from haploop.instruments.driver import Mode
 
 __all__ = ["recalibrate"]
 
@@ -50,10 +50,10 @@ def recalibrate(
     2 invalid request, file or configuration; 3 something is broken. After 1, 2 and 3 the active
     calibration is unchanged.
     """
-    from calibration import recalibration  # noqa: PLC0415
-    from haploop import recalibration_report as report  # noqa: PLC0415
-    from haploop.console import Steps  # noqa: PLC0415
-    from instruments.unattended import Unattended  # noqa: PLC0415
+    from haploop.calibration.upkeep import recalibration  # noqa: PLC0415
+    from haploop.instruments.operator.unattended import Unattended  # noqa: PLC0415
+    from haploop.progress import Steps  # noqa: PLC0415
+    from haploop.report import recalibration as report  # noqa: PLC0415
 
     history = history_of(rig, calibrations)
     history.active()

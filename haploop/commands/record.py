@@ -11,7 +11,7 @@ from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, alone, op
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments.driver import Mode
+    from haploop.instruments.driver import Mode
 
 __all__ = ["record"]
 
@@ -52,9 +52,9 @@ def record(
     kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
     """
     import haploop  # noqa: PLC0415
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps, note  # noqa: PLC0415
-    from haploop.show_study import rejection_line  # noqa: PLC0415
+    from haploop.progress import Steps, note  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
+    from haploop.show.study import rejection_line  # noqa: PLC0415
 
     step = f"Record the {button} button, {participant}"
     with (

@@ -13,7 +13,7 @@ from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, alone, opened_
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments.driver import Mode
+    from haploop.instruments.driver import Mode
 
 __all__ = ["study"]
 
@@ -61,8 +61,8 @@ def study() -> None:
 @click.argument("folder", type=PATH)
 def new(folder: Path) -> int:
     """Create a study: a FOLDER with a study.toml to fill in."""
-    from acquisition.store import check_destination  # noqa: PLC0415
-    from haploop.console import print_line  # noqa: PLC0415
+    from haploop.acquisition.recording import check_destination  # noqa: PLC0415
+    from haploop.progress import print_line  # noqa: PLC0415
 
     path = folder / "study.toml"
     check_destination(path)
@@ -96,8 +96,8 @@ def run(
     A press that fails its quality check is kept, marked, and asked for again. At a console, type r and
     Enter to reject the preceding press.
     """
-    from acquisition import load_study, run_study  # noqa: PLC0415
-    from haploop.show_study import Counters, status  # noqa: PLC0415
+    from haploop.acquisition import load_study, run_study  # noqa: PLC0415
+    from haploop.show.study import Counters, status  # noqa: PLC0415
 
     opened = load_study(path)
     with (
@@ -118,8 +118,8 @@ def run(
 @JSON
 def status_(path: Path, as_json: bool) -> int:
     """Show progress: accepted, bad and rejected presses, interrupted sessions, consent."""
-    from acquisition import load_study  # noqa: PLC0415
-    from haploop.show_study import status  # noqa: PLC0415
+    from haploop.acquisition import load_study  # noqa: PLC0415
+    from haploop.show.study import status  # noqa: PLC0415
 
     opened = load_study(path)
     status(opened, opened.progress(), as_json)
@@ -154,8 +154,8 @@ def repeat(participant: str, button: str, reason: str, path: Path) -> int:
 
 
 def _reject(path: Path, participant: str, button: str, numbers: Sequence[int], reason: str) -> int:
-    from acquisition import load_study  # noqa: PLC0415
-    from haploop.console import print_line  # noqa: PLC0415
+    from haploop.acquisition import load_study  # noqa: PLC0415
+    from haploop.progress import print_line  # noqa: PLC0415
 
     rejected = load_study(path).reject(participant, button, numbers, reason)
     numbers = sorted({one.number for one in rejected})
@@ -168,7 +168,7 @@ def _reject(path: Path, participant: str, button: str, numbers: Sequence[int], r
 
 def _own_rig(path: Path, rig: str | None) -> str:
     """The study's rig: a file beside the study file, or the name of a shipped rig."""
-    from instruments import ConfigurationError  # noqa: PLC0415
+    from haploop.instruments import ConfigurationError  # noqa: PLC0415
 
     if rig is None:
         raise ConfigurationError(f'{path} names no rig: add `rig = "FILE"`, or use --rig FILE.')

@@ -12,7 +12,7 @@ from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, on_table,
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
-    from instruments.driver import Mode
+    from haploop.instruments.driver import Mode
 
 __all__ = ["calibrate", "check"]
 
@@ -43,9 +43,9 @@ def calibrate(
 ) -> int:
     """Measure the table's response and fit a model."""
     import haploop  # noqa: PLC0415
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps  # noqa: PLC0415
-    from haploop.targets import check_new_file  # noqa: PLC0415
+    from haploop.destinations import check_new_file  # noqa: PLC0415
+    from haploop.progress import Steps  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
 
     check_new_file(out)
     step = f"Calibrate patch {patch} at the {point} point"
@@ -99,8 +99,8 @@ def check(
     Exit codes: 0 the check passed, 1 it failed.
     """
     import haploop  # noqa: PLC0415
-    from haploop import show as display  # noqa: PLC0415
-    from haploop.console import Steps  # noqa: PLC0415
+    from haploop.progress import Steps  # noqa: PLC0415
+    from haploop.show import show as display  # noqa: PLC0415
 
     loaded = haploop.Calibration.load(calibration)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])

@@ -12,13 +12,13 @@ in `capabilities` and `faults`; a test that needs more than is offered is skippe
 docs/adding-an-instrument.md shows it whole. Only tests import this package: it needs pytest.
 """
 
-from instruments.conformance.amplifier import AmplifierConformance
-from instruments.conformance.daq import DaqConformance
-from instruments.conformance.generator import GeneratorConformance
-from instruments.conformance.operator import OperatorConformance
-from instruments.conformance.relay import RelayConformance
-from instruments.conformance.suite import Conformance, Fired, bypass_interlock
-from instruments.conformance.vibrometer import VibrometerConformance
+from haploop.instruments.conformance.amplifier import AmplifierConformance
+from haploop.instruments.conformance.daq import DaqConformance
+from haploop.instruments.conformance.generator import GeneratorConformance
+from haploop.instruments.conformance.operator import OperatorConformance
+from haploop.instruments.conformance.relay import RelayConformance
+from haploop.instruments.conformance.suite import Conformance, Fired, bypass_interlock
+from haploop.instruments.conformance.vibrometer import VibrometerConformance
 
 __all__ = [
     "AmplifierConformance",

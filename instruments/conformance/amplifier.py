@@ -6,9 +6,9 @@ from dataclasses import fields
 
 import numpy as np
 
-from instruments.amplifier import Amplifier
-from instruments.conformance.suite import Conformance, refused
-from instruments.errors import LimitError
+from haploop.instruments.amplifier import Amplifier
+from haploop.instruments.conformance.suite import Conformance, refused
+from haploop.instruments.errors import LimitError
 
 __all__ = ["AmplifierConformance"]
 

@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from instruments.arrays import FloatArray
-from instruments.conformance.suite import Conformance, bypass_interlock, refused
-from instruments.daq import Block, Daq
-from instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.conformance.suite import Conformance, bypass_interlock, refused
+from haploop.instruments.daq import Block, Daq
+from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 
 __all__ = ["DaqConformance"]
 

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import pytest
 
-from instruments.conformance.suite import Conformance, bypass_interlock, refused
-from instruments.errors import ConfigurationError, InstrumentError, LimitError
-from instruments.generator import Generator, Sweep
+from haploop.instruments.conformance.suite import Conformance, bypass_interlock, refused
+from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments.generator import Generator, Sweep
 
 __all__ = ["GeneratorConformance"]
 

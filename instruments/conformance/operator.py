@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from instruments.conformance.suite import Conformance
-from instruments.operator import Aim, ConfirmSettings, Consent, Operator, Press, Ready, Request, Rest
+from haploop.instruments.conformance.suite import Conformance
+from haploop.instruments.operator import Aim, ConfirmSettings, Consent, Operator, Press, Ready, Request, Rest
 
 __all__ = ["OperatorConformance"]
 

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import pytest
 
-from instruments.clock import Clock, RealClock
-from instruments.conformance.suite import Conformance, one_sentence, refused
-from instruments.errors import ConfigurationError, InstrumentError
-from instruments.relay import Relay
+from haploop.instruments.clock import Clock, RealClock
+from haploop.instruments.conformance.suite import Conformance, one_sentence, refused
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.relay import Relay
 
 __all__ = ["RelayConformance"]
 

@@ -10,9 +10,15 @@ from typing import ClassVar, Protocol, TypeVar
 
 import pytest
 
-from instruments.errors import ConfigurationError, DataError, HaploopError, InstrumentError, LimitError
-from instruments.gate import Interlocked
-from instruments.generator import Sweep
+from haploop.instruments.errors import (
+    ConfigurationError,
+    DataError,
+    HaploopError,
+    InstrumentError,
+    LimitError,
+)
+from haploop.instruments.generator import Sweep
+from haploop.instruments.interlock import Interlocked
 
 __all__ = ["Conformance", "Fired", "bypass_interlock", "one_sentence", "refused"]
 
@@ -24,7 +30,7 @@ _SHORTEST = 20
 
 
 class Fired(Protocol):
-    """A fault that counts. Those of `mocks.faults`, `mocks.loopback` and `mocks.relay` do."""
+    """A fault that counts how often it fired, as those of `haploop.mocks` do."""
 
     fired: int
     """How often it has fired."""

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from instruments.conformance.suite import Conformance, one_sentence, refused
-from instruments.errors import InstrumentError
-from instruments.vibrometer import Vibrometer
+from haploop.instruments.conformance.suite import Conformance, one_sentence, refused
+from haploop.instruments.errors import InstrumentError
+from haploop.instruments.vibrometer import Vibrometer
 
 __all__ = ["VibrometerConformance"]
 

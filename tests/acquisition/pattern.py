@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from pressworld import world_rig
 
-from acquisition import record
-from acquisition.layout import Header, PressVerdict, from_codes
-from acquisition.reading import StreamReader
-from acquisition.scan import finish
-from acquisition.store import Writer
-from instruments import Block, RealClock, Stream, load_rig_file
+from haploop.acquisition import record
+from haploop.acquisition.recording.file_format import Header, PressVerdict, from_codes
+from haploop.acquisition.recording.salvage import finish
+from haploop.acquisition.recording.writer import Writer
+from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.instruments import Block, RealClock, Stream, load_rig_file
 
 CHANNELS = 16
 RATE = 5000

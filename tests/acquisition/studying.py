@@ -5,8 +5,8 @@ from __future__ import annotations
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from acquisition import load_study, run_study
-from instruments import open_rig
+from haploop.acquisition import load_study, run_study
+from haploop.instruments import open_rig
 
 
 def run(folder: Path, seed: int, there: Connection) -> None:

@@ -17,12 +17,12 @@ import pytest
 from pattern import CHANNELS, FULL_SCALE, RATE, block_of, codes_of, header
 from pressworld import world_rig
 
-from acquisition import Recording, record, recover, verify
-from acquisition.layout import from_codes, to_codes
-from acquisition.reading import OverrunError, StreamReader
-from acquisition.scan import finish
-from acquisition.store import Writer
-from instruments import ConfigurationError, InstrumentError, RealClock, Stream
+from haploop.acquisition import Recording, record, recover, verify
+from haploop.acquisition.recording.file_format import from_codes, to_codes
+from haploop.acquisition.recording.salvage import finish
+from haploop.acquisition.recording.writer import Writer
+from haploop.acquisition.session.stream_reader import OverrunError, StreamReader
+from haploop.instruments import ConfigurationError, InstrumentError, RealClock, Stream
 
 
 @contextmanager
@@ -128,7 +128,7 @@ def test_a_folder_that_may_only_be_read_is_refused_before_the_first_press(tmp_pa
 
 
 def test_a_disk_that_promised_room_and_has_none_stops_the_recording_there(tmp_path, monkeypatch):
-    monkeypatch.setattr("acquisition.store._allocate", lambda *_place: None)
+    monkeypatch.setattr("haploop.acquisition.recording.writer._allocate", lambda *_place: None)
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: usage(10**9, 0, 10**9))
     with disk(tmp_path / "small", "size=1m") as small:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pressworld import world_rig
 
-from acquisition import Recording, record
-from instruments import ConfigurationError
+from haploop.acquisition import Recording, record
+from haploop.instruments import ConfigurationError
 
 
 @pytest.fixture(scope="module")

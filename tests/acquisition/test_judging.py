@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pressworld import world_rig
 
-from acquisition import Protocol, Recording, accepted_presses, find_presses, record, representative
-from instruments import DataError, Press
+from haploop.acquisition import Protocol, Recording, accepted_presses, find_presses, record, representative
+from haploop.instruments import DataError, Press
 
 FLAGS = {
     "soft": "no-activation",

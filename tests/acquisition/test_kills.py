@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from pattern import CHANNELS, FULL_SCALE, RATE, codes_of, run
 
-from acquisition import Recording, find_presses, recover, verify
-from acquisition.layout import from_codes
+from haploop.acquisition import Recording, find_presses, recover, verify
+from haploop.acquisition.recording.file_format import from_codes
 
 pytestmark = pytest.mark.timeout(3600)  # 200 kills take ten minutes
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition import find_presses, record, representative, verify
+from haploop.acquisition import find_presses, record, representative, verify
 
 BUTTONS = ("latch", "toggle", "push")
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pressworld import world_rig
 
-from acquisition import SEGMENTATIONS, Recording, Segmentation, find_presses, record, segmentation_for
-from acquisition.presses import Detector, _value_at
-from instruments import DataError
+from haploop.acquisition import SEGMENTATIONS, Recording, Segmentation, find_presses, record, segmentation_for
+from haploop.acquisition.presses.segmentation import Detector, _value_at
+from haploop.instruments import DataError
 
 BUTTONS = ("latch", "toggle", "push")
 

@@ -5,9 +5,9 @@ import threading
 import numpy as np
 import pytest
 
-from acquisition.reading import GapError, OverrunError, StreamReader
-from instruments import Block, Clock, InstrumentError, Stream
-from mocks.clock import VirtualClock
+from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
+from haploop.instruments import Block, Clock, InstrumentError, Stream
+from haploop.mocks.clock import VirtualClock
 
 
 class Script(Stream):

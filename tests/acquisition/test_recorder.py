@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pressworld import World, world_rig
 
-from acquisition import Recording, find_presses, record, recover, representative, verify
-from acquisition.layout import to_codes
-from instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
+from haploop.acquisition import Recording, find_presses, record, recover, representative, verify
+from haploop.acquisition.recording.file_format import to_codes
+from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
 
 
 def assert_kept(rig, path, at_least: int) -> Recording:
@@ -107,7 +107,7 @@ def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_p
     def refused(*_arguments, **_settings):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("acquisition.scan.write_header", refused)
+    monkeypatch.setattr("haploop.acquisition.recording.salvage.write_header", refused)
     rig = world_rig(answers=False)
     with pytest.raises(DataError, match="No press 1 of 3 arrived"):
         record(rig, "push", "P01", 3, tmp_path)
@@ -128,7 +128,7 @@ def test_presses_are_counted_in_whole_numbers(tmp_path, presses):
 
 
 def test_ctrl_c_while_a_block_is_being_written_loses_no_block(tmp_path, monkeypatch):
-    from acquisition.store import Writer
+    from haploop.acquisition.recording.writer import Writer
 
     put = Writer._put
     calls = []

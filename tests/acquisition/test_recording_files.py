@@ -14,11 +14,11 @@ import pytest
 from pattern import PRESS, block_of, header, unfinished
 from pressworld import world_rig
 
-from acquisition import Recording, record, verify
-from acquisition.layout import file_name, from_codes, to_codes
-from acquisition.scan import finish
-from acquisition.store import Writer
-from instruments import ConfigurationError, DataError, load_rig_file
+from haploop.acquisition import Recording, record, verify
+from haploop.acquisition.recording.file_format import file_name, from_codes, to_codes
+from haploop.acquisition.recording.salvage import finish
+from haploop.acquisition.recording.writer import Writer
+from haploop.instruments import ConfigurationError, DataError, load_rig_file
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import pytest
 from dtaidistance import dtw
 from pressworld import SHAPES, SyntheticPress, world_rig
 
-from acquisition import Recording, Representative, high_pass, record, representative
-from acquisition.averaging import BARYCENTRE, REGISTRATION, average
-from acquisition.registration import register
 from benchmarks.synthetic_presses import FAMILIES, RATE, TIMES, error, shape_error, spectrum_error
-from instruments import ConfigurationError, DataError
+from haploop.acquisition import Recording, Representative, high_pass, record, representative
+from haploop.acquisition.presses.averaging import BARYCENTRE, REGISTRATION, average
+from haploop.acquisition.presses.registration import register
+from haploop.instruments import ConfigurationError, DataError
 
 TEMPO = FAMILIES["tempo"]
 TEMPLATE = TEMPO.template(TIMES, np.zeros(3))
@@ -125,7 +125,7 @@ def test_distance_and_path_of_the_warping_are_what_the_convention_says():
 
 
 def plain_dtw(one, two, window):
-    """The convention in `acquisition.averaging`, as one would write it on a blackboard."""
+    """The convention in `haploop.acquisition.presses.averaging`, as one would write it on a blackboard."""
     n = len(one)
     total = np.full((n + 1, n + 1), np.inf)
     total[0, 0] = 0

@@ -12,8 +12,17 @@ import numpy as np
 import pytest
 import studying
 
-from acquisition import Recording, accepted_presses, load_study, recorder, representative, run_study, verify
-from instruments import ConfigurationError, Consent, DataError, InstrumentError, Press, Ready, open_rig
+from haploop.acquisition import Recording, accepted_presses, load_study, representative, run_study, verify
+from haploop.acquisition.session import recorder
+from haploop.instruments import (
+    ConfigurationError,
+    Consent,
+    DataError,
+    InstrumentError,
+    Press,
+    Ready,
+    open_rig,
+)
 
 
 def study_in(folder: Path, **keys):

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import Protocol, load_study
-from acquisition.presses import segmentation_for
-from acquisition.study_file import load_study_file
+from haploop.acquisition import Protocol, load_study
+from haploop.acquisition.presses.segmentation import segmentation_for
+from haploop.acquisition.session.study_file import load_study_file
 from haploop.commands.study import _NEW
-from instruments import ConfigurationError
+from haploop.instruments import ConfigurationError
 
 GOOD = """
 name = "trial"

@@ -11,11 +11,11 @@ import pytest
 from pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header, unfinished
 from pressworld import world_rig
 
-from acquisition import PressVerdict, Recording, record, recover, verify
-from acquisition.layout import from_codes
-from acquisition.scan import CHUNK, finish
-from acquisition.store import Writer
-from instruments import Block, ConfigurationError, DataError, InstrumentError
+from haploop.acquisition import PressVerdict, Recording, record, recover, verify
+from haploop.acquisition.recording.file_format import from_codes
+from haploop.acquisition.recording.salvage import CHUNK, finish
+from haploop.acquisition.recording.writer import Writer
+from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
 
 
 def test_an_unfinished_file_is_an_ordinary_hdf5_file_while_it_grows(tmp_path):

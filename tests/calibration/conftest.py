@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition import Representative
-from calibration import Calibration, Drive, calibrate, drive_for
+from haploop.acquisition import Representative
+from haploop.calibration import Calibration, Drive, calibrate, drive_for
+from haploop.instruments import Capture, Rig
 from haploop.pytest_plugin import Rigs
-from instruments import Capture, Rig
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import Representative
-from calibration import Check, Drive, calibrate, check, drive_for
-from calibration.spectra import third_octaves
-from instruments import ConfigurationError
+from haploop.acquisition import Representative
+from haploop.calibration import Check, Drive, calibrate, drive_for
+from haploop.calibration.drive import check
+from haploop.calibration.spectra import third_octaves
+from haploop.instruments import ConfigurationError
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.fft import rfft, rfftfreq
 
-from acquisition import Representative
-from calibration import Calibration, Drive, Response, drive_for, modulate
-from instruments import DataError
+from haploop.acquisition import Representative
+from haploop.calibration import Calibration, Drive, Response, drive_for, modulate
+from haploop.instruments import DataError
 from tests.calibration.conftest import Calibrated, make_press
 
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration import LinearSweep, Multisine, linear_sweep, measure_response, plan_excitation
-from instruments import ConfigurationError, Limits
+from haploop.calibration import LinearSweep, Multisine, linear_sweep, measure_response, plan_excitation
+from haploop.instruments import ConfigurationError, Limits
 from tests.conftest import OpenRig
 
 RATE = 50e3

@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
-from calibration import Calibration, Drive
-from instruments import DataError
+from haploop.calibration import Calibration, Drive
+from haploop.instruments import DataError
 from tests.calibration.conftest import Calibrated
 
 

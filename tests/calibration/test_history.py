@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from calibration.history import Activation, Generation, History
-from instruments import DataError, InstrumentError
+from haploop.calibration.upkeep.history import Activation, Generation, History
+from haploop.instruments import DataError, InstrumentError
 from tests.calibration.killing import Victims
 
 WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
@@ -162,7 +162,7 @@ def test_one_writer_at_a_time_and_what_a_dead_one_left_goes(history: History) ->
 
 WRITER = """
 from datetime import UTC, datetime
-from calibration.history import History
+from haploop.calibration.upkeep.history import History
 from tests.calibration.killing import serve
 from tests.calibration.test_history import Part
 

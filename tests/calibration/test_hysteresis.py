@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.hysteresis import Hysteresis
+from haploop.calibration.response.hysteresis import Hysteresis
 from tests.calibration.conftest import Calibrated
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.fft import rfft, rfftfreq
 
-from calibration.inversion import Plan, max_output, min_peak, within
-from calibration.spectra import fade
+from haploop.calibration.drive.inversion import Plan, max_output, min_peak, within
+from haploop.calibration.spectra import fade
 
 
 @pytest.fixture

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration import Drive, Learning, calibrate, check, drive_for, learn
-from calibration import learning as learning_module
-from calibration.correction import ResponseEstimate
-from calibration.drive import Method
-from calibration.learning import _in_common
+from haploop.calibration import Drive, Learning, calibrate, drive_for, learn
+from haploop.calibration.drive import check
+from haploop.calibration.drive import learning as learning_module
+from haploop.calibration.drive.correction import ResponseEstimate
+from haploop.calibration.drive.drive import Method
+from haploop.calibration.drive.learning import _in_common
+from haploop.instruments import ConfigurationError
+from haploop.instruments.arrays import FloatArray
 from haploop.pytest_plugin import Rigs
-from instruments import ConfigurationError
-from instruments.arrays import FloatArray
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration import Multisine, fit, quick_response
-from calibration.local_rational import local_rational
+from haploop.calibration import Multisine, fit, quick_response
+from haploop.calibration.response.local_rational import local_rational
 from tests.conftest import OpenRig
 
 RATE = 5000.0

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.files import digest, flatten
-from calibration.map import BAND, VibrationMap
-from calibration.map_folder import MapFolder
-from calibration.mapping import map_plan, measure_map
+from haploop.calibration.files import digest, flatten
+from haploop.calibration.map.folder import MapFolder
+from haploop.calibration.map.map import BAND, VibrationMap
+from haploop.calibration.map.measuring import map_plan, measure_map
+from haploop.instruments import ConfigurationError, DataError, Rig
+from haploop.mocks.plant.hysteresis import Hysteresis
 from haploop.pytest_plugin import Rigs
-from instruments import ConfigurationError, DataError, Rig
-from mocks.hysteresis import Hysteresis
 from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.many_plays
@@ -96,7 +96,7 @@ def test_the_best_place_is_the_plates(mapped: Mapped) -> None:
 
 
 def test_what_was_fitted_is_kept(mapped: Mapped, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calibration.map.fit_modes", None)
+    monkeypatch.setattr("haploop.calibration.map.map.fit_modes", None)
     again = VibrationMap.load(mapped.folder)
     f = np.array([100.0, 263.5])
     np.testing.assert_array_equal(again.velocity("A", f), mapped.found.velocity("A", f))

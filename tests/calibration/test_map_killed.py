@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.map import BAND, VibrationMap
-from calibration.map_folder import MapFolder
+from haploop.calibration.map.folder import MapFolder
+from haploop.calibration.map.map import BAND, VibrationMap
 from tests.calibration.killing import Victims
 
 pytestmark = pytest.mark.many_plays
 
 MAP = """
 from pathlib import Path
-from calibration.map import VibrationMap
-from calibration.mapping import map_plan, measure_map
-from instruments import open_rig
+from haploop.calibration.map.map import VibrationMap
+from haploop.calibration.map.measuring import map_plan, measure_map
+from haploop.instruments import open_rig
 from tests.calibration.killing import serve
 
 def run(folder):

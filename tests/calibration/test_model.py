@@ -7,8 +7,8 @@ import pytest
 from scipy.io import loadmat
 from scipy.signal import StateSpace, freqresp, sosfreqz
 
-from calibration import Response, fit
-from instruments import ConfigurationError, DataError
+from haploop.calibration import Response, fit
+from haploop.instruments import ConfigurationError, DataError
 
 BEAM = Path(__file__).parents[1] / "data" / "beam_accelerance_point1.txt"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.excitation import Multisine
-from calibration.modes import Modes, Plays, fit_modes
+from haploop.calibration.response.excitation import Multisine
+from haploop.calibration.response.modes import Modes, Plays, fit_modes
 
 HZ = np.array([66.0, 134.0, 236.0, 263.5, 410.0, 590.0])
 POLES = 2 * np.pi * HZ * (1j - 0.008)

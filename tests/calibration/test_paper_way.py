@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration import Drive, calibrate, check, paper_drive
-from calibration.paper_way import ORDERS
+from haploop.calibration import Drive, calibrate, paper_drive
+from haploop.calibration.drive import check
+from haploop.calibration.drive.paper_baseline import ORDERS
 from tests.calibration.conftest import Calibrated, make_press
 from tests.conftest import OpenRig
 

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration import Calibration, Response, recalibration
-from calibration.button import DigitalButton, build_button
-from calibration.drift import compare
-from calibration.history import History
-from calibration.recalibration import (
+from haploop.calibration import Calibration, Response
+from haploop.calibration.drive.button import DigitalButton, build_button
+from haploop.calibration.upkeep import recalibration
+from haploop.calibration.upkeep.drift import compare
+from haploop.calibration.upkeep.history import History
+from haploop.calibration.upkeep.recalibration import (
     Outcome,
     adopt,
     buttons_of,
@@ -27,9 +28,9 @@ from calibration.recalibration import (
     checks_before,
     recalibrate,
 )
-from instruments import ConfigurationError, DataError, InstrumentError, LimitError, Rig
-from instruments.rig_file import Recalibration
-from instruments.unattended import Unattended
+from haploop.instruments import ConfigurationError, DataError, InstrumentError, LimitError, Rig
+from haploop.instruments.config.rig_file import Recalibration
+from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.conftest import Calibrated, make_press
 from tests.calibration.killing import Victims
 from tests.conftest import OpenRig
@@ -311,10 +312,10 @@ def test_what_did_not_pass_is_not_adopted(history: History) -> None:
 
 
 RECALIBRATE = """
-from calibration import recalibration
-from calibration.history import History
-from instruments import open_rig
-from instruments.unattended import Unattended
+from haploop.calibration.upkeep import recalibration
+from haploop.calibration.upkeep.history import History
+from haploop.instruments import open_rig
+from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.killing import serve
 
 def run(folder):

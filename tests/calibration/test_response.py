@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import calibration
-from calibration import LinearSweep, Multisine, fit, measure_response, quick_response
-from calibration.channels import Channels
-from instruments import Aim, ConfigurationError, DataError, InstrumentError, Rig
+from haploop import calibration
+from haploop.calibration import LinearSweep, Multisine, fit, measure_response, quick_response
+from haploop.calibration.response.channels import Channels
+from haploop.instruments import Aim, ConfigurationError, DataError, InstrumentError, Rig
 from tests.calibration.conftest import Calibrated, tamper
 from tests.conftest import OpenRig
 

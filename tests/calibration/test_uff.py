@@ -10,10 +10,10 @@ import pyuff
 from click.testing import CliRunner
 from scipy.io import loadmat
 
-from calibration import Calibration, Response, read_uff, write_uff
+from haploop.calibration import Calibration, Response, read_uff, write_uff
 from haploop.cli import cli
 from haploop.exits import CommandState
-from instruments import ConfigurationError, DataError, load_rig_file
+from haploop.instruments import ConfigurationError, DataError, load_rig_file
 from tests.calibration.conftest import Calibrated
 from tests.calibration.test_model import plate
 

@@ -13,7 +13,7 @@ import nidaqmx.system
 import pytest
 from click.testing import CliRunner
 
-from acquisition import Recording
+from haploop.acquisition import Recording
 from haploop.cli import cli
 from tests.haploop.conftest import Run
 
@@ -91,7 +91,7 @@ def test_record_then_show(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    import haploop.show
+    import haploop.show.show
 
     def broken(*_args: object) -> None:
         raise ZeroDivisionError("a bug")

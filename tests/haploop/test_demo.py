@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import pytest
 
-from acquisition import Recording
+from haploop.acquisition import Recording
 from tests.haploop.conftest import Demo, Run
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from haploop.doctor import examine
-from haploop.finding import Finding
-from instruments import Rig
+from haploop.doctor.doctor import examine
+from haploop.doctor.finding import Finding
+from haploop.instruments import Rig
 from tests.conftest import OpenRig
 from tests.haploop.conftest import Run
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from calibration import Calibration
+from haploop.calibration import Calibration
 from tests.haploop.conftest import Demo, Run
 
 

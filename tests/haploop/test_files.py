@@ -13,8 +13,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "acquisition"))
 from pattern import block_of, header
 
-from acquisition.scan import finish
-from acquisition.store import Writer
+from haploop.acquisition.recording.salvage import finish
+from haploop.acquisition.recording.writer import Writer
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instruments import InstrumentError, open_rig
+from haploop.instruments import InstrumentError, open_rig
 from tests.haploop.conftest import Run
 
 RIG = """

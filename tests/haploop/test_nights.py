@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from acquisition import Representative
-from calibration import calibrate
-from calibration.button import build_button
-from calibration.history import History
-from instruments import load_rig_file, open_rig
+from haploop.acquisition import Representative
+from haploop.calibration import calibrate
+from haploop.calibration.drive.button import build_button
+from haploop.calibration.upkeep.history import History
+from haploop.instruments import load_rig_file, open_rig
 from tests.haploop.conftest import Demo, Run
 
 BROKEN = {

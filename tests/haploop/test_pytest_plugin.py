@@ -7,7 +7,7 @@ import warnings
 
 import pytest
 
-from instruments import open_rig
+from haploop.instruments import open_rig
 from tests.elsewhere import in_use_elsewhere
 
 pytest_plugins = ["pytester"]

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from acquisition import Representative
-from calibration import Calibration
-from calibration.button import build_button
-from calibration.history import History
-from haploop.show_history import trend
-from instruments import open_rig
-from instruments.lock import hold
-from instruments.operator import Aim, ConfirmSettings, Place, Press, Rest
-from instruments.unattended import Unattended
+from haploop.acquisition import Representative
+from haploop.calibration import Calibration
+from haploop.calibration.drive.button import build_button
+from haploop.calibration.upkeep.history import History
+from haploop.instruments import open_rig
+from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
+from haploop.instruments.operator.unattended import Unattended
+from haploop.instruments.safety.lock import hold
+from haploop.show.history import trend
 from tests.haploop.conftest import Demo, Run
 
 REASON = ("--reason", "for a test")

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from haploop.commands.study import _NEW
-from instruments import Consent, open_rig
-from mocks.operator import OperatorTwin
+from haploop.instruments import Consent, open_rig
+from haploop.mocks.operator.twin import OperatorTwin
 from tests.haploop.conftest import Run
 
 PNG = b"\x89PNG"

@@ -14,9 +14,20 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from instruments import Amplifier, Block, Clock, Daq, Operator, Relay, Stream, Vibrometer, load_rig_file
-from instruments.arrays import ComplexArray, FloatArray
-from instruments.conformance import (
+from haploop.instruments import (
+    Amplifier,
+    Block,
+    Clock,
+    Daq,
+    Operator,
+    Relay,
+    Stream,
+    Vibrometer,
+    load_rig_file,
+)
+from haploop.instruments.amplifier.e413 import E413
+from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.conformance import (
     AmplifierConformance,
     DaqConformance,
     Fired,
@@ -25,22 +36,21 @@ from instruments.conformance import (
     RelayConformance,
     VibrometerConformance,
 )
-from instruments.console import Console
-from instruments.e413 import E413
-from instruments.errors import InstrumentError, LimitError
-from instruments.generator import Generator
-from instruments.ni_daqmx import NiDaq
-from instruments.operator import Request
-from instruments.pdv100 import Pdv100
-from instruments.scpi_generator import Keysight33500
-from instruments.yocto import Yocto
-from mocks.clock import VirtualClock
-from mocks.daq import DaqTwin
-from mocks.generator_box import KEYSIGHT_33500, Box
-from mocks.line_server import DirectLine
-from mocks.operator import OperatorTwin
-from mocks.plant import Plant
-from mocks.relay import BoxFault, RelayTwin
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.errors import InstrumentError, LimitError
+from haploop.instruments.generator.role import Generator
+from haploop.instruments.generator.scpi_generator import Keysight33500
+from haploop.instruments.operator.console import Console
+from haploop.instruments.operator.role import Request
+from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.vibrometer.pdv100 import Pdv100
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.daq.twin import DaqTwin
+from haploop.mocks.generator.box import KEYSIGHT_33500, Box
+from haploop.mocks.operator.twin import OperatorTwin
+from haploop.mocks.plant.plant import Plant
+from haploop.mocks.relay.box import BoxFault, RelayTwin
+from haploop.mocks.transport.line_server import DirectLine
 from tests.instruments.contacts import Contacts
 
 PATCHES = {"A": 1, "B": 2, "D": 8}

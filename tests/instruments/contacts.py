@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from mocks.clock import VirtualClock
-from mocks.relay import BoxFault, SimulatedBox
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.relay.box import BoxFault, SimulatedBox
 
 
 class Contacts:

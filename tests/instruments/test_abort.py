@@ -9,10 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError, InstrumentError, LimitError, Rig, RigFile, load_rig_file, open_rig
-from instruments.audit import entries
-from instruments.latch import Lockout, clear_lockout, lockout_of, set_lockout
-from instruments.rig_file import AbortLimits
+from haploop.instruments import (
+    ConfigurationError,
+    InstrumentError,
+    LimitError,
+    Rig,
+    RigFile,
+    load_rig_file,
+    open_rig,
+)
+from haploop.instruments.config.rig_file import AbortLimits
+from haploop.instruments.safety.audit import entries
+from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 from tests.instruments.at_the_patch import bursts
 
 SECONDS = 1.5
@@ -148,7 +156,7 @@ def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch: pytest.M
         raise OSError(28, "No space left on device")
 
     with open_rig(DOUBLED) as rig:
-        monkeypatch.setattr("instruments.watch.set_lockout", full)
+        monkeypatch.setattr("haploop.instruments.safety.abort_monitor.set_lockout", full)
         monkeypatch.setattr("numpy.savez", full)
         with pytest.raises(InstrumentError, match="The play was stopped"):
             rig.excite(tone(rig), ["A"], ["laser"])

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError, load_rig_file
-from instruments.ati_cal import load_ati_cal, read_ati_cal
+from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.instruments.config.ati_cal import load_ati_cal, read_ati_cal
 
 CHANNELS = tuple(f"gauge{i}" for i in range(6))
 MATRIX = np.round(np.eye(6) * [3, 3, 5, 80, 80, 40] + 0.01 * np.arange(36).reshape(6, 6), 4)
@@ -125,7 +125,7 @@ def test_a_rig_file_names_the_sensors_own_file(path: Path) -> None:
     assert (force.serial, force.calibration) == ("FT99999", "FT99999.cal")
     np.testing.assert_allclose(np.array(force.matrix)[2], MATRIX[2])
     rig.write_text(f'base = "haptable"\n{table}matrix = []\n', encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="either a matrix or the name of a calibration file"):
+    with pytest.raises(ConfigurationError, match="either matrix or calibration"):
         load_rig_file(rig)
     path.unlink()
     rig.write_text(f'base = "haptable"\n{table}', encoding="utf-8")

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError, DataError, LimitError, load_rig_file, open_rig
-from instruments.audit import Audit, entries, state_folder
-from instruments.rig_file import RigFile, validate
+from haploop.instruments import ConfigurationError, DataError, LimitError, load_rig_file, open_rig
+from haploop.instruments.config.rig_file import RigFile, validate
+from haploop.instruments.safety.audit import Audit, entries, state_folder
 
 FILE = load_rig_file("simulated")
 DRIVE = 10 * np.sin(2 * np.pi * 250 * np.arange(5000) / 50_000) * np.hanning(5000)
@@ -105,8 +105,8 @@ def test_a_torn_line_hides_no_other(tmp_path: Path) -> None:
 def test_two_programs_write_one_log_line_by_line(tmp_path: Path, full: bool) -> None:
     lines = 2000 if full else 200
     script = (
-        "import sys; from pathlib import Path; from instruments import load_rig_file\n"
-        "from instruments.audit import Audit\n"
+        "import sys; from pathlib import Path; from haploop.instruments import load_rig_file\n"
+        "from haploop.instruments.safety.audit import Audit\n"
         "log = Audit(load_rig_file('simulated'), Path(sys.argv[1]), True)\n"
         f"for k in range({lines}): log.note('line', k=k, filling='x' * 300)"
     )

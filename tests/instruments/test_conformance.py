@@ -14,8 +14,9 @@ from typing import Any, ClassVar
 import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
-from instruments import Amplifier, Clock, Daq, Operator, Relay, Vibrometer, load_rig_file
-from instruments.conformance import (
+from haploop.instruments import Amplifier, Clock, Daq, Operator, Relay, Vibrometer, load_rig_file
+from haploop.instruments.amplifier.e413 import E413
+from haploop.instruments.conformance import (
     AmplifierConformance,
     DaqConformance,
     Fired,
@@ -24,28 +25,27 @@ from instruments.conformance import (
     RelayConformance,
     VibrometerConformance,
 )
-from instruments.console import Console
-from instruments.e413 import E413
-from instruments.generator import Generator
-from instruments.ni_daqmx import NiDaq
-from instruments.ofv5000 import Ofv5000
-from instruments.pdv100 import Pdv100
-from instruments.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
-from instruments.serial_relay import SerialRelay
-from instruments.yocto import Yocto
-from mocks.clock import VirtualClock
-from mocks.daq import DaqTwin
-from mocks.faults import Faults
-from mocks.generator_box import DG1000Z, KEYSIGHT_33500, Box, Product
-from mocks.line_server import DirectLine, LineServer
-from mocks.loopback import ReplyFault
-from mocks.ni import NiServer, inventory_of
-from mocks.ofv5000 import Controller
-from mocks.operator import OperatorTwin
-from mocks.plant import LaserHead, Plant
-from mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
-from mocks.serial_relay import SerialRelayTwin, SerialRelayWire
-from mocks.yocto_hub import YoctoHub
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.generator.role import Generator
+from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
+from haploop.instruments.operator.console import Console
+from haploop.instruments.relay.serial_relay import SerialRelay
+from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.vibrometer.ofv5000 import Ofv5000
+from haploop.instruments.vibrometer.pdv100 import Pdv100
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.daq.ni import NiServer, inventory_of
+from haploop.mocks.daq.twin import DaqTwin
+from haploop.mocks.faults import Faults
+from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box, Product
+from haploop.mocks.operator.twin import OperatorTwin
+from haploop.mocks.plant.plant import LaserHead, Plant
+from haploop.mocks.relay.box import BoxFault, RelayTwin, SimulatedBox, box_in
+from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire
+from haploop.mocks.relay.yocto_hub import YoctoHub
+from haploop.mocks.transport.line_server import DirectLine, LineServer
+from haploop.mocks.transport.loopback import ReplyFault
+from haploop.mocks.vibrometer.ofv5000 import Controller
 from tests.instruments import broken_drivers
 from tests.instruments.contacts import Contacts
 from tests.mocks import ni_client

@@ -8,9 +8,9 @@ import sys
 
 import pytest
 
-from instruments import Consent, InstrumentError, Press
-from instruments.clock import RealClock
-from instruments.console import Console
+from haploop.instruments import Consent, InstrumentError, Press
+from haploop.instruments.clock import RealClock
+from haploop.instruments.operator.console import Console
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError, LimitError
+from haploop.instruments import ConfigurationError, LimitError
 from tests.conftest import OpenRig
 
 RATE_HZ = 50_000

@@ -20,11 +20,11 @@ import pytest
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.errors import DaqWarning
 
-from instruments.conformance import bypass_interlock
-from instruments.daq import Capture
-from instruments.errors import HaploopError, InstrumentError
-from instruments.ni_daqmx import NiDaq
-from mocks.ni import NiServer, inventory_of
+from haploop.instruments.conformance import bypass_interlock
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.daq.role import Capture
+from haploop.instruments.errors import HaploopError, InstrumentError
+from haploop.mocks.daq.ni import NiServer, inventory_of
 from tests.instruments.test_fuzzed_replies import SEED, replies
 from tests.instruments.test_ni_daqmx import CARDS, WIRING, settings
 from tests.mocks.ni_client import Bench

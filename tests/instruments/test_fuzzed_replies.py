@@ -19,16 +19,16 @@ from typing import Any
 
 import pytest
 
-from instruments.errors import HaploopError, InstrumentError
-from instruments.ofv5000_codec import duration_of, frequency_of, level_of, scale_of
-from instruments.relay_board import ChannelState
-from instruments.scpi_codec import error_of, number_of, switch_of, words_of
-from instruments.serial_relay import SerialRelay
-from instruments.serial_relay import _Board as SerialBoard
-from instruments.text_line import Port, TextLine
-from instruments.yocto import _Board as YoctoBoard
-from instruments.yocto import _Hub
-from mocks.clock import VirtualClock
+from haploop.instruments.errors import HaploopError, InstrumentError
+from haploop.instruments.generator.scpi_codec import error_of, number_of, switch_of, words_of
+from haploop.instruments.relay.board import ChannelState
+from haploop.instruments.relay.serial_relay import SerialRelay
+from haploop.instruments.relay.serial_relay import _Board as SerialBoard
+from haploop.instruments.relay.yocto import _Board as YoctoBoard
+from haploop.instruments.relay.yocto import _Hub
+from haploop.instruments.transport.text_line import Port, TextLine
+from haploop.instruments.vibrometer.ofv5000_codec import duration_of, frequency_of, level_of, scale_of
+from haploop.mocks.clock import VirtualClock
 
 NUMBER = r"(\d+(\.\d*)?|\.\d+)"
 SEED = 20

@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instruments import InstrumentError, RealClock, Rig, load_rig_file, open_rig
-from instruments.audit import entries
-from instruments.errors import HaploopError
-from instruments.lock import hold, reserve
-from instruments.ni_daqmx import NiDaq
-from instruments.signals import at_console_close, ending_in_order
-from instruments.yocto import Yocto
-from mocks.simulation import Simulation
+from haploop.instruments import InstrumentError, RealClock, Rig, load_rig_file, open_rig
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.errors import HaploopError
+from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.safety.audit import entries
+from haploop.instruments.safety.lock import hold, reserve
+from haploop.instruments.signals import at_console_close, ending_in_order
+from haploop.mocks.simulation import Simulation
 from tests.instruments.at_the_patch import bursts
 
 DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
@@ -44,7 +44,7 @@ def safe(rig: Rig) -> bool:
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr("instruments.leaving.DEADLINE", 0.2)
+    monkeypatch.setattr("haploop.instruments.safety.deadline.DEADLINE", 0.2)
     yield
 
 
@@ -72,7 +72,7 @@ def test_a_stream_that_hangs_when_it_is_closed_does_not_keep_the_relay_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with open_rig("simulated") as rig:
-        monkeypatch.setattr("mocks.daq._TwinStream.close", for_ever)
+        monkeypatch.setattr("haploop.mocks.daq.twin._TwinStream.close", for_ever)
         with pytest.raises(InstrumentError, match=r"PCIe-6321.* hangs"):
             rig.excite(DRIVE, ["A"], ["drive"])
         assert safe(rig)
@@ -115,7 +115,7 @@ def test_a_rig_that_nobody_closes_is_closed_when_the_program_ends(monkeypatch: p
 @pytest.fixture
 def no_other_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if no rig were open that another test of this run keeps."""
-    monkeypatch.setattr("instruments.signals._orderly", 0)
+    monkeypatch.setattr("haploop.instruments.signals._orderly", 0)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +265,7 @@ def test_ctrl_c_at_any_time_and_again_and_again(full: bool) -> None:
 
 CHILD = """
 import sys, time
-from instruments import open_rig
+from haploop.instruments import open_rig
 with open_rig(sys.argv[1]) as rig:
     rig.relay.connect(["A"])
     print("connected", flush=True)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments import LimitError, Limits
+from haploop.instruments import LimitError, Limits
 
 RATE_HZ = 50_000.0
 LIMITS = Limits(

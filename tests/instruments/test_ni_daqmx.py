@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
-from instruments.clock import RealClock
-from instruments.conformance import bypass_interlock
-from instruments.errors import ConfigurationError, InstrumentError, LimitError
-from instruments.ni_daqmx import NiDaq
-from mocks.ni import NiServer, inventory_of
-from mocks.products import PRODUCTS, convert_interval
+from haploop.instruments.clock import RealClock
+from haploop.instruments.conformance import bypass_interlock
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.mocks.daq.ni import NiServer, inventory_of
+from haploop.mocks.daq.products import PRODUCTS, convert_interval
 from tests.mocks.ni_client import Bench, connected
 
 CARDS = {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"}
@@ -272,7 +272,7 @@ def test_server_that_dies(bench: Bench) -> None:
 
 
 def test_no_server(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instruments.ni_sessions._CONNECT", 0.2)
+    monkeypatch.setattr("haploop.instruments.daq.ni_sessions._CONNECT", 0.2)
     with pytest.raises(InstrumentError, match=r"No NI device server answers at 127\.0\.0\.1:9"):
         NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
 

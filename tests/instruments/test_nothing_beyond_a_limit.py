@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from instruments import (
+from haploop.instruments import (
     HaploopError,
     InstrumentError,
     LimitError,
@@ -23,9 +23,9 @@ from instruments import (
     load_rig_file,
     open_rig,
 )
-from instruments.arrays import FloatArray
-from instruments.rig_file import Device, DriveLimits
-from mocks.plant import AMPLIFIER_GAIN_ERROR
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.config.rig_file import Device, DriveLimits
+from haploop.mocks.plant.plant import AMPLIFIER_GAIN_ERROR
 from tests.instruments.at_the_patch import Burst, bursts, busiest_minute, of_patch
 
 CODE = 0.5 * 50 * 20 / 2**16

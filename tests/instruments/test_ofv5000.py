@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from instruments import ConfigurationError, InstrumentError, load_rig_file
-from instruments.ofv5000 import Ofv5000
-from instruments.ofv5000_codec import (
+from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
+from haploop.instruments.vibrometer.ofv5000 import Ofv5000
+from haploop.instruments.vibrometer.ofv5000_codec import (
     Command,
     duration_of,
     frequency_of,
@@ -19,11 +19,11 @@ from instruments.ofv5000_codec import (
     scale_of,
     scale_text,
 )
-from mocks.clock import VirtualClock
-from mocks.line_server import DirectLine, LineServer
-from mocks.loopback import ReplyFault
-from mocks.ofv5000 import Controller, twin, wire
-from mocks.plant import LaserHead, Plant
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.plant.plant import LaserHead, Plant
+from haploop.mocks.transport.line_server import DirectLine, LineServer
+from haploop.mocks.transport.loopback import ReplyFault
+from haploop.mocks.vibrometer.ofv5000 import Controller, twin, wire
 
 RANGE = "Get,VeloDec,0,Range"
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError, Daq, LimitError, Rig, Sweep, load_rig_file, open_rig
-from instruments.generator import Generator
-from instruments.player import Player
-from instruments.relay import Relay
-from instruments.rig_file import Device, DriveLimits, RigFile
-from mocks.daq import DaqTwin
+from haploop.instruments import ConfigurationError, Daq, LimitError, Rig, Sweep, load_rig_file, open_rig
+from haploop.instruments.config.rig_file import Device, DriveLimits, RigFile
+from haploop.instruments.generator.role import Generator
+from haploop.instruments.player.role import Player
+from haploop.instruments.relay.role import Relay
+from haploop.mocks.daq.twin import DaqTwin
 from tests.instruments.at_the_patch import Burst, bursts
 
 RATE = 50_000.0

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError, InstrumentError, LimitError, Rig, open_rig
-from instruments.conformance import bypass_interlock
-from instruments.generator import Sweep
-from instruments.signals import uninterrupted
+from haploop.instruments import ConfigurationError, InstrumentError, LimitError, Rig, open_rig
+from haploop.instruments.conformance import bypass_interlock
+from haploop.instruments.generator.role import Sweep
+from haploop.instruments.signals import uninterrupted
 from tests.conftest import OpenRig
 
 
@@ -114,7 +114,7 @@ def test_signals_during_clean_up_do_not_cut_it_short(tmp_path: Path, kind: signa
     script.write_text(
         textwrap.dedent(f"""
         import os
-        from instruments import open_rig
+        from haploop.instruments import open_rig
         with open_rig("simulated") as rig:
             rig.relay.connect(["A"])
             close = rig.relay.connect

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from instruments import ConfigurationError, load_rig_file
-from instruments.rig_schema import rig_schema
-from instruments.toml_lines import key_lines
+from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.instruments.config.toml_lines import key_lines
+from haploop.instruments.rig.schema import rig_schema
 
 SHIPPED = Path(__file__).parents[2] / "rigs" / "simulated.toml"
 

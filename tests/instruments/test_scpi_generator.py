@@ -11,18 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from instruments import ConfigurationError, InstrumentError, LimitError, load_rig_file
-from instruments.arrays import FloatArray
-from instruments.conformance import bypass_interlock
-from instruments.generator import Sweep
-from instruments.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
-from mocks.clock import VirtualClock
-from mocks.generator_box import DG1000Z, KEYSIGHT_33500, Box, Product
-from mocks.line_server import DirectLine, LineServer
-from mocks.loopback import ReplyFault
-from mocks.nodes import Run, Source
-from mocks.plant import Plant
-from mocks.scpi_generator import keysight, keysight_wire
+from haploop.instruments import ConfigurationError, InstrumentError, LimitError, load_rig_file
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.conformance import bypass_interlock
+from haploop.instruments.generator.role import Sweep
+from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box, Product
+from haploop.mocks.generator.scpi_generator import keysight, keysight_wire
+from haploop.mocks.plant.nodes import Run, Source
+from haploop.mocks.plant.plant import Plant
+from haploop.mocks.transport.line_server import DirectLine, LineServer
+from haploop.mocks.transport.loopback import ReplyFault
 
 SWEEP = Sweep(start_hz=1, stop_hz=625, duration=2, amplitude=0.8)
 FAMILIES = {"keysight": (Keysight33500, KEYSIGHT_33500), "rigol": (Dg1000z, DG1000Z)}

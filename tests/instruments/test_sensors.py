@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from instruments import Accelerometer, load_rig_file
+from haploop.instruments import Accelerometer, load_rig_file
 
 
 def accelerometer(rig: str) -> Accelerometer:

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import pytest
 
-from instruments.errors import ConfigurationError, InstrumentError
-from instruments.relay import Relay
-from instruments.serial_relay import SerialRelay, answer_in
-from mocks.clock import VirtualClock
-from mocks.loopback import Loopback, ReplyFault
-from mocks.relay import BoxFault, SimulatedBox, box_in
-from mocks.serial_relay import SerialRelayTwin, SerialRelayWire, wire
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.relay.role import Relay
+from haploop.instruments.relay.serial_relay import SerialRelay, answer_in
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.relay.box import BoxFault, SimulatedBox, box_in
+from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire, wire
+from haploop.mocks.transport.loopback import Loopback, ReplyFault
 from tests.instruments.contacts import Contacts
 
 PATCHES = {"A": 0, "B": 1, "D": 7}

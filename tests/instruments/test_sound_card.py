@@ -9,17 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration import calibrate, check, drive_for
-from calibration.excitation import linear_sweep
-from instruments import ConfigurationError, InstrumentError, LimitError, Rig, load_rig_file
-from instruments.alignment import Aligned, Timing, find
-from instruments.arrays import FloatArray
-from instruments.clock import RealClock
-from instruments.conformance import bypass_interlock
-from instruments.sound_card import SoundCard, at_rate
-from mocks.clock import VirtualClock
-from mocks.plant import Plant
-from mocks.sound_card import DRIFT, Card, Jack, twin
+from haploop.calibration import calibrate, drive_for
+from haploop.calibration.drive import check
+from haploop.calibration.response.excitation import linear_sweep
+from haploop.instruments import ConfigurationError, InstrumentError, LimitError, Rig, load_rig_file
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.clock import RealClock
+from haploop.instruments.conformance import bypass_interlock
+from haploop.instruments.player.sound_card import SoundCard, at_rate
+from haploop.instruments.rig.alignment import Aligned, Timing, find
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.plant.plant import Plant
+from haploop.mocks.player.sound_card import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press
 from tests.conftest import OpenRig
 

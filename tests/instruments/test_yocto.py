@@ -12,14 +12,14 @@ import hypothesis.strategies as st
 import pytest
 from pydantic import ValidationError
 
-from instruments.clock import RealClock
-from instruments.errors import ConfigurationError, InstrumentError
-from instruments.relay import Relay
-from instruments.yocto import Yocto
-from mocks.clock import VirtualClock
-from mocks.loopback import Loopback, ReplyFault
-from mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
-from mocks.yocto_hub import YoctoHub, wire
+from haploop.instruments.clock import RealClock
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.relay.role import Relay
+from haploop.instruments.relay.yocto import Yocto
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.relay.box import BoxFault, RelayTwin, SimulatedBox, box_in
+from haploop.mocks.relay.yocto_hub import YoctoHub, wire
+from haploop.mocks.transport.loopback import Loopback, ReplyFault
 from tests.instruments.contacts import Contacts
 
 PATCHES = {"A": 1, "B": 2, "C": 3, "D": 8}

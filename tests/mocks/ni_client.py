@@ -9,10 +9,10 @@ import grpc
 import nidaqmx
 import numpy as np
 
-from instruments.arrays import FloatArray
-from mocks.clock import VirtualClock
-from mocks.ni import NiServer
-from mocks.nodes import Source
+from haploop.instruments.arrays import FloatArray
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.daq.ni import NiServer
+from haploop.mocks.plant.nodes import Source
 
 EXPORT = """
 [DAQmx]

@@ -3,8 +3,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from instruments.operator import Press
-from mocks.buttons import BUTTONS, FLAWS, Finger, Flaw, SimulatedPress, button_named, press_button
+from haploop.instruments.operator.role import Press
+from haploop.mocks.plant.buttons import (
+    BUTTONS,
+    FLAWS,
+    Finger,
+    Flaw,
+    SimulatedPress,
+    button_named,
+    press_button,
+)
 
 
 def press(button: str, seed: int = 0, start: float = 5.0, flaw: Flaw = "") -> SimulatedPress:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition import record
-from calibration import LinearSweep, linear_sweep, measure_response
-from instruments import ConfigurationError, DataError, InstrumentError, Rig, open_rig
-from instruments.operator import Place, Remove
-from mocks.faults import KINDS
+from haploop.acquisition import record
+from haploop.calibration import LinearSweep, linear_sweep, measure_response
+from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig, open_rig
+from haploop.instruments.operator.role import Place, Remove
+from haploop.mocks.faults import KINDS
 from tests.conftest import OpenRig
 
 SWEEP = linear_sweep(50_000.0, 0.5, 625.0, 10.0)
@@ -195,7 +195,7 @@ def test_an_answer_that_does_not_come_whole_is_an_error(
 ) -> None:
     if mode not in ("twin", "wire"):
         pytest.skip("of a simulated line")
-    monkeypatch.setattr("instruments.ni_sessions._SILENCE", 0.5)
+    monkeypatch.setattr("haploop.instruments.daq.ni_sessions._SILENCE", 0.5)
     fault = {"kind": "reply", "instrument": instrument, "how": how, "after": 0.5}
     with (
         pytest.raises(InstrumentError, match=r"hub|device server"),

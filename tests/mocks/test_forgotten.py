@@ -9,8 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from instruments import open_rig
-from mocks.plant import Plant
+from haploop.instruments import open_rig
+from haploop.mocks.plant.plant import Plant
 
 
 @pytest.fixture(autouse=True)

@@ -31,7 +31,7 @@ from nidaqmx.stream_readers import (
 from nidaqmx.stream_writers import AnalogMultiChannelWriter, AnalogUnscaledWriter
 from nitypes.waveform import AnalogWaveform
 
-from mocks.ni import NiServer, devices_from_ini, inventory_of
+from haploop.mocks.daq.ni import NiServer, devices_from_ini, inventory_of
 from tests.mocks.ni_client import EXPORT, Bench, connected
 
 

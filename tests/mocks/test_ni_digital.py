@@ -12,7 +12,7 @@ from nidaqmx.stream_readers import DigitalMultiChannelReader, DigitalSingleChann
 from nidaqmx.stream_writers import DigitalMultiChannelWriter, DigitalSingleChannelWriter
 from nitypes.waveform import DigitalWaveform
 
-from mocks.ni import NiServer, devices_from_ini
+from haploop.mocks.daq.ni import NiServer, devices_from_ini
 from tests.mocks.ni_client import EXPORT, connected
 
 TOGETHER, EACH = LineGrouping.CHAN_FOR_ALL_LINES, LineGrouping.CHAN_PER_LINE

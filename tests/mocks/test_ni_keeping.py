@@ -14,8 +14,8 @@ from nidaqmx.system import System
 from nidaqmx.system.watchdog import DOExpirationState, WatchdogTask
 from nidaqmx.types import DOPowerUpState
 
-from mocks.clock import VirtualClock
-from mocks.ni import NiServer, devices_from_ini
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.daq.ni import NiServer, devices_from_ini
 from tests.mocks.ni_client import EXPORT, connected
 
 

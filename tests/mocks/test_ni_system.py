@@ -15,7 +15,7 @@ from nidaqmx.constants import BusType, ProductCategory, TerminalConfiguration, U
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.system import Device, PhysicalChannel, System
 
-from mocks.ni import NiServer, devices_from_ini
+from haploop.mocks.daq.ni import NiServer, devices_from_ini
 from tests.mocks.ni_client import EXPORT, connected
 
 
@@ -96,7 +96,10 @@ def test_tasks_are_shared_by_name_and_cleared(options: nidaqmx.GrpcSessionOption
 def test_program_of_its_own(tmp_path: Path) -> None:
     export = tmp_path / "max.ini"
     export.write_text(EXPORT)
-    program = "import sys, pathlib, mocks.ni as ni; ni.run(ni.inventory_from_file(pathlib.Path(sys.argv[1])))"
+    program = (
+        "import sys, pathlib, haploop.mocks.daq.ni as ni; "
+        "ni.run(ni.inventory_from_file(pathlib.Path(sys.argv[1])))"
+    )
     command = [sys.executable, "-c", program, str(export)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:

@@ -26,7 +26,7 @@ from nidaqmx.constants import (
 )
 from nidaqmx.error_codes import DAQmxErrors
 
-from mocks.ni import NiServer, devices_from_ini, inventory_of
+from haploop.mocks.daq.ni import NiServer, devices_from_ini, inventory_of
 from tests.mocks.ni_client import EXPORT, Bench, connected
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mocks.poles import Poles, Stretch
+from haploop.mocks.plant.poles import Poles, Stretch
 
 PERIOD = 2e-5
 WEIGHTS = np.array([0.3 - 1j, 2.0, 0.1j])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mocks.clock import VirtualClock
-from mocks.generator_box import DG1000Z, KEYSIGHT_33500, Box
-from mocks.nodes import Source
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box
+from haploop.mocks.plant.nodes import Source
 
 
 class Bench:

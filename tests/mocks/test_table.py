@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocks.hysteresis import _RADII, Hysteresis, _bent
-from mocks.table import AMPLIFIER_POLE_HZ, MAIN, Plate, TouchTable, make_plate, warmed
+from haploop.mocks.plant.hysteresis import _RADII, Hysteresis, _bent
+from haploop.mocks.plant.table import AMPLIFIER_POLE_HZ, MAIN, Plate, TouchTable, make_plate, warmed
 
 PLACE = (8.5 / 12, 1.5 / 7)
 RATE_HZ = 50_000.0

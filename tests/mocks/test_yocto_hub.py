@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mocks.clock import VirtualClock
-from mocks.relay import SimulatedBox
-from mocks.yocto_hub import YoctoHub
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.relay.box import SimulatedBox
+from haploop.mocks.relay.yocto_hub import YoctoHub
 
 NATIVE_INFO = (
     b"GET /info.json HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n"

@@ -10,10 +10,10 @@ from typing import Annotated, Self
 
 from pydantic import Field
 
-from instruments.clock import Clock
-from instruments.errors import InstrumentError
-from instruments.relay_board import BoardSettings, ChannelRelay, ChannelState
-from instruments.serial_line import Line, SerialLine
+from haploop.instruments.clock import Clock
+from haploop.instruments.errors import InstrumentError
+from haploop.instruments.relay import BoardSettings, ChannelRelay, ChannelState
+from haploop.instruments.transport import Line, SerialLine
 
 
 class AcmeRelay(ChannelRelay):

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from haploop.mocks.relay.box import Contacts, SimulatedBox, box_in
+from haploop.mocks.transport.line_server import DirectLine, LineServer
 from haploop_acme.relay import AcmeRelay
-from mocks.line_server import DirectLine, LineServer
-from mocks.relay import Contacts, SimulatedBox, box_in
 
 
 def reply(box: SimulatedBox, line: str) -> Sequence[str]:

@@ -1,0 +1,55 @@
+"""Check that a wheel of haploop installs one import name and survives a lab's own files beside a script.
+
+Usage: python .ci/one_name.py SOURCE. Builds a wheel of the checkout SOURCE, installs it into an empty
+virtual environment, and runs a script beside which lie a lab's own `calibration.py`, `instruments.py`
+and so on.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import venv
+import zipfile
+from pathlib import Path
+
+ROOMS = ("instruments", "acquisition", "calibration", "mocks", "rigs")
+SCRIPT = """
+import calibration
+import haploop
+
+assert calibration.OURS == "the lab's own", calibration.__file__
+with haploop.open_rig("simulated") as rig:
+    recording = haploop.record(rig, button="push", participant="P01", presses=1, out="data")
+print(recording.path.name, haploop.__version__)
+"""
+
+
+def main(source: Path) -> None:
+    """Build, install, look at the top-level names, run the script."""
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        pip = [sys.executable, "-m", "pip", "--quiet"]
+        subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", work, source], check=True)
+        (wheel,) = work.glob("haploop-*.whl")
+        names = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+        surplus = {name for name in names if name != "haploop" and not name.endswith(".dist-info")}
+        if surplus:
+            raise SystemExit(f"The wheel would install {', '.join(sorted(surplus))} beside haploop.")
+
+        venv.create(work / "empty", with_pip=True)
+        python = work / "empty" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+        subprocess.run([python, "-m", "pip", "--quiet", "install", wheel], check=True)
+        lab = work / "lab"
+        lab.mkdir()
+        for room in ROOMS:
+            (lab / f"{room}.py").write_text('OURS = "the lab\'s own"\n', encoding="utf-8")
+        (lab / "script.py").write_text(SCRIPT, encoding="utf-8")
+        subprocess.run([python, "script.py"], cwd=lab, check=True)
+    print("One import name: haploop.")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

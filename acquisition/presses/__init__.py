@@ -1,0 +1,31 @@
+"""Presses in a recording: segmentation, quality, and the press that represents many."""
+
+from haploop.acquisition.presses.protocol import Protocol
+from haploop.acquisition.presses.quality import QualityCheck, accepted_presses
+from haploop.acquisition.presses.registration import WarpModel
+from haploop.acquisition.presses.representative import Representative, Window, high_pass, representative
+from haploop.acquisition.presses.segmentation import (
+    SEGMENTATIONS,
+    ButtonPress,
+    Detector,
+    Segmentation,
+    find_presses,
+    segmentation_for,
+)
+
+__all__ = [
+    "SEGMENTATIONS",
+    "ButtonPress",
+    "Detector",
+    "Protocol",
+    "QualityCheck",
+    "Representative",
+    "Segmentation",
+    "WarpModel",
+    "Window",
+    "accepted_presses",
+    "find_presses",
+    "high_pass",
+    "representative",
+    "segmentation_for",
+]

@@ -1,0 +1,166 @@
+"""The quality of a press, checked as soon as it is over.
+
+The seconds around the press become a small recording, which is segmented like any other, so the verdict
+given live is the verdict that the finished file gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from haploop.acquisition.presses.protocol import Protocol
+from haploop.acquisition.presses.segmentation import ButtonPress, Segmentation, Span, find_presses
+from haploop.acquisition.recording import (
+    BLOCK,
+    EVENT,
+    FLAGS,
+    VERDICT,
+    Contents,
+    Header,
+    PressVerdict,
+    Recording,
+    to_codes,
+)
+from haploop.instruments import DataError, Sensors
+from haploop.instruments.arrays import FloatArray
+
+__all__ = ["QualityCheck", "accepted_presses"]
+
+_RATING = 0.8
+"""Share of the force sensor's rating that no press may exceed (hardware.md, section 13)."""
+_LIGHT = 0.3
+"""Share of a press's largest force below which the finger only rests on the button, arrives or leaves."""
+_BETWEEN = 0.35
+"""The force between two presses falls below this share of both; at a snap it stays above 60 %."""
+
+
+def accepted_presses(
+    recording: Recording, found: Sequence[ButtonPress] | None = None
+) -> tuple[ButtonPress, ...]:
+    """The presses that count: the accepted ones, or all presses of a recording without verdicts.
+
+    Among `found`, or else among those that the segmentation finds with which the recording was made.
+    Raises DataError.
+    """
+    protocol = Protocol.from_json(recording.header.protocol)
+    if found is None:
+        found = find_presses(recording, protocol.segmentation if protocol else None)
+    if protocol is None:
+        return tuple(found)
+    accepted = recording.accepted
+    return tuple(
+        press for press in found if any(verdict.first <= press.peak < verdict.end for verdict in accepted)
+    )
+
+
+class QualityCheck:
+    """Checks the quality of a press: whether it is accepted, and if not, why."""
+
+    def __init__(self, path: Path, header: Header, sensors: Sensors, protocol: Protocol) -> None:
+        self._path, self._header, self._sensors, self._p = path, header, sensors, protocol
+        if sensors.force is None:
+            raise DataError(f"{path} has no force sensor.")
+        self._most = _RATING * sensors.force.ratings[2]
+
+    def __call__(self, volts: FloatArray, first: int, span: Span, number: int, attempt: int) -> PressVerdict:
+        """The verdict on the press in `span`, whose indices count from the recording's beginning.
+
+        `volts` is (channels, samples) around it, from sample `first` on: at least `Protocol.before`
+        of it before the span, and nothing of the press before.
+        """
+        p, rate_hz = self._p, self._header.rate_hz
+        begin, end = span.first - first, span.end - first
+        quiet = slice(max(0, begin - round(0.5 * rate_hz)), max(1, begin - round(0.05 * rate_hz)))
+        excerpt = _Excerpt(self._path, self._header, self._sensors, volts, quiet)
+        found = find_presses(excerpt, p.segmentation)
+        activation, at = next(
+            (
+                (press.activation, press.force_at_activation)
+                for press in found
+                if press.activation is not None
+            ),
+            (None, None),
+        )
+        if found:
+            begin, end = found[0].onset, found[-1].release + 1
+        width = max(1, round(p.segmentation.bin * rate_hz))
+        force = np.asarray(ndimage.uniform_filter1d(excerpt.force, width))
+        peak = float(force[begin:end].max())
+
+        wrong: dict[str, str] = {}
+        if activation is None:
+            wrong["no-activation"] = "the button did not switch"
+        if excerpt.saturated[begin:end].any():
+            wrong["saturated"] = "a sensor left its range"
+        low, high = p.force or (p.segmentation.pressed, self._most)
+        if peak > self._most:
+            wrong["force-range"] = f"the force reached {peak:.0f} N, and the sensor allows {self._most:.0f} N"
+        elif at is not None and not low <= at <= high:
+            wrong["force-range"] = f"it switched at {at:.2f} N, outside {low:g} to {high:g} N"
+        if len(found) > 1 or _times(force[begin:end:width]) > 1:
+            wrong["double"] = "it was pressed twice"
+        # The finger comes to press, and leaves: what is above `light` lies between.
+        pressing = np.flatnonzero(force[begin:end] >= min(p.light, _LIGHT * peak))
+        coming, leaving = force[begin : begin + pressing[0]], force[begin + pressing[-1] : end]
+        waiting = force[max(0, begin - round(p.before * rate_hz)) : begin]
+        if len(coming) > p.linger * rate_hz:
+            wrong["not-quiet-before"] = f"the finger rested on it for {len(coming) / rate_hz:.1f} s before"
+        elif (waiting > p.segmentation.released).any() or _touches(coming, p.segmentation):
+            wrong["not-quiet-before"] = "it was touched just before"
+        if len(leaving) > p.linger * rate_hz:
+            wrong["not-quiet-after"] = f"the finger rested on it for {len(leaving) / rate_hz:.1f} s after"
+        elif _touches(leaving[::-1], p.segmentation):
+            wrong["not-quiet-after"] = "it was touched just after"
+        sentence = "; ".join(wrong.values())
+        return PressVerdict(
+            number=number,
+            attempt=attempt,
+            first=first + begin,
+            end=first + end,
+            activation=np.nan if activation is None else first + activation,
+            force=np.nan if at is None else at,
+            accepted=not wrong,
+            flags=tuple(flag for flag in FLAGS if flag in wrong),
+            reason=f"{sentence[0].upper()}{sentence[1:]}." if wrong else "",
+        )
+
+
+class _Excerpt(Recording):
+    """A few seconds of a recording that is still going on; `quiet` is where hands are off in it."""
+
+    def __init__(self, path: Path, header: Header, sensors: Sensors, volts: FloatArray, quiet: slice) -> None:
+        super().__init__(path, header, "recording")
+        codes, _ = to_codes(volts, header.full_scale)
+        contents = Contents(codes, np.empty(0, BLOCK), np.empty(0, EVENT), np.empty(0, VERDICT))
+        self.__dict__ |= {"_checked": (contents, ""), "sensors": sensors}
+        self._quiet = quiet
+
+    @cached_property
+    def _gauges(self) -> FloatArray:
+        gauges = self._rows(self._sensor("force"))
+        # The median ignores a touch within it.
+        return np.asarray(gauges - np.median(gauges[:, self._quiet], axis=1, keepdims=True))
+
+
+def _touches(force: FloatArray, p: Segmentation) -> bool:
+    """Whether a finger comes and leaves again in a force (N)."""
+    touched = np.flatnonzero(force > p.pressed)
+    return bool(len(touched) and (force[touched[0] :] < p.released).any())
+
+
+def _times(force: FloatArray) -> int:
+    """Number of presses in a force (N), also where the finger hardly leaves the button between them."""
+    least = _LIGHT * float(force.max(initial=0.0))
+    count, top, bottom = 0, 0.0, 0.0
+    for value in force.tolist():
+        bottom = min(bottom, value)
+        if count and value > bottom / _BETWEEN and top > bottom / _BETWEEN and value > least:
+            count, top, bottom = count + 1, value, value
+        elif value > top and (count or value > least):
+            count, top, bottom = max(count, 1), value, value
+    return count

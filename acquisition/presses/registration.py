@@ -1,0 +1,261 @@
+"""Curves brought to one time by smooth warps.
+
+Every curve gets a warp t + d(t), with d a cubic spline on a few knots, that is as stiff as the noise
+allows, and all warps together have mean zero. The model is that presses differ by a smooth change of
+tempo; events that jitter independently are followed as far as the stiffness lets them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dtaidistance import dtw
+from scipy.interpolate import BSpline, CubicSpline
+
+from haploop.instruments.arrays import FloatArray, IntArray
+
+__all__ = ["Registration", "Rows", "WarpModel", "register"]
+
+
+@dataclass(frozen=True)
+class WarpModel:
+    """What a warp may be."""
+
+    knots: int = 24
+    """Over the window."""
+    stretch: float = 0.06
+    """Standard deviation of the tempo's change (relative) that is expected from press to press."""
+    reach: float = 0.03
+    """s: the farthest that a sample is looked for in another curve."""
+    rounds: int = 12
+    """Of warps and template in turn; the first ones are stiffer."""
+    rescues: int = 2
+    """How often curves that stayed behind start again from their path to the template."""
+    floor: float = 0.02
+    """Smallest residual, relative to the curves, that is taken for noise: nothing is fitted better."""
+    outlier: float = 2.5
+    """A curve whose residual is this many times the median one counts less, by the square of the excess."""
+
+    def window(self, rate_hz: float) -> int:
+        """`reach` in samples."""
+        return max(2, round(self.reach * rate_hz))
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """Curves brought to one time. `template` is (channels, samples)."""
+
+    template: FloatArray
+    aligned: FloatArray
+    """(curves, channels, samples)."""
+    shifts: FloatArray
+    """(curves, samples), in samples: aligned[i](t) = curve[i](t + shifts[i](t)). Their mean is zero."""
+    weights: FloatArray
+    """(curves,), 1 for a curve that is no outlier."""
+
+
+class Rows:
+    """(rows, samples) as cubic splines; beyond its ends a row stays as it ends.
+
+    `places` are the sample numbers that it is evaluated at: all of them, or every n-th.
+    """
+
+    def __init__(self, values: FloatArray, every: int = 1) -> None:
+        self.samples = values.shape[1]
+        self.places = np.arange(0, self.samples, every)
+        # On whole numbers a spline's piece is found without a search, and its four coefficients lie
+        # side by side: three times as fast as calling the spline.
+        spline = CubicSpline(np.arange(self.samples), values, axis=-1)
+        self._pieces = np.ascontiguousarray(spline.c.transpose(2, 1, 0)).reshape(-1, 4)
+
+    def at(self, shifts: FloatArray, which: IntArray | None = None) -> FloatArray:
+        """(rows, places) values of all rows (or of these) at `places` plus shifts."""
+        (c3, c2, c1, c0), f = self._find(shifts, which)
+        return np.asarray(((c3 * f + c2) * f + c1) * f + c0)
+
+    def with_slopes(self, shifts: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        """(rows, places) values, and derivatives per sample."""
+        (c3, c2, c1, c0), f = self._find(shifts, which)
+        return np.asarray(((c3 * f + c2) * f + c1) * f + c0), np.asarray((3 * c3 * f + 2 * c2) * f + c1)
+
+    def _find(self, shifts: FloatArray, which: IntArray | None) -> tuple[FloatArray, FloatArray]:
+        rows = np.arange(len(shifts)) if which is None else which
+        at = np.clip(self.places + shifts, 0, self.samples - 1)
+        low = np.minimum(at.astype(np.int64), self.samples - 2)
+        return np.moveaxis(self._pieces[low + rows[:, None] * (self.samples - 1)], -1, 0), at - low
+
+
+def register(
+    curves: FloatArray, rate_hz: float, model: WarpModel | None = None, start: FloatArray | None = None
+) -> Registration:
+    """Bring (curves, channels, samples) to one time by the first channel, and average them all.
+
+    The curves should already be aligned to within `reach`, at an event that each of them has. `start`
+    (samples,) is a guess of the template, as a dynamic time warping barycentre is one; the curves'
+    paths to it then are where one attempt begins, and no warp at all where the other one does.
+    """
+    m = model or WarpModel()
+    count, channels, samples = curves.shape
+    if count == 1:
+        return Registration(curves[0], curves, np.zeros((1, samples)), np.ones(1))
+    work = _Work(np.ascontiguousarray(curves[:, 0]), rate_hz, m)
+    # Where the curves agree already, paths through noise are the worse start.
+    starts = [np.zeros((count, m.knots))]
+    if start is not None:
+        starts.append(work.from_paths(start, np.arange(count)))
+    warps = min((work.refine(begin, m.rounds) for begin in starts), key=work.cost)
+    for _ in range(m.rescues):
+        warps = work.refine(work.rescue(warps), m.rounds // 3)
+    shifts = warps @ _basis(np.arange(samples), samples, m.knots).T
+    aligned = np.stack([Rows(curves[:, c]).at(shifts) for c in range(channels)], axis=1)
+    weights = _weights(aligned[:, 0], m)
+    return Registration(np.average(aligned, axis=0, weights=weights), aligned, shifts, weights)
+
+
+class _Work:
+    """Curves (curves, samples) and all that is computed of them once. Warps are (curves, knots).
+
+    Curves are compared at `places`: a click has nothing above 1 kHz that every sample would be needed for.
+    """
+
+    def __init__(self, lead: FloatArray, rate_hz: float, m: WarpModel) -> None:
+        samples = lead.shape[1]
+        every = max(1, int(rate_hz // 2500))
+        self.lead = lead
+        self.m = m
+        self.window = m.window(rate_hz)
+        self.rows = Rows(lead, every)
+        self.basis = _basis(self.rows.places, samples, m.knots)
+        # Two splines overlap only when they are near: the rest of their products is zero.
+        self.pairs = np.array([(a, b) for a in range(m.knots) for b in range(a, min(a + 4, m.knots))]).T
+        self.products = self.basis[:, self.pairs[0]] * self.basis[:, self.pairs[1]]
+        self.prior = _prior(samples, self.window / 3, m) / every
+        self.floor = m.floor**2 * float(np.mean(lead**2))
+
+    def template(self, warps: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """What the warped curves have in common, their weights, and the noise (power) around it."""
+        aligned = self.rows.at(warps @ self.basis.T)
+        weights = _weights(aligned, self.m)
+        template = np.average(aligned, axis=0, weights=weights)
+        power = np.mean((aligned - template) ** 2, axis=1)
+        return template, weights, max(float(np.average(power, weights=weights)), self.floor)
+
+    def cost(self, warps: FloatArray) -> float:
+        """What is left between the curves, outliers at their full weight, and a little for the warps."""
+        template, _, _ = self.template(warps)
+        rest = self.rows.at(warps @ self.basis.T) - template
+        return float(np.sum(rest**2) + self.floor * np.einsum("ik,kl,il->", warps, self.prior, warps))
+
+    def refine(self, warps: FloatArray, rounds: int) -> FloatArray:
+        """Template and warps in turn. The noise falls as the curves come together, and with it the
+        stiffness.
+        """
+        for _ in range(rounds):
+            template, weights, noise = self.template(warps)
+            moved = self.step(warps, template, noise, np.arange(len(warps)))
+            # An outlier's warp says nothing about where the others' middle is.
+            moved -= np.average(moved, axis=0, weights=weights)
+            settled = np.abs(moved - warps).max() < 0.02  # of a sample
+            warps = moved
+            if settled:
+                break
+        return warps
+
+    def rescue(self, warps: FloatArray) -> FloatArray:
+        """Curves that are farther from the template than most start again from their path to it.
+
+        A click is a short oscillation: a warp that is a period off is a trap for small steps.
+        """
+        template, _, noise = self.template(warps)
+        every = np.arange(len(warps))
+        left = self.distance(warps, template, noise, every)
+        far = every[left > 1.5 * np.median(left)]
+        if not len(far):
+            return warps
+        whole = CubicSpline(self.rows.places, template)(np.arange(self.rows.samples))
+        tried = warps.copy()
+        tried[far] = self.from_paths(whole, far)
+        for _ in range(self.m.rounds):
+            tried = self.step(tried, template, noise, far)
+        better = self.distance(tried, template, noise, every) < left
+        return np.where(better[:, None], tried, warps)
+
+    def distance(self, warps: FloatArray, template: FloatArray, noise: float, which: IntArray) -> FloatArray:
+        """What the warps of these curves cost, each: see `_priced`."""
+        shifts = warps @ self.basis.T
+        return self._priced(self.rows.at(shifts, which) - template, warps, shifts, noise)
+
+    def _priced(self, rest: FloatArray, warps: FloatArray, shifts: FloatArray, noise: float) -> FloatArray:
+        """Squares that are left, and bending as dear as the noise makes it; time must not run backwards."""
+        bent = np.einsum("ik,ik->i", warps @ self.prior, warps)
+        backwards = np.diff(shifts, axis=1).min(axis=1) < -0.7 * self.rows.places[1]
+        return np.asarray(np.where(backwards, np.inf, np.einsum("is,is->i", rest, rest) + noise * bent))
+
+    def step(self, warps: FloatArray, template: FloatArray, noise: float, which: IntArray) -> FloatArray:
+        """One Gauss-Newton step of these curves towards the template, each as far as that lowers its cost."""
+        here = warps[which]
+        shifts = here @ self.basis.T
+        values, slopes = self.rows.with_slopes(shifts, which)
+        rest = values - template
+        stiff = noise * self.prior
+        downhill = (slopes * rest) @ self.basis + here @ stiff
+        step = np.linalg.solve(self.normal(slopes**2) + stiff, downhill[..., None])[..., 0]
+        before = self._priced(rest, here, shifts, noise)
+        warps, left = warps.copy(), np.arange(len(which))
+        for fraction in (1.0, 0.5, 0.25, 0.1):
+            moved = here[left] - fraction * step[left]
+            better = self.distance(moved, template, noise, which[left]) < before[left]
+            warps[which[left[better]]] = moved[better]
+            left = left[~better]
+            if not len(left):
+                break
+        return warps
+
+    def normal(self, weights: FloatArray) -> FloatArray:
+        """(rows, knots, knots): the splines' products, summed with (rows, places) weights."""
+        a, b = self.pairs
+        whole = np.zeros((len(weights), self.m.knots, self.m.knots))
+        whole[:, a, b] = whole[:, b, a] = weights @ self.products
+        return whole
+
+    def from_paths(self, template: FloatArray, which: IntArray) -> FloatArray:
+        """Warps that follow the DTW paths of these curves to a template (samples,)."""
+        slope = np.gradient(template) ** 2 / max(self.floor, 1e-30)
+        weights, lags = np.zeros((2, len(which), len(self.rows.places)))
+        for row, curve in enumerate(self.lead[which]):
+            path = np.asarray(dtw.warping_path(template, curve, window=self.window, use_c=True))
+            at, lag = path[:, 0], path[:, 1] - path[:, 0]
+            # A path through silence is chance; where the template is steep it knows what it says.
+            weights[row] = (slope * np.bincount(at, minlength=len(slope)))[self.rows.places]
+            lags[row] = (slope * np.bincount(at, lag, len(slope)))[self.rows.places]
+        normal = self.normal(weights) + self.prior
+        return np.asarray(np.linalg.solve(normal, (lags @ self.basis)[..., None])[..., 0])
+
+
+def _basis(places: IntArray, samples: int, knots: int) -> FloatArray:
+    """(places, knots) cubic B-splines over the window."""
+    inner = np.linspace(0, samples - 1, knots - 2)
+    padded = np.concatenate([[0.0] * 3, inner, [samples - 1.0] * 3])
+    return np.asarray(BSpline.design_matrix(places.astype(np.float64), padded, 3).toarray())
+
+
+def _prior(samples: int, offset: float, m: WarpModel) -> FloatArray:
+    """(knots, knots): the penalty of a warp whose tempo changes by `stretch` is about one a knot, and of
+    one that is `offset` samples off as a whole is one.
+    """
+    basis = _basis(np.arange(samples), samples, m.knots)
+    tempo = np.diff(basis, axis=0)
+    level = basis.mean(axis=0)
+    per_sample = m.knots / samples / m.stretch**2
+    return np.asarray(tempo.T @ tempo * per_sample + np.outer(level, level) / offset**2)
+
+
+def _weights(aligned: FloatArray, m: WarpModel) -> FloatArray:
+    """(curves,): 1, and less for a curve that is far from the median curve compared with the others."""
+    if len(aligned) < 4:
+        return np.ones(len(aligned))
+    some = aligned[:, ::4]  # a median is dear, and a quarter of the samples tells as much
+    residual = np.sqrt(np.mean((some - np.median(some, axis=0)) ** 2, axis=1))
+    limit = m.outlier * float(np.median(residual))
+    return np.asarray(np.minimum(1.0, (limit / np.maximum(residual, 1e-30)) ** 2))

@@ -1,0 +1,347 @@
+"""Presses in a force signal: where each begins and ends, and the instant that the button switched.
+
+The same detector runs while recording, block by block, and over a whole file afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage, signal
+
+from haploop.acquisition.recording import Recording
+from haploop.instruments.arrays import BoolArray, FloatArray
+
+__all__ = [
+    "SEGMENTATIONS",
+    "ButtonPress",
+    "Detector",
+    "Segmentation",
+    "Span",
+    "find_presses",
+    "segmentation_for",
+]
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """What counts as a press. Forces (N) are above the rest, which is followed as it drifts."""
+
+    pressed: float = 0.30
+    """A press begins where the force, averaged over `bin`, rises above this."""
+    released: float = 0.15
+    """It is over when the force has stayed below this for `quiet`."""
+    quiet: float = 0.10
+    """s. A finger that leaves the button for less is still in the same press. While recording, the longer
+    `haploop.acquisition.presses.protocol.Protocol.quiet` applies."""
+    least_peak: float = 0.5
+    """A force that never reaches this is a touch, not a press."""
+    onset: float = 0.06
+    """The onset is where the force last was below this; with 0.03 N of noise that is ten sigma of
+    the average over `bin`."""
+    bin: float = 0.005
+    """s, of the averages that are compared with all these."""
+    follow: float = 1.0
+    """s: time constant with which the rest follows the force between presses. A drift of 0.05 N/min
+    (hardware.md, section 13) leaves an error of 0.001 N."""
+    settle: float = 0.005
+    """s: a contact has switched once it is in the new state for most of this time, and switched first
+    at most this long before; contacts bounce for 0.1 to 5 ms (hardware.md, section 11)."""
+    fit: float = 0.0015
+    """s on each side of the activation instant that its force is fitted over."""
+    margin: float = 0.25
+    """s that a press's window has before its onset and after its release, unless a neighbour is near."""
+    stage_lead: float = 0.15
+    """s: the farthest before the activation that a first click is looked for; a latch's comes 30 to
+    100 ms before (hardware.md, section 11)."""
+    stage_gap: float = 0.012
+    """s: what comes less than this before the activation belongs to the click that comes with it."""
+    stage_share: float = 0.15
+    """A first click is at least this part of the acceleration of that one; nothing else but noise
+    (`stage_noise`) shakes a cap before."""
+    stage_noise: float = 8.0
+    """Times the root mean square of the acceleration before the onset, that a first click exceeds."""
+    stage_force: float = 0.25
+    """Part of the force at activation that a first click needs: a finger that lands on the cap knocks
+    as well, but at hardly any force."""
+    stage_high_pass: float = 60.0
+    """Hz: what a hand does is slower, and a click faster (100 to 500 Hz)."""
+
+
+SEGMENTATIONS: Mapping[str, Segmentation] = MappingProxyType(
+    {
+        "latch": Segmentation(least_peak=1.0),
+        "toggle": Segmentation(least_peak=0.4),
+        "push": Segmentation(),
+    }
+)
+"""The parameters of the paper's buttons. A latch takes 5 to 10 N, a toggle 1 to 4 N and a push button 2 to
+5 N to switch (hardware.md, section 11): what stays below a quarter of that is a touch."""
+
+
+def segmentation_for(button: str) -> Segmentation:
+    """The parameters of a button; of one that is not in `SEGMENTATIONS`, those that suit any."""
+    return SEGMENTATIONS.get(button, Segmentation())
+
+
+class Span(NamedTuple):
+    """A press in the rough: its first and its last sample's successor, and the rest's force (N) then."""
+
+    first: int
+    end: int
+    rest: float
+
+
+class Detector:
+    """Finds presses in a force that arrives piece by piece.
+
+    `spans` holds the presses that have ended; `pressing` says that one has begun.
+    """
+
+    def __init__(self, rate_hz: float, parameters: Segmentation | None = None) -> None:
+        self._p = parameters or Segmentation()
+        self._bin = max(1, round(self._p.bin * rate_hz))
+        self._quiet = max(1, round(self._p.quiet * rate_hz))
+        self._gain = self._bin / (self._p.follow * rate_hz)
+        self._left: FloatArray = np.zeros(0)
+        self._at = 0
+        self._rest = 0.0
+        self._first: int | None = None
+        self._last = 0
+        self._peak = 0.0
+        self.spans: list[Span] = []
+
+    @property
+    def pressing(self) -> bool:
+        """Whether a press has begun and not ended."""
+        return self._first is not None
+
+    def feed(self, force: FloatArray) -> None:
+        """Go on with (samples,) N."""
+        force = np.concatenate([self._left, force])
+        bins = len(force) // self._bin
+        self._left = force[bins * self._bin :]
+        for mean in force[: bins * self._bin].reshape(bins, self._bin).mean(axis=1):
+            self._step(float(mean))
+
+    def finish(self) -> None:
+        """The signal ends here: a press that has begun ends with it."""
+        if self._first is not None:
+            self._end()
+
+    def _step(self, mean: float) -> None:
+        begin, self._at = self._at, self._at + self._bin
+        above = mean - self._rest
+        if self._first is None:
+            if above > self._p.pressed:
+                self._first, self._last, self._peak = begin, self._at, above
+            else:
+                # A hand that rests lightly on the cap is followed as well, but slowly.
+                slower = 1.0 if above < self._p.released else 3.0
+                self._rest += above * self._gain / slower
+            return
+        self._peak = max(self._peak, above)
+        if above > self._p.released:
+            self._last = self._at
+        elif self._at - self._last >= self._quiet:
+            self._end()
+
+    def _end(self) -> None:
+        assert self._first is not None
+        if self._peak >= self._p.least_peak:
+            self.spans.append(Span(self._first, self._last, self._rest))
+        self._first = None
+
+
+@dataclass(frozen=True)
+class ButtonPress:
+    """One press. Indices count samples from the recording's start.
+
+    `activation` and `opened` are instants on the sample clock, in samples, between the last sample
+    before a change of the contact and the first one after it, and corrected for the delay with which
+    the card takes that channel.
+    """
+
+    start: int
+    """First sample of the press's window, quiet before it included."""
+    onset: int
+    """The force leaves its rest."""
+    peak: int
+    """The force is largest."""
+    release: int
+    """The force is back at its rest."""
+    stop: int
+    """Successor of the window's last sample."""
+    activation: float | None
+    """The contact changed, in either direction; None when it never did."""
+    opened: float | None
+    """The contact changed back during the same press, as a momentary button's does."""
+    force_at_activation: float | None
+    """N above the rest just before this press."""
+    first_stage: float | None
+    """The instant (samples) of the click that comes before the one at the activation, as in a latch that
+    is activated in two stages; None where there is none."""
+    saturated: bool
+    """A sensor stood at the end of its range between onset and release."""
+
+
+def find_presses(recording: Recording, parameters: Segmentation | None = None) -> tuple[ButtonPress, ...]:
+    """Every press of a recording, in order, with these parameters or else those of its button.
+
+    Raises DataError when the file is damaged.
+    """
+    p = parameters or segmentation_for(recording.button)
+    rate_hz = recording.rate_hz
+    force = recording.force
+    detector = Detector(rate_hz, p)
+    detector.feed(force)
+    detector.finish()
+    width = max(1, round(p.bin * rate_hz))
+    smooth = np.asarray(ndimage.uniform_filter1d(force, width)) if len(force) else force
+    margin = round(p.margin * rate_hz)
+    spans = detector.spans
+    shaken = _shaken(recording, p) if spans else force
+    presses = []
+    for number, span in enumerate(spans):
+        low = spans[number - 1].end if number else 0
+        high = spans[number + 1].first if number + 1 < len(spans) else len(force)
+        rest = _rest_before(force, span, low, margin)
+        onset, release = _edges(smooth - rest, span, low, high, p)
+        start = max(onset - margin, (low + onset) // 2 if number else 0)
+        stop = min(release + margin, (release + high) // 2 if number + 1 < len(spans) else len(force))
+        activation, opened = _switching(recording, start, onset, stop, p)
+        at_activation = None
+        if activation is not None:
+            instant = activation - recording.delay("force") * rate_hz
+            at_activation = _value_at(force, instant, p.fit * rate_hz) - rest
+        presses.append(
+            ButtonPress(
+                start=start,
+                onset=onset,
+                peak=onset + int(np.argmax(smooth[onset : release + 1])),
+                release=release,
+                stop=stop,
+                activation=activation,
+                opened=opened,
+                force_at_activation=at_activation,
+                first_stage=None
+                if activation is None or at_activation is None
+                else _first_stage(
+                    recording, shaken, smooth - rest, start, onset, activation, at_activation, p
+                ),
+                saturated=bool(np.any(recording.saturated[onset : release + 1])),
+            )
+        )
+    return tuple(presses)
+
+
+def _rest_before(force: FloatArray, span: Span, low: int, margin: int) -> float:
+    """Mean force (N) of the quiet time before a press, kept off its rise and its neighbour's fall."""
+    quiet = force[max(low + margin // 5, span.first - margin) : max(0, span.first - margin // 5)]
+    return float(quiet.mean()) if len(quiet) >= margin // 5 else span.rest
+
+
+def _edges(above: FloatArray, span: Span, low: int, high: int, p: Segmentation) -> tuple[int, int]:
+    """Where the smoothed force leaves its rest, and where it is back."""
+    before = np.flatnonzero(above[low : span.first] < p.onset)
+    after = np.flatnonzero(above[span.end : high] < p.released)
+    onset = low + int(before[-1]) + 1 if len(before) else low
+    release = span.end + int(after[0]) if len(after) else high - 1
+    return onset, release
+
+
+def _switching(
+    recording: Recording, start: int, onset: int, stop: int, p: Segmentation
+) -> tuple[float | None, float | None]:
+    """The instants (samples) at which the contact leaves its state before the press, and is back in it."""
+    state = recording.activation[start:stop] > 0.5
+    if not len(state):
+        return None, None
+    before = state[: max(1, onset - start)]
+    changed = state != (np.count_nonzero(before) * 2 > len(before))
+    window = max(1, round(p.settle * recording.rate_hz))
+    first = _first_lasting(changed, 0, window)
+    if first is None:
+        return None, None
+    back = _first_lasting(~changed, first + window, window)
+    # The contact changed between the sample before and this one: half a sample early, on average.
+    shift = start - 0.5 + recording.delay("activation") * recording.rate_hz
+    return first + shift, None if back is None else back + shift
+
+
+def _shaken(recording: Recording, p: Segmentation) -> FloatArray:
+    """(samples,): the vertical acceleration without the hand's, by a filter that only looks back, so that
+    no click shows before it comes.
+    """
+    vertical = recording.acceleration[2]
+    sections = signal.butter(2, p.stage_high_pass, "highpass", fs=recording.rate_hz, output="sos")
+    settled = signal.sosfilt_zi(sections) * vertical[:1]
+    return np.asarray(np.abs(signal.sosfilt(sections, vertical, zi=settled)[0]))
+
+
+def _first_stage(
+    recording: Recording,
+    shaken: FloatArray,
+    above: FloatArray,
+    start: int,
+    onset: int,
+    activation: float,
+    force: float,
+    p: Segmentation,
+) -> float | None:
+    """The instant of the first click, from the acceleration; the force (`above` its rest) says whether
+    the cap was pressed by then. None where there is none.
+    """
+    rate_hz = recording.rate_hz
+    late = recording.delay("acceleration") * rate_hz
+    with_it = round(activation - late - p.stage_gap * rate_hz)
+    pressed = np.flatnonzero(above[onset:with_it] > p.stage_force * force)
+    if not len(pressed):
+        return None
+    begin = max(onset + int(pressed[0]), with_it - round((p.stage_lead - p.stage_gap) * rate_hz))
+    before, main = shaken[begin:with_it], shaken[with_it : with_it + round(0.04 * rate_hz)]
+    if not len(before) or not len(main):
+        return None
+    quiet = shaken[start:onset]
+    noise = float(np.sqrt(np.mean(quiet**2))) if len(quiet) else 0.0
+    largest = int(np.argmax(before))
+    if before[largest] < max(p.stage_share * float(main.max()), p.stage_noise * noise):
+        return None
+    # It begins where the largest swing's neighbourhood first leaves the noise.
+    near = max(0, largest - round(0.008 * rate_hz))
+    level = max(0.15 * float(before[largest]), 3 * noise)
+    return begin + near + int(np.argmax(before[near : largest + 1] > level)) - 0.5 + late
+
+
+def _first_lasting(state: BoolArray, begin: int, window: int) -> int | None:
+    """First index from `begin` on where `state` holds and has come to stay, bounces included.
+
+    It has come to stay where it holds for most of the next `window` samples; where it held before
+    that, within as long a time, the contact was already bouncing.
+    """
+    total = np.concatenate([[0], np.cumsum(state)])
+    starts = np.arange(begin, len(state))
+    ends = np.minimum(starts + window, len(state))
+    stays = np.flatnonzero(state[begin:] & (2 * (total[ends] - total[starts]) > ends - starts))
+    if not len(stays):
+        return None
+    since = max(begin, begin + int(stays[0]) - window)
+    return since + int(np.argmax(state[since:]))
+
+
+def _value_at(signal: FloatArray, instant: float, reach: float) -> float:
+    """A noisy signal's value at an instant (samples): two straight lines that meet there, fitted over
+    `reach` samples on each side.
+
+    The force has a kink where the button snaps, and one straight line through it would be biased by
+    a quarter of the kink times `reach`.
+    """
+    low = max(0, int(np.ceil(instant - reach)))
+    high = min(len(signal), int(np.floor(instant + reach)) + 1)
+    t = np.arange(low, high) - instant
+    basis = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], axis=1)
+    return float(np.linalg.lstsq(basis, signal[low:high], rcond=None)[0][0])

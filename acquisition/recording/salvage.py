@@ -1,0 +1,225 @@
+"""Salvage: read the intact blocks of a recording file. Reading, finishing and verifying all use it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from haploop.acquisition.recording.file_format import (
+    BLOCK,
+    CODES,
+    Codes,
+    Contents,
+    Header,
+    read_header,
+    whole,
+    write_header,
+)
+from haploop.acquisition.recording.writer import fresh_file
+from haploop.instruments import DataError, InstrumentError
+
+__all__ = [
+    "CHUNK",
+    "cut_short",
+    "ending_at",
+    "finish",
+    "later_blocks",
+    "opened",
+    "read_blocks",
+    "read_contents",
+    "verify",
+    "write_finished",
+]
+
+CHUNK = 8192
+"""Samples of a chunk, which has all channels. Within it a channel's samples stand together: they resemble
+each other, and compress twice as well."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """The file, open for reading, with DataError instead of what h5py raises for damage."""
+    if not path.is_file():
+        raise DataError(f"There is no recording {path}: check the name.")
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, KeyError, ValueError, RuntimeError, UnicodeDecodeError) as error:
+        if isinstance(error, PermissionError):
+            raise DataError(f"You have no permission to read {path}: ask its owner.") from None
+        raise DataError(_damage(path, str(error))) from None
+
+
+def read_contents(path: Path) -> Contents:
+    """Every valid sample of a recording, finished or not. Raises DataError."""
+    with opened(path) as file:
+        header, state = read_header(file, path)
+        if state == "recording":
+            return read_blocks(file, header)
+        codes = np.asarray(file["codes"][:], dtype=np.int16)
+        stored = str(file.attrs["content_hash"])
+        return Contents(codes, file["blocks"][:], file["events"][:], file["presses"][:], stored)
+
+
+def read_blocks(file: h5py.File, header: Header) -> Contents:
+    """Every valid row of a file in the state "recording"."""
+    codes, blocks = _valid(file["blocks"], len(header.channels))
+    contents = Contents(codes, blocks, _filled(file["events"]), _filled(file["presses"]))
+    return ending_at(contents, codes.shape[1])
+
+
+def ending_at(contents: Contents, samples: int) -> Contents:
+    """What belongs to the blocks that end at sample `samples` or before it."""
+    blocks = contents.blocks[contents.blocks["first"] + contents.blocks["count"] <= samples]
+    samples = int(blocks["count"].sum())
+    return Contents(
+        contents.codes[:, :samples],
+        blocks,
+        contents.events[contents.events["sample"] <= samples],
+        contents.presses[contents.presses["end"] <= samples],
+    )
+
+
+def cut_short(told: str, size: int) -> int:
+    """Full size (bytes) of a truncated file, from the error that HDF5 `told`; 0 if it is not truncated."""
+    # The beginning of a file states its full size, which HDF5 reports in its error.
+    cut = re.search(r"truncated file: .*stored_eof = (\d+)", told)
+    return int(cut[1]) if cut and int(cut[1]) > size else 0
+
+
+def finish(path: Path, state: str = "finished") -> None:
+    """Replace a recording that has ended by its final form, without the unused space.
+
+    `state` is "interrupted" when it ended before every press was recorded. The new file is read back
+    before it takes the old one's name. Raises DataError or InstrumentError; the unfinished file is
+    then as it was.
+    """
+    with opened(path) as file:
+        header, _ = read_header(file, path)
+    contents = read_contents(path)
+    write_finished(path, header, contents, state, in_place=True)
+
+
+def verify(path: str | Path) -> tuple[str, ...]:
+    """The problems of a recording, one sentence each; none when it is intact.
+
+    Checks the schema, the continuity and the content hash. Raises DataError for a file that cannot be read.
+    """
+    path = Path(path)
+    with opened(path) as file:
+        header, state = read_header(file, path)
+        later = later_blocks(file["blocks"]) if state == "recording" else 0
+    contents = read_contents(path)
+    problems = []
+    if state == "recording":
+        problems.append(f"{path} was interrupted: `haploop recover` salvages it into a finished file.")
+    elif contents.stored_hash != contents.hash(header):
+        problems.append(f"{path} was changed after it was recorded: its content hash does not match.")
+    if later:
+        problems.append(f"{path} has {later} blocks after a damaged block.")
+    if contents.codes.shape[0] != len(header.channels):
+        problems.append(f"{path} has {contents.codes.shape[0]} rows for {len(header.channels)} channels.")
+    ends = contents.blocks["first"] + contents.blocks["count"]
+    starts = np.append(contents.blocks["first"], contents.codes.shape[1])
+    if np.any(starts != np.insert(ends, 0, 0)):
+        problems.append(f"{path} has a gap between two blocks.")
+    if np.any(contents.presses["end"] > contents.codes.shape[1]):
+        problems.append(f"{path} has a press that ends after its last sample.")
+    return tuple(problems)
+
+
+def write_finished(path: Path, header: Header, contents: Contents, state: str, in_place: bool) -> None:
+    """Write a recording in its final form, and read it back before it takes the name `path`.
+
+    Raises InstrumentError when the disk refuses, DataError when it does not give back what it took,
+    ConfigurationError when `path` exists and not `in_place`.
+    """
+    content_hash = contents.hash(header)
+    try:
+        with fresh_file(path, in_place) as temporary:
+            with h5py.File(temporary, "w") as file:
+                write_header(file, header, state)
+                file.attrs["content_hash"] = content_hash
+                # The samples come last, and in order of time: a truncated file loses its end only.
+                file.create_dataset("blocks", data=contents.blocks)
+                file.create_dataset("events", data=contents.events)
+                file.create_dataset("presses", data=contents.presses)
+                channels, samples = contents.codes.shape
+                packed: dict[str, Any] = {
+                    "chunks": (channels, min(samples, CHUNK)),
+                    "compression": "gzip",
+                    "compression_opts": 4,
+                    "shuffle": True,
+                    "fletcher32": True,
+                }
+                # HDF5 has no chunks of nothing: what ended before its first block is stored plainly.
+                codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
+                codes.attrs["volts_per_code"] = header.full_scale / CODES
+            if read_contents(temporary).hash(header) != content_hash:
+                raise DataError(f"{path} read back with other content than was written: check the disk.")
+    except OSError as error:
+        raise InstrumentError(
+            f"{path} could not be written ({error.strerror or error}); the recorded samples are safe."
+        ) from None
+
+
+def _valid(blocks: h5py.Dataset, channels: int) -> tuple[Codes, NDArray[np.void]]:
+    """The samples of the records up to the first one that is not intact.
+
+    Records after a gap are left out: their time would be right, but a channel must not have gaps.
+    """
+    parts: list[Codes] = []
+    rows: list[tuple[Any, ...]] = []
+    samples = 0
+    for record in _records(blocks):
+        if not _written(record) or record["first"] != samples:
+            break
+        count = int(record["count"])
+        parts.append(record["samples"][:, :count].copy())
+        rows.append(tuple(record[name] for name in BLOCK.names or ()))
+        samples += count
+    codes = np.concatenate(parts, axis=1) if parts else np.zeros((channels, 0), dtype=np.int16)
+    return codes.astype(np.int16, copy=False), np.array(rows, dtype=BLOCK)
+
+
+def _filled(rows: h5py.Dataset) -> NDArray[np.void]:
+    """The rows that were written completely."""
+    return np.array([row for row in rows[:] if whole(row)], dtype=rows.dtype)
+
+
+def later_blocks(blocks: h5py.Dataset) -> int:
+    """Number of intact records after the first one that is not."""
+    found = [_written(record) for record in _records(blocks)]
+    return sum(found) - next((i for i, ok in enumerate(found) if not ok), len(found))
+
+
+def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
+    """Records one after the other; a file that was preallocated for an hour need not fit into memory."""
+    step = max(1, (1 << 22) // blocks.dtype.itemsize)
+    for start in range(0, len(blocks), step):
+        yield from blocks[start : start + step]
+
+
+def _written(record: np.void) -> bool:
+    """Whether a block was written. An empty record has a count of 0, which is fast to test."""
+    return int(record["count"]) > 0 and whole(record)
+
+
+def _damage(path: Path, told: str) -> str:
+    """One sentence for the error with which HDF5 could not read a file."""
+    size = path.stat().st_size if path.is_file() else 0
+    if length := cut_short(told, size):
+        return (
+            f"{path} is truncated: it has {size} of {length} bytes. Copy it again from its source, "
+            "or salvage the intact part with `haploop recover`."
+        )
+    if size == 0:
+        return f"{path} is truncated: it is empty. Copy it again from its source."
+    return f"{path} is damaged, or not a recording. Copy it again from its source."

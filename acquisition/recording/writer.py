@@ -1,0 +1,332 @@
+"""The writer: a recording file that is readable at every moment, at the speed of the raw disk.
+
+Preallocate: a complete HDF5 file with all metadata and space for every block is made, allocated and
+synced before the first sample; a disk that is too small is found here. Record: each block is one
+positioned write into the dataset's own bytes, with its CRC, and no call of HDF5. Commit: a separate
+thread syncs what was written, so that a busy disk never holds up a block. docs/format.md,
+"Guarantees", says why.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import h5py
+import numpy as np
+
+from haploop.acquisition.recording.file_format import (
+    EVENT,
+    VERDICT,
+    Event,
+    Header,
+    PressVerdict,
+    block_dtype,
+    crc32,
+    event_row,
+    to_codes,
+    verdict_row,
+    write_header,
+)
+from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
+
+__all__ = ["Writer", "check_destination", "fresh_file", "sync_folder"]
+
+_COMMIT_PERIOD = 0.05
+"""Seconds between two syncs (measured: 50 to 100 ms costs nothing)."""
+_MARGIN = 1 << 20
+"""Bytes left free beside the file itself and its finished copy."""
+
+
+def check_destination(path: Path) -> None:
+    """Make the folder, and refuse a destination that exists or cannot be written: ConfigurationError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"The folder {path.parent} cannot be written ({error.strerror}): choose another folder."
+        ) from None
+    if path.exists():
+        raise ConfigurationError(
+            f"{path} already exists and is not overwritten: move it away, or choose another name."
+        )
+
+
+@contextlib.contextmanager
+def fresh_file(path: Path, replace: bool = False) -> Iterator[Path]:
+    """A temporary path beside `path`, which takes its place, on the disk, when the block succeeds.
+
+    Without `replace` a file that meanwhile exists at `path` is left as it is: ConfigurationError.
+    """
+    # Not tempfile's: its files can be read by their owner only, and a lab shares its folder.
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        with temporary.open("r+b") as file:
+            os.fsync(file.fileno())
+        if replace:
+            temporary.replace(path)
+        else:
+            _move(temporary, path)
+        sync_folder(path.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+class Writer:
+    """A recording file that is being filled; a context that closes it.
+
+    `capacity` is the number of blocks of `block` samples that it has space for.
+    Raises ConfigurationError when the file exists or the disk is too small.
+    """
+
+    def __init__(self, path: Path, header: Header, block: int, capacity: int) -> None:
+        self.path = path
+        self._header = header
+        self._dtype = block_dtype(len(header.channels), block)
+        self._record = np.zeros(1, dtype=self._dtype)
+        self._scratch = np.empty((len(header.channels), block), dtype=np.float32)
+        self._capacity = capacity
+        # A press may take several attempts, each with its events; what goes wrong has some too.
+        self._events_left = 16 * header.presses + 256
+        self._presses_left = 8 * header.presses + 64
+        self._slot = 0
+        self._written = 0
+        self._committed = 0
+        self._failure: OSError | None = None
+        self._stop = threading.Event()
+        self._arm()
+        self._file = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        self._thread = threading.Thread(target=self._commit, name="haploop-committer", daemon=True)
+        self._thread.start()
+
+    @property
+    def written(self) -> int:
+        """Samples that the operating system has: a kill does not lose them."""
+        return self._written
+
+    @property
+    def committed(self) -> int:
+        """Samples that the disk says it has: a power cut does not lose them."""
+        return self._committed
+
+    def write(self, block: Block, time: float) -> None:
+        """Append a block that came at `time` (s of the rig's clock); one that was written is left alone.
+
+        Raises InstrumentError when the disk refuses, when there is no room, or after a gap.
+        """
+        if block.first < self._written:
+            return
+        count = block.volts.shape[1]
+        if block.first > self._written or count > self._dtype["samples"].shape[1]:
+            raise InstrumentError(
+                f"A block of {count} samples begins at sample {block.first}, but {self._written} is next."
+            )
+        if self._slot >= self._capacity:
+            raise InstrumentError(f"{self.path} is full after {self._written} samples: record fewer presses.")
+        record = self._record[0]
+        samples = record["samples"]
+        _, beyond = to_codes(
+            block.volts, self._header.full_scale, samples[:, :count], self._scratch[:, :count]
+        )
+        if count < samples.shape[1]:
+            samples[:, count:] = 0
+        record["first"] = block.first
+        record["count"] = count
+        record["time"] = time
+        record["overload"] = _mask(block.overload | beyond)
+        raw = self._record.view(np.uint8).data
+        record["crc"] = crc32(raw[:-4])
+        self._put(raw, self._blocks_at + self._slot * len(raw))
+        self._slot += 1
+        self._written = block.end
+
+    def note(self, index: int, kind: str, text: str) -> Event:
+        """Append an event; when the space for events is full, the last event says so."""
+        event = Event(index, kind, text)
+        if self._events_left == 1:
+            event = Event(index, "events-full", "There was no space for further events.")
+        if self._events_left:
+            self._put(event_row(event), self._events_at)
+            self._events_at += EVENT.itemsize
+            self._events_left -= 1
+        return event
+
+    def write_verdict(self, press: PressVerdict) -> None:
+        """Append the verdict on a press; the last verdict on a number and attempt counts.
+
+        Raises DataError for an unknown flag and for samples that are not written, InstrumentError
+        when there is no space or the disk refuses.
+        """
+        row = verdict_row(press)
+        if press.end > self._written:
+            raise DataError(
+                f"Press {press.number} ends at sample {press.end}, but only {self._written} are written."
+            )
+        if not self._presses_left:
+            raise InstrumentError(f"{self.path} has no space for further attempts: record fewer presses.")
+        self._put(row, self._presses_at)
+        self._presses_at += VERDICT.itemsize
+        self._presses_left -= 1
+
+    def close(self) -> None:
+        """Sync and close the file, which stays a readable recording.
+
+        May be called again. Raises InstrumentError when the disk refuses.
+        """
+        if self._file < 0:
+            return
+        self._stop.set()
+        self._thread.join()
+        file, self._file = self._file, -1
+        try:
+            os.fsync(file)
+            self._committed = self._written
+        except OSError as error:
+            self._failure = error
+        finally:
+            os.close(file)
+        self._check()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _arm(self) -> None:
+        size = self._capacity * self._dtype.itemsize
+        try:
+            free = shutil.disk_usage(self.path.parent).free
+            # Twice: the finished copy stands beside this file until it takes its place.
+            if free < 2 * size + _MARGIN:
+                raise ConfigurationError(
+                    f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, but this recording needs "
+                    f"{(2 * size + _MARGIN) / 1e6:.0f} MB: free some space, or record fewer presses."
+                )
+            with fresh_file(self.path) as temporary:
+                self._preallocate(temporary)
+        except OSError as error:
+            raise ConfigurationError(
+                f"{self.path} cannot be preallocated ({error.strerror or error}): "
+                f"it needs {size / 1e6:.0f} MB in a writable folder."
+            ) from None
+
+    def _preallocate(self, temporary: Path) -> None:
+        with h5py.File(temporary, "w") as file:
+            write_header(file, self._header, "recording")
+            places = []
+            for name, dtype, length in (
+                ("events", EVENT, self._events_left),
+                ("presses", VERDICT, self._presses_left),
+                ("blocks", self._dtype, self._capacity),
+            ):
+                plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+                plan.set_layout(h5py.h5d.CONTIGUOUS)
+                plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+                plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+                space = h5py.h5s.create_simple((length,))
+                kind = h5py.h5t.py_create(dtype, logical=True)
+                dataset = h5py.h5d.create(file.id, name.encode(), kind, space, plan)
+                places.append((dataset.get_offset(), length * dtype.itemsize))
+        (self._events_at, _), (self._presses_at, _), (self._blocks_at, _) = places
+        with temporary.open("r+b") as raw:
+            for place, length in places:
+                _allocate(raw.fileno(), place, length)
+
+    def _put(self, data: bytes | memoryview, place: int) -> None:
+        self._check()
+        try:
+            if hasattr(os, "pwrite"):
+                done = os.pwrite(self._file, data, place)
+            else:
+                os.lseek(self._file, place, os.SEEK_SET)
+                done = os.write(self._file, data)
+        except OSError as error:
+            self._failure = error
+            self._check()
+        else:
+            if done != len(data):
+                self._failure = OSError(0, f"only {done} of {len(data)} bytes were taken")
+                self._check()
+
+    def _commit(self) -> None:
+        kept = 0
+        while not self._stop.wait(_COMMIT_PERIOD):
+            reached = self._written
+            if reached == kept:
+                continue
+            try:
+                getattr(os, "fdatasync", os.fsync)(self._file)
+            except OSError as error:
+                self._failure = error
+                return
+            self._committed = kept = reached
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise InstrumentError(
+                f"{self.path} could not be written ({self._failure.strerror or self._failure}); "
+                f"its first {self._committed} samples are safe."
+            ) from self._failure
+
+
+def _mask(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
+    """One bit a channel, the first channel lowest; a 33rd channel and later ones share the last bit."""
+    return sum(1 << bit for bit in {min(int(i), 31) for i in np.flatnonzero(flags)})
+
+
+def _allocate(file: int, place: int, length: int) -> None:
+    """Allocate `length` zero bytes at `place`, so that the disk cannot fill up later."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file, place, length)
+        return
+    os.lseek(file, place, os.SEEK_SET)
+    while length > 0:
+        length -= os.write(file, bytes(min(length, 1 << 20)))
+
+
+def _move(source: Path, destination: Path) -> None:
+    """Rename without overwriting, also when another program makes `destination` at this moment."""
+    try:
+        if os.name == "nt":
+            source.rename(destination)  # refuses an existing destination
+        else:
+            _link(source, destination)
+    except FileExistsError:
+        raise ConfigurationError(
+            f"{destination} already exists and is not overwritten: move it away."
+        ) from None
+
+
+def _link(source: Path, destination: Path) -> None:
+    try:
+        os.link(source, destination)
+    except FileExistsError:
+        raise
+    except OSError:  # a disk without hard links, such as a USB stick
+        if destination.exists():
+            raise FileExistsError from None
+        source.rename(destination)
+
+
+def sync_folder(folder: Path) -> None:
+    """Sync the new name, where a folder can be opened (not on Windows)."""
+    if os.name == "nt":
+        return
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)

@@ -1,0 +1,6 @@
+"""Recording sessions: from the DAQ's stream to a study of many sessions."""
+
+from haploop.acquisition.session.recorder import record
+from haploop.acquisition.session.study import Study, StudyProgress, load_study, run_study
+
+__all__ = ["Study", "StudyProgress", "load_study", "record", "run_study"]

@@ -1,0 +1,377 @@
+"""Recording presses: prompt for a press, detect it, check its quality, prompt for the next.
+
+Every sample goes to disk.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from haploop.acquisition.presses import Detector, Protocol, QualityCheck, segmentation_for
+from haploop.acquisition.recording import (
+    Header,
+    PressVerdict,
+    Recording,
+    Writer,
+    check_destination,
+    file_name,
+    finish,
+)
+from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
+from haploop.instruments import (
+    Block,
+    Clock,
+    ConfigurationError,
+    DataError,
+    ForceTorque,
+    InstrumentError,
+    Press,
+    Rest,
+    Rig,
+    Sensor,
+    Stream,
+)
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.signals import uninterrupted
+
+__all__ = ["Session", "ignore", "record", "run_session"]
+
+_HISTORY = 1.0
+"""s of samples before a press that are kept for its quality check."""
+
+
+def ignore(*_told: object) -> None:
+    """Do nothing: the default callback."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """What one session records: a participant's presses of a button, into one file."""
+
+    path: Path
+    button: str
+    participant: str
+    pending: tuple[tuple[int, int], ...]
+    """Presses that are still due: (number, next attempt) of each."""
+    of: int
+    """Number of presses in all, those of earlier sessions included."""
+    study: str = ""
+    number: str = ""
+    """Number of this session within a study."""
+    consent: str = ""
+    """Text of the consent event; "" for none."""
+    notes: str = ""
+    """Notes by the operator, kept in the recording."""
+    words: str = ""
+    """Prompt that replaces the default text of `Press`; may contain the names of its fields."""
+
+
+def record(
+    rig: Rig,
+    button: str,
+    participant: str,
+    presses: int,
+    out: str | Path,
+    progress: Callable[[int, int], None] = ignore,
+    on_verdict: Callable[[PressVerdict], None] = ignore,
+    protocol: Protocol | None = None,
+    notes: str = "",
+) -> Recording:
+    """Record `presses` good presses of a button into `<out>/<participant>-<button>.h5`.
+
+    The operator is asked to keep hands off, then for each press once the one before has ended. The
+    quality of each press is checked at once; a bad press is kept, marked, and asked for again.
+    `progress(done, of)` is called at the start and after each good press, `on_verdict(press)` after each
+    press. Whatever ends the session early (Ctrl-C and a lost sample included) leaves a readable recording
+    of all samples that were read, not `complete` and without the unused space; the error is then raised.
+
+    Raises ConfigurationError for a bad name, a missing sensor, an existing file, and a folder or disk
+    that cannot take it; DataError when no press comes within 15 s, or no good one in 5 attempts;
+    InstrumentError when a sample is lost or the disk refuses.
+    """
+    if not isinstance(presses, int | np.integer) or presses < 1:
+        raise ConfigurationError(f"{presses!r} is not a number of presses: use a whole number, at least 1.")
+    presses = int(presses)
+    path = Path(out) / file_name(participant, button)
+    pending = tuple((number, 1) for number in range(1, presses + 1))
+    session = Session(path, button, participant, pending, presses, notes=notes)
+    protocol = protocol or Protocol(segmentation=segmentation_for(button))
+    return run_session(rig, session, protocol, progress, on_verdict)
+
+
+def run_session(
+    rig: Rig,
+    session: Session,
+    p: Protocol,
+    progress: Callable[[int, int], None] = ignore,
+    on_verdict: Callable[[PressVerdict], None] = ignore,
+) -> Recording:
+    """Record the presses still due in a session. `record` calls this with a one-button session."""
+    path = session.path
+    force, channels = _wiring(rig)
+    check_destination(path)
+    rate_hz = rig.file.rate_hz
+    samples = round(p.block * rate_hz)
+    # The longest possible session, so that space for all of it is allocated before the first sample.
+    longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.trail
+    created = False
+    try:
+        with rig.daq.stream(channels, rate_hz, samples) as stream:
+            header = _header(rig, stream, session, p)
+            with (
+                Writer(path, header, samples, int(longest / p.block) + 2) as writer,
+                StreamReader(stream, rig.clock) as reader,
+            ):
+                created = True
+                try:
+                    blocks = _written(reader, writer, rig.clock)
+                    run = _SessionRun(rig, blocks, writer, header, force, session, p, progress, on_verdict)
+                    run.conduct()
+                except BaseException as error:
+                    with uninterrupted():
+                        _keep(reader, writer, rig.clock.now(), error)
+                    raise
+    except BaseException:
+        if created:
+            # If this fails, the file stays as it is, readable and recoverable: raise what ended the session.
+            with suppress(DataError, InstrumentError):
+                finish(path, "interrupted")
+        raise
+    finish(path)
+    return Recording.open(path)
+
+
+def _wiring(rig: Rig) -> tuple[ForceTorque, list[str]]:
+    """The force sensor and every channel to record. Raises ConfigurationError."""
+    sensors: dict[str, Sensor | None] = {
+        "force": rig.sensors.force,
+        "acceleration": rig.sensors.acceleration,
+        "activation": rig.sensors.activation,
+    }
+    missing = [name for name, sensor in sensors.items() if sensor is None]
+    force = rig.sensors.force
+    if missing or force is None:
+        raise ConfigurationError(
+            f"The rig {rig.name!r} has no [sensors.{missing[0]}]; recording a press needs force, "
+            "acceleration and activation."
+        )
+    return force, [name for sensor in sensors.values() if sensor for name in sensor.channels]
+
+
+def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
+    return Header(
+        button=session.button,
+        participant=session.participant,
+        presses=len(session.pending),
+        rig_name=rig.name,
+        simulated=rig.simulated,
+        rate_hz=float(stream.rate_hz),
+        channels=tuple(stream.channels),
+        full_scale=np.asarray(stream.full_scale, dtype=np.float64),
+        delays=np.asarray(stream.delays, dtype=np.float64),
+        rest=p.rest,
+        rig=rig.file.model_dump_json(),
+        daq=str(rig.daq.identity),
+        software=f"haploop {metadata.version('haploop')}",
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        study=session.study,
+        session=session.number,
+        protocol=p.to_json(),
+        notes=session.notes,
+    )
+
+
+def _written(reader: StreamReader, writer: Writer, clock: Clock) -> Iterator[Block]:
+    """Each block after it was written to the file, so that no consumer can lose it."""
+    for block in reader:
+        writer.write(block, clock.now())
+        yield block
+
+
+class _SessionRun:
+    """A session while it runs, between the first block and the last: rest, presses, trail."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        blocks: Iterator[Block],
+        writer: Writer,
+        header: Header,
+        force: ForceTorque,
+        session: Session,
+        p: Protocol,
+        progress: Callable[[int, int], None],
+        on_verdict: Callable[[PressVerdict], None],
+    ) -> None:
+        self._operator, self._blocks, self._writer, self._force = rig.operator, blocks, writer, force
+        self._session, self._p, self._rate_hz = session, p, header.rate_hz
+        self._progress, self._on_verdict = progress, on_verdict
+        self._gauges = [header.channels.index(name) for name in force.channels]
+        self._detector = Detector(header.rate_hz, replace(p.segmentation, quiet=p.quiet))
+        self._check_quality = QualityCheck(writer.path, header, rig.sensors, p)
+        self._index = self._began = 0
+        self._rest: FloatArray = np.zeros((len(force.channels), 1))
+        self._recent: deque[Block] = deque()
+        self._pending = deque(session.pending)
+        self._done = session.of - len(session.pending)
+        self._attempts: dict[int, int] = {}
+        self._last: PressVerdict | None = None
+        """The preceding press, while it is accepted."""
+
+    def conduct(self) -> None:
+        """Run the session to its end. Raises DataError and InstrumentError."""
+        if self._session.consent:
+            self._writer.note(0, "consent", self._session.consent)
+        self._operator.tell(Rest(self._p.rest))
+        self._rest = self._settled()
+        self._writer.note(self._index, "rest", "Hands were off until here.")
+        self._began = self._index
+        self._count(0)
+        because = ""
+        while self._pending:
+            number, attempt = self._pending.popleft()
+            because = self._ask(number, attempt, because)
+            if not self._pending:
+                self._wait(self._p.trail)
+
+    def _ask(self, number: int, attempt: int, because: str) -> str:
+        """Prompt for a press and check it. Returns why it is asked for again, or "" when it is accepted."""
+        s = self._session
+        words = s.words.format(button=s.button, participant=s.participant, number=number, of=s.of)
+        request = Press(s.button, s.participant, number, s.of, attempt, because, words)
+        self._writer.note(self._index, "prompt", str(request))
+        self._operator.tell(request)
+        self._await(number)
+        self._writer.note(self._index, "pressed", f"Press {number} of {s.of} was seen.")
+        verdict = self._check_last(number, attempt)
+        self._writer.write_verdict(verdict)
+        self._last = verdict if verdict.accepted else None
+        self._on_verdict(verdict)
+        if verdict.accepted:
+            self._count(+1)
+        else:
+            self._again(verdict)
+        return verdict.reason
+
+    def _await(self, number: int) -> None:
+        """Return once a press is over and hands are off again. Raises DataError."""
+        p, before = self._p, len(self._detector.spans)
+        deadline = self._index + p.patience * self._rate_hz
+        begun = False
+        while len(self._detector.spans) == before:
+            self._next()
+            if self._detector.pressing and not begun:
+                begun = True
+                deadline = self._index + p.patience * self._rate_hz
+            if self._index > deadline and len(self._detector.spans) == before:
+                raise DataError(
+                    f"{'Press' if begun else 'No press'} {number} of {self._session.of} "
+                    f"{'did not end' if begun else 'arrived'} within {p.patience:g} s of "
+                    f"{'its beginning' if begun else 'the prompt'}; {self._kept}."
+                )
+
+    def _check_last(self, number: int, attempt: int) -> PressVerdict:
+        """The verdict on the press that has just ended."""
+        volts = np.concatenate([block.volts for block in self._recent], axis=1)
+        span = self._detector.spans[-1]
+        # The detector counts from where hands were off.
+        span = span._replace(first=span.first + self._began, end=span.end + self._began)
+        verdict = self._check_quality(volts, self._recent[0].first, span, number, attempt)
+        # The next press is checked without any sample of this one.
+        self._recent.clear()
+        return verdict
+
+    def _again(self, verdict: PressVerdict) -> None:
+        """Ask for a press again. Raises DataError after too many attempts."""
+        tried = self._attempts[verdict.number] = self._attempts.get(verdict.number, 0) + 1
+        if tried >= self._p.attempts:
+            raise DataError(
+                f"Press {verdict.number} of {self._session.of} was not accepted in {tried} attempts. Last "
+                f"reason: {verdict.reason} Check the button and the sensors, and start again; {self._kept}."
+            )
+        self._pending.appendleft((verdict.number, verdict.attempt + 1))
+
+    def _next(self) -> None:
+        """One block more. Raises InstrumentError when the stream has ended."""
+        block = self._block()
+        self._recent.append(block)
+        history = block.end - _HISTORY * self._rate_hz
+        while not self._detector.pressing and self._recent[0].end < history:
+            self._recent.popleft()
+        self._detector.feed(self._force.to_si(block.volts[self._gauges] - self._rest)[2])
+        if self._operator.rejects() and self._last is not None:
+            self._reject(self._last)
+
+    def _reject(self, last: PressVerdict) -> None:
+        """The operator rejects the preceding press."""
+        self._last = None
+        rejected = last._replace(
+            accepted=False, flags=(*last.flags, "rejected"), reason="The operator rejected it."
+        )
+        self._writer.write_verdict(rejected)
+        self._on_verdict(rejected)
+        self._count(-1)
+        self._again(rejected)
+
+    def _count(self, more: int) -> None:
+        self._done += more
+        self._progress(self._done, self._session.of)
+
+    def _wait(self, duration: float) -> None:
+        end = self._index + duration * self._rate_hz
+        while self._index < end:
+            self._next()
+
+    def _settled(self) -> FloatArray:
+        """(6, 1) V: mean of the gauges over the first `p.rest` seconds without a hand. Raises DataError."""
+        p = self._p
+        recent: deque[FloatArray] = deque(maxlen=max(1, round(p.rest / p.block)))
+        while self._index < p.patience * self._rate_hz:
+            recent.append(self._block().volts[self._gauges])
+            if len(recent) < (recent.maxlen or 0):
+                continue
+            # Means of blocks: noise is averaged away, a hand is not.
+            means = np.stack([volts.mean(axis=1) for volts in recent], axis=1)
+            if np.ptp(self._force.to_si(means)[2]) < p.rest_spread:
+                return np.asarray(means.mean(axis=1, keepdims=True))
+        raise DataError(
+            f"The force did not come to rest within {p.patience:g} s: take hands off the button, and start "
+            "again."
+        )
+
+    def _block(self) -> Block:
+        block = next(self._blocks, None)
+        if block is None:
+            raise InstrumentError(
+                f"The DAQ ended its stream early, at sample {self._index}: check the DAQ, and start again."
+            )
+        self._index = block.end
+        return block
+
+    @property
+    def _kept(self) -> str:
+        return f"the samples recorded so far are in {self._writer.path}"
+
+
+def _keep(reader: StreamReader, writer: Writer, now: float, error: BaseException) -> None:
+    """Write the blocks that were read but not yet written, and the event that ended the recording."""
+    reader.stop()
+    try:
+        for block in reader.left():
+            writer.write(block, now)
+        kinds = {KeyboardInterrupt: "interrupted", GapError: "gap", OverrunError: "overrun"}
+        writer.note(
+            writer.written, kinds.get(type(error), "error"), str(error) or "The recording was interrupted."
+        )
+    except InstrumentError:
+        if not isinstance(error, InstrumentError):
+            raise
+        # The disk itself failed, which `error` already states.

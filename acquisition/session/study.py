@@ -1,0 +1,318 @@
+"""A study: presses of several buttons by many participants, recorded in any number of sessions.
+
+The recordings are the only record of a study's progress: it is read from them (and from their
+rejections) every time.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+
+from haploop.acquisition.recording import (
+    PressVerdict,
+    Recording,
+    Rejection,
+    add_rejections,
+    file_name,
+    finish,
+)
+from haploop.acquisition.session.recorder import Session, ignore, run_session
+from haploop.acquisition.session.study_file import StudyFile, load_study_file
+from haploop.instruments import ConfigurationError, Consent, DataError, Ready, Rig
+from haploop.instruments.safety import hold
+
+__all__ = ["Study", "StudyProgress", "load_study", "run_study"]
+
+CONSENT = "consent"
+"""Kind of the event that says, in every recording, that consent was confirmed."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyProgress:
+    """Progress of one participant with one button."""
+
+    participant: str
+    button: str
+    of: int
+    """How many presses are asked for."""
+    recordings: tuple[Recording, ...]
+    """One for each session, in their order."""
+
+    @cached_property
+    def verdicts(self) -> tuple[PressVerdict, ...]:
+        """The verdict on every attempt at every press."""
+        return tuple(press for recording in self.recordings for press in recording.verdicts)
+
+    @cached_property
+    def accepted(self) -> tuple[int, ...]:
+        """Numbers of the presses that were accepted, in their order."""
+        numbers = {press.number for press in self.verdicts if press.accepted and press.number <= self.of}
+        return tuple(sorted(numbers))
+
+    @property
+    def missing(self) -> tuple[tuple[int, int], ...]:
+        """Presses that are still due: (number, next attempt) of each."""
+        last = {
+            number: max((press.attempt for press in self.verdicts if press.number == number), default=0)
+            for number in range(1, self.of + 1)
+            if number not in self.accepted
+        }
+        return tuple((number, attempt + 1) for number, attempt in last.items())
+
+    @property
+    def complete(self) -> bool:
+        """Whether every press has been accepted."""
+        return len(self.accepted) == self.of
+
+    @property
+    def bad(self) -> int:
+        """Number of attempts that failed the quality check."""
+        return sum(not press.accepted and "rejected" not in press.flags for press in self.verdicts)
+
+    @property
+    def rejected(self) -> int:
+        """How many presses the operator rejected."""
+        return sum("rejected" in press.flags for press in self.verdicts)
+
+    @property
+    def interrupted(self) -> int:
+        """Number of sessions that ended early."""
+        return sum(not recording.complete for recording in self.recordings)
+
+    @property
+    def consented(self) -> bool:
+        """Whether consent was confirmed in one of these sessions."""
+        return any(event.kind == CONSENT for recording in self.recordings for event in recording.events)
+
+
+class Study:
+    """A study file, and the recordings beside it in the folder `recordings`."""
+
+    def __init__(self, path: Path, file: StudyFile) -> None:
+        self.path = path
+        self.file = file
+
+    @property
+    def folder(self) -> Path:
+        """Where its recordings are."""
+        return self.path.parent / "recordings"
+
+    def progress_of(self, participant: str, button: str) -> StudyProgress:
+        """Progress of one participant with one button. Raises ConfigurationError and DataError."""
+        self._refuse(participant, button)
+        recordings = []
+        for path in self._parts(participant, button):
+            recording = Recording.open(path)
+            header = recording.header
+            if (header.study, header.participant, header.button) != (self.file.name, participant, button):
+                raise DataError(
+                    f"{path} belongs to the study {header.study!r} (button {header.button}, participant "
+                    f"{header.participant}), not to {self.file.name!r}: move it away."
+                )
+            recordings.append(recording)
+        return StudyProgress(participant, button, self.file.presses_of(button), tuple(recordings))
+
+    def progress(self, participants: Collection[str] = ()) -> tuple[StudyProgress, ...]:
+        """Progress of all or some participants with each button, in the order in which they are recorded."""
+        return tuple(
+            self.progress_of(participant, button)
+            for participant in self.file.participants
+            if not participants or participant in participants
+            for button in self.file.order_for(participant)
+        )
+
+    def recordings(self, button: str) -> tuple[Recording, ...]:
+        """The recordings of a button by all participants, where any press was accepted.
+
+        Raises ConfigurationError and DataError.
+        """
+        return tuple(
+            recording
+            for participant in self.file.participants
+            for recording in self.progress_of(participant, button).recordings
+            if recording.accepted
+        )
+
+    def reject(
+        self, participant: str, button: str, numbers: Collection[int] = (), reason: str = ""
+    ) -> tuple[Rejection, ...]:
+        """Reject accepted presses of a button, by number or all; the next run asks for them again.
+
+        The recordings stay as they are. Raises ConfigurationError for a press that is not accepted, and
+        DataError.
+        """
+        with self.hold():
+            entry = self.progress_of(participant, button)
+            numbers = tuple(dict.fromkeys(numbers)) or entry.accepted
+            for number in numbers or (1,):
+                if number not in entry.accepted:
+                    raise ConfigurationError(
+                        f"{participant} has no accepted press {number} of {button}: "
+                        "`haploop study status` shows which presses there are."
+                    )
+            now = datetime.now(UTC).isoformat(timespec="seconds")
+            why = reason or "by the operator"
+            new = tuple(
+                Rejection(recording.path.name, recording.content_hash, press.number, press.attempt, why, now)
+                for recording in entry.recordings
+                for press in recording.accepted
+                if press.number in numbers
+            )
+            add_rejections(self.folder, new)
+            return new
+
+    @contextmanager
+    def hold(self) -> Iterator[None]:
+        """Lock the study against other programs, and finish recordings that a killed program left.
+
+        Raises InstrumentError, which names the process that holds the lock, and DataError.
+        """
+        with hold({f"study {os.path.normcase(self.path.resolve())}"}, self.file.name):
+            for participant in self.file.participants:
+                for button in self.file.buttons:
+                    for path in self._parts(participant, button):
+                        if Recording.open(path).state == "recording":
+                            finish(path, "interrupted")
+            yield
+
+    def next_file(self, participant: str, button: str) -> tuple[Path, int]:
+        """Path of the next session's recording, and the session's number."""
+        parts = self._parts(participant, button)
+        number = max((_session_number(path) for path in parts), default=0) + 1
+        name = Path(file_name(participant, button))
+        suffix = name.suffix if number == 1 else f".{number}{name.suffix}"
+        return self.folder / name.with_suffix(suffix), number
+
+    def _parts(self, participant: str, button: str) -> list[Path]:
+        """The recordings of all sessions, in their order, without recovered files."""
+        stem = Path(file_name(participant, button)).stem
+        found = [path for path in self.folder.glob(f"{stem}*.h5") if _PART.fullmatch(path.name[len(stem) :])]
+        return sorted(found, key=_session_number)
+
+    def _refuse(self, participant: str, button: str) -> None:
+        for what, name, names in (
+            ("participant", participant, self.file.participants),
+            ("button", button, self.file.buttons),
+        ):
+            if name not in names:
+                raise ConfigurationError(
+                    f"The study {self.file.name!r} has no {what} {name!r}, only {', '.join(names)}: "
+                    f"add the {what} in {self.path}."
+                )
+
+
+def load_study(path: str | Path) -> Study:
+    """A study by its file, or by the folder that holds its `study.toml`. Raises ConfigurationError."""
+    path = Path(path)
+    if path.is_dir():
+        path = path / "study.toml"
+    return Study(path, load_study_file(path))
+
+
+def run_study(
+    rig: Rig,
+    study: Study,
+    participants: Collection[str] = (),
+    buttons: Collection[str] = (),
+    progress: Callable[[str, str, int, int], None] = ignore,
+    on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
+    notes: str = "",
+) -> bool:
+    """Record the presses still due in a study, of all or of some participants and buttons.
+
+    A run continues where the last one stopped, for whatever reason: accepted presses stay accepted, and an
+    interrupted session keeps its file. The operator confirms each participant's consent once, and confirms
+    that a participant is ready for a button; the answer False ends the run, which then returns False.
+    `progress(participant, button, done, of)` and `on_verdict(participant, button, press)` are called as in
+    `record`. `notes` are stored in every recording of this run.
+
+    Raises ConfigurationError for a name that the study does not have, DataError when a participant has
+    not consented, and whatever `record` raises.
+    """
+    for participant in participants or study.file.participants:
+        for button in buttons or study.file.buttons:
+            study.progress_of(participant, button)
+    _refuse_another_rig(rig, study)
+    with study.hold():
+        for participant in participants or study.file.participants:
+            entries = study.progress([participant])
+            consented = any(entry.consented for entry in entries)
+            for entry in entries:
+                button = entry.button
+                if entry.complete or (buttons and button not in buttons):
+                    continue
+                if study.file.consent and not consented:
+                    _ask_consent(rig, study.file, participant)
+                    consented = True
+                presses = len(entry.missing)
+                words = study.file.prompts.ready.format(
+                    participant=participant, button=button, presses=presses
+                )
+                if not rig.operator.confirm(Ready(participant, button, presses, words)):
+                    return False
+                session = _session(study, entry, consented, notes)
+                tell = _telling(participant, button)
+                run_session(rig, session, study.file.protocol_for(button), tell(progress), tell(on_verdict))
+    return True
+
+
+def _refuse_another_rig(rig: Rig, study: Study) -> None:
+    """Refuse a second rig, so that simulated and real presses are never mixed."""
+    for entry in study.progress():
+        for recording in entry.recordings:
+            if (recording.rig, recording.simulated) != (rig.name, rig.simulated):
+                raise ConfigurationError(
+                    f"{recording.path} was recorded on {_called(recording.rig, recording.simulated)}, but "
+                    f"this is {_called(rig.name, rig.simulated)}: record a study on one rig only."
+                )
+
+
+def _called(rig: str, simulated: bool) -> str:
+    return f"the rig {rig!r}, {'simulated' if simulated else 'not simulated'}"
+
+
+def _telling(participant: str, button: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Add participant and button to the arguments of a callback."""
+    return lambda told: lambda *what: told(participant, button, *what)
+
+
+def _ask_consent(rig: Rig, file: StudyFile, participant: str) -> None:
+    words = file.prompts.consent.format(participant=participant)
+    if not rig.operator.confirm(Consent(participant, words)):
+        raise DataError(
+            f"{participant} has not consented, so nothing was recorded: continue with another participant "
+            "(--participant)."
+        )
+
+
+def _session(study: Study, entry: StudyProgress, consented: bool, notes: str) -> Session:
+    participant, button = entry.participant, entry.button
+    path, number = study.next_file(participant, button)
+    return Session(
+        path=path,
+        button=button,
+        participant=participant,
+        pending=entry.missing,
+        of=entry.of,
+        study=study.file.name,
+        number=str(number),
+        consent=f"The operator confirmed that {participant} consented." if consented else "",
+        notes=notes,
+        words=study.file.prompt_for(button),
+    )
+
+
+_PART = re.compile(r"(\.[0-9]+)?\.h5")
+
+
+def _session_number(path: Path) -> int:
+    """Session number in a recording's file name: 1 for P01-latch.h5, 2 for P01-latch.2.h5."""
+    number = Path(path.stem).suffix
+    return int(number[1:]) if number else 1

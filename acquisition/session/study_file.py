@@ -1,0 +1,231 @@
+"""`study.toml`: participants, buttons, order and acceptance limits of a study."""
+
+from __future__ import annotations
+
+import tomllib
+import zlib
+from dataclasses import fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+
+from haploop.acquisition.presses import Protocol, Segmentation, segmentation_for
+from haploop.acquisition.recording import file_name
+from haploop.instruments import ConfigurationError
+from haploop.instruments.config import key_lines, place, validate
+
+__all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file"]
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=1, le=1000)]
+Order = Literal["counterbalanced", "random", "as-listed"]
+
+
+_PRESS = ("participant", "button", "number", "of")
+"""Placeholders of the prompt for a press."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Prompts(_Section):
+    """Prompts that replace the default ones; placeholders such as `{participant}` are filled in."""
+
+    consent: str = ""
+    """Placeholder: `{participant}`."""
+    ready: str = ""
+    """Placeholders: `{participant}`, `{button}`, and `{presses}` still due."""
+    press: str = ""
+    """Placeholders: `{participant}`, `{button}`, `{number}` and `{of}`."""
+
+    @field_validator("consent", "ready", "press")
+    @classmethod
+    def _can_be_said(cls, words: str, info: ValidationInfo) -> str:
+        known = {
+            "consent": ("participant",),
+            "ready": ("participant", "button", "presses"),
+            "press": _PRESS,
+        }
+        return _fillable(words, known[info.field_name or ""])
+
+
+class ButtonSettings(_Section):
+    """`[button.NAME]`: settings of one button, instead of the study's."""
+
+    presses: Count | None = None
+    force: tuple[Positive, Positive] | None = None
+    """N, lowest and highest at activation; see `Protocol.force`."""
+    prompt: str = ""
+    """As `Prompts.press`."""
+    segmentation: dict[str, Positive] = {}
+    """Fields of `Segmentation`, instead of those in `SEGMENTATIONS`."""
+
+    @field_validator("force")
+    @classmethod
+    def _rising(cls, force: tuple[float, float] | None) -> tuple[float, float] | None:
+        if force is not None and force[0] >= force[1]:
+            raise ValueError("the lowest force must be below the highest")
+        return force
+
+    @field_validator("prompt")
+    @classmethod
+    def _as_press(cls, prompt: str) -> str:
+        return _fillable(prompt, _PRESS)
+
+    @field_validator("segmentation")
+    @classmethod
+    def _known(cls, segmentation: dict[str, float]) -> dict[str, float]:
+        known = {field.name for field in fields(Segmentation)}
+        for name in segmentation:
+            if name not in known:
+                raise ValueError(f"there is no parameter {name!r}; there are {', '.join(sorted(known))}")
+        return segmentation
+
+
+class StudyFile(_Section):
+    """A validated study file."""
+
+    name: Annotated[str, Field(min_length=1, max_length=80)]
+    rig: str | None = None
+    """The rig file, beside this one, or the name of a rig that haploop ships."""
+    buttons: Annotated[tuple[str, ...], Field(min_length=1)]
+    participants: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Pseudonyms. Add new ones at the end; see `order_for`."""
+    presses: Count = 10
+    """Presses of each button by each participant; the paper has ten."""
+    order: Order = "counterbalanced"
+    """Order of the buttons for each participant."""
+    seed: Annotated[Annotated[int, Field(ge=0)] | None, Field(validate_default=True)] = None
+    """Of a random order."""
+    consent: bool = True
+    """Whether the operator must confirm that a participant has consented."""
+    prompts: Prompts = Prompts()
+    button: dict[str, ButtonSettings] = {}
+
+    @field_validator("buttons")
+    @classmethod
+    def _are_buttons(cls, buttons: tuple[str, ...]) -> tuple[str, ...]:
+        for button in buttons:
+            _refusal_as_value_error("P1", button)
+        return _different(buttons)
+
+    @field_validator("participants")
+    @classmethod
+    def _are_pseudonyms(cls, participants: tuple[str, ...]) -> tuple[str, ...]:
+        for participant in participants:
+            _refusal_as_value_error(participant, "button")
+        return _different(participants)
+
+    @field_validator("seed")
+    @classmethod
+    def _of_random_order(cls, seed: int | None, info: ValidationInfo) -> int | None:
+        if "order" in info.data and (info.data["order"] == "random") != (seed is not None):
+            raise ValueError('a seed is required with order = "random" and not allowed with any other order')
+        return seed
+
+    @field_validator("button")
+    @classmethod
+    def _one_of_them(
+        cls, button: dict[str, ButtonSettings], info: ValidationInfo
+    ) -> dict[str, ButtonSettings]:
+        buttons = info.data.get("buttons", tuple(button))
+        for name in button:
+            if name not in buttons:
+                raise ValueError(f"there is no {name!r} in buttons ({', '.join(buttons)})")
+        return button
+
+    def order_for(self, participant: str) -> tuple[str, ...]:
+        """The buttons in the order that a participant comes to them.
+
+        Counterbalanced: by the participant's place in the list, the rows of a Latin square in which each
+        button follows each other one equally often (Williams, 1949; two squares for an odd number of
+        buttons). Random: by the seed and the pseudonym alone. Neither changes for anybody when others are
+        added behind.
+        """
+        count = len(self.buttons)
+        if self.order == "as-listed":
+            places = list(range(count))
+        elif self.order == "random":
+            rng = np.random.default_rng([self.seed or 0, zlib.crc32(participant.encode())])
+            places = [int(place) for place in rng.permutation(count)]
+        else:
+            places = _williams_row(count, self.participants.index(participant))
+        return tuple(self.buttons[place] for place in places)
+
+    def presses_of(self, button: str) -> int:
+        """How many presses of a button each participant makes."""
+        return self._settings_of(button).presses or self.presses
+
+    def prompt_for(self, button: str) -> str:
+        """Prompt for each press; "" for the default one."""
+        return self._settings_of(button).prompt or self.prompts.press
+
+    def protocol_for(self, button: str) -> Protocol:
+        """How presses of a button are asked for and accepted."""
+        settings = self._settings_of(button)
+        segmentation = replace(segmentation_for(button), **settings.segmentation)
+        return Protocol(force=settings.force, segmentation=segmentation)
+
+    def _settings_of(self, button: str) -> ButtonSettings:
+        return self.button.get(button, ButtonSettings())
+
+
+def load_study_file(path: str | Path) -> StudyFile:
+    """Read and validate a study file. Raises ConfigurationError: file, line, key, and what is wrong."""
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigurationError(
+            f"There is no study file {path}: create a study with `haploop study new FOLDER`."
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"The study file {path} cannot be read: {error}.") from None
+    try:
+        raw: dict[str, Any] = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
+    return validate(StudyFile, raw, partial(place, [(str(path), key_lines(text))]))
+
+
+def _refusal_as_value_error(participant: str, button: str) -> None:
+    # A name of a study becomes a file's, by the same rule as one that is typed.
+    try:
+        file_name(participant, button)
+    except ConfigurationError as error:
+        raise ValueError(str(error).rstrip(".")) from None
+
+
+def _fillable(words: str, names: tuple[str, ...]) -> str:
+    """The prompt, if it has no other placeholders than these names. Raises ValueError."""
+    try:
+        words.format(**dict.fromkeys(names, 1))
+    except (LookupError, AttributeError, ValueError):
+        allowed = ", ".join(f"{{{name}}}" for name in names)
+        raise ValueError(f"{words!r} may contain only these placeholders: {allowed}") from None
+    return words
+
+
+def _different(names: tuple[str, ...]) -> tuple[str, ...]:
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ValueError(f"{twice[0]} is listed twice")
+    # P01-latch.h5 and p01-latch.h5 are one file on many a disk.
+    folded = [name.casefold() for name in names]
+    alike = [name for name in names if folded.count(name.casefold()) > 1]
+    if alike:
+        raise ValueError(f"{' and '.join(alike)} differ only in upper and lower case")
+    return names
+
+
+def _williams_row(count: int, index: int) -> list[int]:
+    """A row of Williams' design: 0, 1, n-1, 2, n-2, ... moved on by one a row; for odd n then backwards."""
+    first = [(place + 1) // 2 if place % 2 else (count - place // 2) % count for place in range(count)]
+    rows = count if count % 2 == 0 else 2 * count
+    index %= rows
+    row = [(place + index) % count for place in first]
+    return row if index < count else row[::-1]

@@ -1,0 +1,127 @@
+"""The digital button: one file with all that makes it one, and all that it was made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from haploop.acquisition import Representative
+from haploop.calibration import files
+from haploop.calibration.drive.check import Check, check
+from haploop.calibration.drive.drive import Drive, Method, drive_for
+from haploop.calibration.drive.learning import Learning, learn
+from haploop.calibration.model import Calibration
+from haploop.instruments import ConfigurationError, Rig
+
+__all__ = ["DigitalButton", "build_button", "play_button"]
+
+Progress = Callable[[str, float, float], None]
+"""Told the step, how much of it is done, and of how much."""
+
+
+@dataclass(frozen=True, eq=False)
+class DigitalButton:
+    """A press that a table repeats, and the measurement that says how well.
+
+    What it was made from is in it: `press` (with its recordings' names and content hashes), the
+    `calibration` (with the rig file as it was), every drive that was tried (`learning`), and the
+    `check` of the one that was taken, by plays that chose nothing.
+    """
+
+    press: Representative
+    calibration: Calibration
+    learning: Learning
+    check: Check
+    created: str
+    """When, ISO 8601, UTC."""
+    made_with: str
+    """The version of haploop."""
+
+    @property
+    def drive(self) -> Drive:
+        """The drive, with the target on the same clock."""
+        return self.check.drive
+
+    @property
+    def passed(self) -> bool:
+        """Whether its check passed."""
+        return self.check.passed
+
+    @property
+    def simulated(self) -> bool:
+        """Whether anything that it was made from or checked on is simulated."""
+        return self.check.simulated
+
+    @property
+    def digest(self) -> str:
+        """Content hash of everything in it."""
+        return files.digest(files.flatten(self))
+
+    def save(self, path: str | Path) -> None:
+        """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
+        files.write(path, "button", files.flatten(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> DigitalButton:
+        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        return files.restore(cls, files.read(path, "button"), path)
+
+
+def build_button(
+    rig: Rig,
+    press: Representative,
+    calibration: Calibration,
+    *,
+    method: Method = "modulated",
+    iterations: int = 5,
+    plays: int = 8,
+    progress: Progress = lambda _step, _done, _of: None,
+) -> DigitalButton:
+    """Compute the drive of a press, improve it by up to `iterations` corrections, and check it.
+
+    A button that fails its check is returned as well, and says so.
+    Raises what `drive_for`, `learn` and `check` raise.
+    """
+    _refuse_other_world(rig, calibration)
+    drive = drive_for(press, calibration, rig.limits, method=method)
+
+    def told(step: str) -> Callable[[int, int], None]:
+        return lambda done, of: progress(f"{step} the {press.button} button", done, of)
+
+    learning = learn(rig, drive, calibration, iterations=iterations, plays=plays, progress=told("Learn"))
+    result = check(rig, learning.drive, press, plays=plays, progress=told("Check"))
+    return DigitalButton(
+        press=press,
+        calibration=calibration,
+        learning=learning,
+        check=result,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        made_with=f"haploop {metadata.version('haploop')}",
+    )
+
+
+def play_button(
+    rig: Rig,
+    button: DigitalButton,
+    *,
+    plays: int = 8,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Check:
+    """Verify a digital button by playing it: does the rig still do what the file says?
+
+    Raises ConfigurationError on another rig than it was made on, and what `check` raises.
+    """
+    _refuse_other_world(rig, button.calibration)
+    return check(rig, button.drive, button.press, plays=plays, progress=progress)
+
+
+def _refuse_other_world(rig: Rig, calibration: Calibration) -> None:
+    if calibration.response.simulated != rig.simulated:
+        kinds = {True: "simulated", False: "real"}
+        raise ConfigurationError(
+            f"The calibration is of a {kinds[calibration.response.simulated]} table and the rig "
+            f"{rig.name!r} is {kinds[rig.simulated]}: calibrate that rig first."
+        )

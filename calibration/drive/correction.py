@@ -1,0 +1,219 @@
+"""Update of a response estimate from plays, and the correction of a drive computed from it.
+
+Every play updates a stale response by a Kalman step on each line, weighted by the excitation of that
+line against the plays' noise and the distortion that no response describes. A correction is planned
+within the limits, as the drive itself is; error hidden by the plays' noise is not corrected, and the
+correction stays as close to the played drive as the response's uncertainty demands.
+After Bristow, Tharayil and Alleyne, "A survey of iterative learning control", IEEE Control Systems
+Magazine 26, 2006 (norm-optimal learning; here with its weights from measured variances).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.ndimage import uniform_filter1d
+
+from haploop.calibration.drive import actuation
+from haploop.calibration.drive.check import Played
+from haploop.calibration.drive.drive import FADE, Drive, plan_for
+from haploop.calibration.drive.inversion import Plan, within
+from haploop.calibration.model import Calibration
+from haploop.calibration.spectra import fade, resample
+from haploop.instruments import Limits
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["ResponseEstimate"]
+
+_DISTORTION = 0.02
+"""Share of the motion that even a correct response does not describe: a patch's hysteresis, an
+amplifier's nonlinearity."""
+_CAUTION = 1e-3
+"""Penalty for a change of the drive, over the median power of the gain: every change, even on lines that
+move nothing, passes through the patch's hysteresis and adds a little of its error."""
+_POOL_HZ = 6.0
+"""Width (Hz) of the neighbouring lines whose power is averaged."""
+_LISTEN = 0.5
+"""Longest recording after a drive (s): a drive leaves the table nearly still."""
+_PLAN_RATE = 5000.0
+"""Sample rate (samples/s) at which corrections are planned."""
+_TRIES = 8
+"""Attempts at a lower limit."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseEstimate:
+    """Estimated response from linear volts to acceleration, for one drive's target.
+
+    `gain` is (lines,) m/s^2 per linear volt, `variance` (lines,) its variance.
+    """
+
+    drive: Drive
+    calibration: Calibration
+    grid: _Grid
+    gain: ComplexArray
+    variance: FloatArray
+    last: tuple[ComplexArray, ComplexArray, FloatArray] | None = None
+    """The latest play: linear volts, acceleration, and its noise power, (lines,) each."""
+
+    @classmethod
+    def of(cls, drive: Drive, calibration: Calibration) -> ResponseEstimate:
+        """The prior from the calibration, before any play."""
+        grid = _Grid.of(drive, calibration)
+        f = grid.frequencies
+        variance = actuation.uncertainty(calibration, f) ** 2
+        return cls(drive, calibration, grid, actuation.gain(calibration, f), variance)
+
+    @property
+    def tail(self) -> float:
+        """Recording time (s) after the drive."""
+        grid = self.grid
+        return min(_LISTEN, grid.samples / grid.rate_hz - grid.played / self.drive.rate_hz)
+
+    def after(self, volts: FloatArray, played: Played) -> ResponseEstimate:
+        """The estimate updated by a play: the first one directly, later ones by the change since the last.
+
+        Each is weighted by its noise and by the distortion that no response describes.
+        """
+        linear_volts, motion, noise = self._spectra(volts, played)
+        if self.last is None:
+            estimate = self._corrected(linear_volts, motion, noise)
+        else:
+            before, moved, old = self.last
+            estimate = self._corrected(linear_volts - before, motion - moved, noise + old)
+        return replace(estimate, last=(linear_volts, motion, noise))
+
+    def correction(
+        self, volts: FloatArray, played: Played, step: float, limits: Limits
+    ) -> tuple[FloatArray, float]:
+        """Volts expected to be closer to the target than `volts`, and the expected improvement.
+
+        The remaining error of the plays of `volts` is corrected within the limits, as far as it exceeds
+        their noise and as the response is certain; the share `step` of the change is applied. Returns
+        (samples,) V, and the expected decrease of the squared error, over the target's.
+        """
+        grid, path = self.grid, actuation.path_gain(self.calibration)
+        linear_volts, motion, noise = self._spectra(volts, played)
+        target = rfft(grid.down(self.drive.target))
+        missed = target - motion
+        power = grid.pooled(np.abs(missed) ** 2)
+        missed *= np.maximum(0.0, 1 - noise / np.maximum(power, 1e-30))
+
+        limit = self.calibration.hysteresis.reach(limits.peak * min(1.0, path))
+        periodic = irfft(target, grid.samples)
+        plan = plan_for(self.calibration, periodic, grid.window, grid.rate_hz, self.drive.band, limits, limit)
+        plan = replace(
+            plan,
+            target=missed + self.gain * linear_volts,
+            gain=self.gain,
+            uncertainty=np.sqrt(self.variance),
+            noise=0.0,
+            operating_point=linear_volts,
+            ridge=_CAUTION,
+        )
+        now = self.calibration.hysteresis.to_linear_volts(volts * path)
+        _, state = within(plan, limit)
+        for _ in range(_TRIES):
+            planned, state = within(plan, limit, state)
+            changed = now + step * grid.up(planned - irfft(linear_volts, grid.samples))
+            new = actuation.commanded(self.calibration, changed, grid.smooth)
+            headroom = actuation.headroom(self.calibration, new, limits)
+            if headroom >= 1:
+                break
+            # Between the plan's samples, and by the hysteresis, the volts exceed the plan.
+            limit *= headroom * 0.998
+        # A lower limit does not always help: then the whole drive is scaled down, by some thousandths.
+        while headroom < 1:
+            changed *= headroom * (1 - 1e-6)
+            new = actuation.commanded(self.calibration, changed, grid.smooth)
+            headroom = actuation.headroom(self.calibration, new, limits)
+        taken = _left(plan, linear_volts) - _left(plan, self._linear_volts(new))
+        return new, float(taken / (np.abs(target) ** 2).sum())
+
+    def _corrected(
+        self, linear_volts: ComplexArray, motion: ComplexArray, noise: FloatArray
+    ) -> ResponseEstimate:
+        pooled = self.grid.pooled
+        drive_power = np.abs(linear_volts) ** 2
+        error = noise + _DISTORTION**2 * pooled(np.abs(motion) ** 2)
+        # Where a table has changed, the error of the response exceeds its stated variance.
+        surprise = pooled(np.abs(motion - self.gain * linear_volts) ** 2 - error)
+        seen = surprise / np.maximum(pooled(drive_power), 1e-30)
+        # A line that was hardly driven would suggest an error larger than the gain: it is bounded.
+        seen = np.minimum(seen, np.abs(self.gain).max() ** 2)
+        variance = np.maximum(self.variance, np.where(surprise > error, seen, 0.0))
+        trust = variance * drive_power / np.maximum(variance * drive_power + error, 1e-30)
+        measured = motion * np.conj(linear_volts) / np.maximum(drive_power, 1e-30)
+        gain = self.gain + trust * (measured - self.gain)
+        return replace(self, gain=gain, variance=variance * (1 - trust))
+
+    def _spectra(self, volts: FloatArray, played: Played) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """(lines,) linear volts and mean acceleration, and the noise power left in the mean."""
+        motions = np.array([rfft(self.grid.down(a)) for a in played.accelerations])
+        noise = self.grid.pooled(np.var(motions, axis=0, ddof=1) / len(motions))
+        return self._linear_volts(volts), motions.mean(axis=0), noise
+
+    def _linear_volts(self, volts: FloatArray) -> ComplexArray:
+        """(lines,) linear volts of commanded volts."""
+        at_patch = volts * actuation.path_gain(self.calibration)
+        linear_volts = self.calibration.hysteresis.to_linear_volts(at_patch)
+        # The offset that hysteresis leaves at the end is removed slowly, far below the band, without a step.
+        linear_volts -= linear_volts[-1] * fade(len(linear_volts), len(linear_volts), 0)
+        return np.asarray(rfft(self.grid.down(linear_volts)))
+
+
+def _left(plan: Plan, linear_volts: ComplexArray) -> float:
+    """Expected squared error of a spectrum in linear volts."""
+    missed = np.abs(plan.target - plan.gain * linear_volts) ** 2
+    unsure = (plan.uncertainty * np.abs(linear_volts - plan.operating_point)) ** 2
+    return float((plan.weight * (missed + unsure)).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """The drive's samples, and the coarser grid that corrections are planned on: one period, two rates."""
+
+    played: int
+    """Samples of the drive."""
+    factor: int
+    """Samples of the drive for each of the grid."""
+    samples: int
+    """Samples of the grid: the drive, and the ringing after it."""
+    rate_hz: float
+    """Sample rate of the grid."""
+    smooth: FloatArray
+    """(played,): the drive's faded ends."""
+
+    @classmethod
+    def of(cls, drive: Drive, calibration: Calibration) -> _Grid:
+        played = len(drive.volts)
+        factor = max(1, int(drive.rate_hz // _PLAN_RATE))
+        ringing = actuation.ringing(calibration.model) * drive.rate_hz
+        edge = round(FADE * drive.rate_hz)
+        samples = next_fast_len(int(np.ceil((played + ringing) / factor)), real=True)
+        return cls(played, factor, samples, drive.rate_hz / factor, fade(played, edge, edge))
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Frequencies (Hz) of the grid's lines."""
+        return np.asarray(np.arange(self.samples // 2 + 1) * self.rate_hz / self.samples)
+
+    @property
+    def window(self) -> FloatArray:
+        """(samples,): `smooth`, and zero during the ringing."""
+        return np.clip(self.down(self.smooth), 0.0, 1.0)
+
+    def down(self, signal: FloatArray) -> FloatArray:
+        """(played or more,) at the drive's rate to (samples,), band-limited."""
+        return resample(np.pad(signal, (0, self.samples * self.factor - len(signal))), self.samples)
+
+    def up(self, signal: FloatArray) -> FloatArray:
+        """(samples,) to the drive's (played,)."""
+        return resample(signal, self.samples * self.factor)[: self.played]
+
+    def pooled(self, power: FloatArray) -> FloatArray:
+        """Power (lines,) averaged over neighbouring lines."""
+        lines = max(1, round(_POOL_HZ * self.samples / self.rate_hz))
+        return np.asarray(uniform_filter1d(power, lines, mode="nearest"))

@@ -1,0 +1,341 @@
+"""From a press to the drive: the volts that make the table reproduce it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+from haploop.calibration import files
+from haploop.calibration.drive import actuation
+from haploop.calibration.drive.inversion import Plan, max_output, min_peak
+from haploop.calibration.model import Calibration
+from haploop.calibration.response import Response
+from haploop.calibration.spectra import band_window, fade, resample, third_octaves
+from haploop.instruments import DataError, Limits
+from haploop.instruments.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from haploop.acquisition import Representative
+
+__all__ = ["BAND", "Drive", "Method", "drive_for", "modulate"]
+
+Method = Literal["modulated", "broadband"]
+"""Target of the surface: the press modulated with the table's resonance, as in the paper, or the press
+itself."""
+
+BAND = (75.0, 600.0)
+"""Hz: the band of a press that a drive reproduces. Below its first mode a table hardly moves, and the
+paper's sweep ends at 625 Hz. The band is the same for every press and table, so that an error is never
+small because the target is small."""
+_BEFORE, _AFTER = 0.30, 0.20
+"""Seconds that a drive may begin before the press and end after it. The inverse of a table whose
+patch and point differ is not causal: it must move the plate before, to be still where it must."""
+FADE = 0.02
+"""Seconds in which a drive begins, and ends."""
+_LEAST_RATE = 5000.0
+"""Samples/s at least that the drive is optimised at: four samples a period of the highest line."""
+_BUDGET = 0.005
+"""Error accepted in exchange for a larger output. Small, because unmodelled error (hysteresis is known to
+some percent) adds to it, and learning needs spare volts to correct that; 3 % would raise the output by a
+tenth."""
+_NOISE_SHARE = 0.3
+"""The same, over the noise of a check of a drive without such error: where noise is large, output is worth
+more. Of twelve plans at eight times a PDV-100's noise, eleven had the least error, noise included, at 0.25
+or 0.35; at 0.5 the accepted error rose by more than 40 %, which learning cannot remove."""
+_PLAYS = 8
+"""Plays averaged in a check, for the noise expected in it."""
+_TRIES = 20
+_RANGE_USED = 0.8
+"""Share of the vibrometer's range that a drive may use."""
+_ALL = 0.99
+"""Share from which on nothing is reported as unreached."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Volts for one patch, and the target motion of the surface.
+
+    `volts` is (samples,) V at the patch as commanded, `target` is (samples,) m/s^2, on the same
+    clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
+    multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
+    band. `predicted_error` is the error expected in a check: rms of the error over rms of the target.
+    Unmodelled hysteresis of the patch adds some percent, until learning has measured it.
+    """
+
+    button: str
+    patch: str
+    point: str
+    rate_hz: float
+    volts: FloatArray
+    target: FloatArray
+    scale: float
+    method: str
+    """How it was computed: "modulated", "broadband", or in words."""
+    carrier_hz: float
+    """What the press was modulated with (Hz); 0 when it was not."""
+    band: tuple[float, float]
+    in_band: float
+    predicted_error: float
+    unreached: str
+    """Shortfalls against the target caused by the limits, as sentences; empty when there are none."""
+    rig: str
+    """Name of the rig that the calibration was measured on: the drive fits no other."""
+    simulated: bool
+    sources: tuple[tuple[str, str], ...]
+    """Recordings that the press stands for: file name, content hash."""
+    calibration: str
+    """Content hash of the calibration that it was computed from."""
+
+    @property
+    def peak(self) -> float:
+        """Largest voltage (V)."""
+        return float(np.abs(self.volts).max())
+
+    def save(self, path: str | Path) -> None:
+        """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
+        files.write(path, "drive", files.flatten(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Drive:
+        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        return files.restore(cls, files.read(path, "drive"), path)
+
+
+def modulate(acceleration: FloatArray, rate_hz: float, carrier_hz: float) -> FloatArray:
+    """Equation 1 of the paper: A_digital(t) = A_physical(t) sin(2 pi f_c t), t = 0 at the first sample."""
+    t = np.arange(len(acceleration)) / rate_hz
+    return np.asarray(acceleration * np.sin(2 * np.pi * carrier_hz * t))
+
+
+@dataclass(frozen=True, eq=False)
+class TargetGrid:
+    """A press on the clock of its drive, at the press's own rate; arrays are (grid,).
+
+    The grid is periodic and holds a margin before the press, the press, a margin after it (together
+    `drive_length` samples, each of which becomes `oversampling` of the drive's), and the ringing, which
+    must not wrap.
+    """
+
+    acceleration: FloatArray
+    window: FloatArray
+    """One within the drive, with faded ends, and zero after it."""
+    drive_length: int
+    """Samples, at the press's rate, that the drive lasts."""
+    start: int
+    """Sample at which the press begins."""
+    oversampling: int
+    rate_hz: float
+    carrier_hz: float
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Of its lines (Hz)."""
+        return np.asarray(rfftfreq(len(self.window), 1 / self.rate_hz))
+
+    def within(self, band: tuple[float, float]) -> tuple[FloatArray, float]:
+        """(grid,) m/s^2 cut to `band` (Hz), and the share of the energy that is left."""
+        spectrum = rfft(self.acceleration)
+        cut = spectrum * band_window(self.frequencies, *band)
+        share = float((np.abs(cut) ** 2).sum() / (np.abs(spectrum) ** 2).sum())
+        return np.asarray(irfft(cut, len(self.window))), share
+
+    def on_drive(self, signal: FloatArray) -> FloatArray:
+        """(grid,) at the press's rate to the drive's length and rate."""
+        return resample(signal, len(signal) * self.oversampling)[: self.drive_length * self.oversampling]
+
+    @property
+    def smooth(self) -> FloatArray:
+        """`window` on the drive's clock."""
+        edge = round(FADE * self.rate_hz) * self.oversampling
+        return fade(self.drive_length * self.oversampling, edge, edge)
+
+
+def target_grid(press: Representative, calibration: Calibration, method: Method) -> TargetGrid:
+    """The target acceleration of a press, before band limit and scale.
+
+    Raises DataError for a press that cannot be driven.
+    """
+    oversampling = _oversampling(press, calibration.rate_hz)
+    edge = max(1, round(FADE / 2 * press.rate_hz))
+    own = np.asarray(press.acceleration) * fade(len(press.acceleration), edge, edge)
+    carrier_hz = calibration.model.resonance_hz if method == "modulated" else 0.0
+    if method == "modulated":
+        own = modulate(own, press.rate_hz, carrier_hz)
+    before = round(_BEFORE * press.rate_hz)
+    drive_length = before + len(own) + round(_AFTER * press.rate_hz)
+    ringing = round(actuation.ringing(calibration.model) * press.rate_hz)
+    length = next_fast_len(drive_length + ringing, real=True)
+    acceleration, window = np.zeros(length), np.zeros(length)
+    acceleration[before : before + len(own)] = own
+    fading = round(FADE * press.rate_hz)
+    window[:drive_length] = fade(drive_length, fading, fading)
+    return TargetGrid(acceleration, window, drive_length, before, oversampling, press.rate_hz, carrier_hz)
+
+
+def drive_for(
+    press: Representative,
+    calibration: Calibration | Response,
+    limits: Limits,
+    *,
+    method: Method = "modulated",
+    band: tuple[float, float] = BAND,
+    inversion: Literal["optimised", "regularised"] = "optimised",
+) -> Drive:
+    """The drive that makes the calibrated point reproduce a press.
+
+    The press is modulated with the point's resonance (equation 1 of the paper), or taken as it is for
+    "broadband"; cut to the well-measured part of `band` (Hz), inverted non-causally, with the patch's
+    hysteresis compensated; then scaled to the largest output within `limits` and the vibrometer's
+    range. For output 0.5 % of error is accepted, more if the vibrometer's noise is larger, or the least
+    possible (see `inversion.max_output`; `inversion.min_peak` for "regularised", which is scaled to the
+    limits instead of planned within them). The drive has zero ends and zero mean. A response given
+    without a calibration is fitted first.
+
+    Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
+    when the limits leave no headroom.
+    """
+    if isinstance(calibration, Response):
+        calibration = Calibration.of(calibration)
+    response = calibration.response
+    grid = target_grid(press, calibration, method)
+    band = actuation.measured_well(response, band)
+    target, in_band = grid.within(band)
+
+    limit = calibration.hysteresis.reach(limits.peak * min(1.0, actuation.path_gain(calibration)))
+    plan = plan_for(calibration, target, grid.window, grid.rate_hz, band, limits, limit)
+    noise_free = replace(plan, noise=0.0)
+    noise = plan.noise * float(np.abs(min_peak(noise_free, _BUDGET)[0]).max())
+    invert = max_output if inversion == "optimised" else min_peak
+    planned, _ = invert(noise_free, max(_BUDGET, _NOISE_SHARE * noise))
+
+    smooth = grid.smooth
+    linear_volts = grid.on_drive(planned) * np.minimum(1.0, smooth / 0.05)
+    # Back on the plan's grid, to predict the motion of the exact signal that will be played.
+    length = len(grid.window)
+    played = resample(np.pad(linear_volts, (0, length * grid.oversampling - len(linear_volts))), length)
+    f = grid.frequencies
+    velocity = irfft(rfft(played) * plan.gain / (2j * np.pi * np.maximum(f, f[1])), length)
+    range_scale = _RANGE_USED * response.velocity_range / float(np.abs(velocity).max())
+    scale = min(limit / float(np.abs(linear_volts).max()), range_scale)
+    volts, scale = _within(limits, calibration, linear_volts, smooth, scale)
+    expected = replace(plan, noise=plan.noise * limit / (scale * float(np.abs(played).max())))
+    error = expected.error(played)
+    if scale < range_scale:
+        by = actuation.binding(calibration, volts, limits)
+    else:
+        by = f"{_RANGE_USED:.0%} of the vibrometer's {response.velocity_range * 1e3:g} mm/s"
+    return Drive(
+        button=press.button,
+        patch=response.patch,
+        point=response.point,
+        rate_hz=calibration.rate_hz,
+        volts=volts,
+        target=scale * grid.on_drive(target),
+        scale=scale,
+        method=method,
+        carrier_hz=grid.carrier_hz,
+        band=band,
+        in_band=in_band,
+        predicted_error=error,
+        unreached=_unreached(expected, played, grid.rate_hz, band, scale, in_band, by),
+        rig=response.rig,
+        simulated=bool(press.simulated or response.simulated),
+        sources=tuple((str(name), str(content)) for name, content in press.sources),
+        calibration=calibration.digest,
+    )
+
+
+def plan_for(
+    calibration: Calibration,
+    target: FloatArray,
+    window: FloatArray,
+    rate_hz: float,
+    band: tuple[float, float],
+    limits: Limits,
+    limit: float,
+) -> Plan:
+    """The plan, in linear volts limited to `limit`, for a target ((grid,) m/s^2)."""
+    f = rfftfreq(len(target), 1 / rate_hz)
+    weight = band_window(f, *band, outside=True) ** 2
+    rms = np.sqrt(2 * np.sum(target**2) / len(target))
+    noise = np.sqrt(np.sum(weight * actuation.density(calibration, f) ** 2) * (f[1] - f[0]) / _PLAYS)
+    slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
+    return Plan(
+        target=rfft(target),
+        gain=actuation.gain(calibration, f),
+        weight=weight,
+        uncertainty=actuation.uncertainty(calibration, f),
+        window=window,
+        noise=float(noise / rms / limit),
+        slew=slew / rate_hz / limits.peak,
+    )
+
+
+def _oversampling(press: Representative, rate_hz: float) -> int:
+    """Samples of the drive per sample of the press. Raises DataError for a press that cannot be driven."""
+    own = np.asarray(press.acceleration)
+    if own.ndim != 1 or len(own) < 0.05 * press.rate_hz or not np.all(np.isfinite(own)) or not np.any(own):
+        raise DataError(f"The press of {press.button!r} holds no acceleration that could be driven.")
+    factor = round(rate_hz / press.rate_hz)
+    if abs(factor * press.rate_hz - rate_hz) > 1e-6 * rate_hz or press.rate_hz < _LEAST_RATE:
+        raise DataError(
+            f"The press of {press.button!r} has {press.rate_hz:g} samples/s, and drives have {rate_hz:g}: "
+            f"that must be a multiple, and {_LEAST_RATE:g} is the least."
+        )
+    return factor
+
+
+def _within(
+    limits: Limits,
+    calibration: Calibration,
+    linear_volts: FloatArray,
+    smooth: FloatArray,
+    scale: float,
+) -> tuple[FloatArray, float]:
+    """Volts to command for `linear_volts` times the largest factor up to `scale` within the limits.
+
+    Limits hold for the volts commanded and for those that reach the patch. Returns the volts and
+    the factor. Raises LimitError when no factor is found.
+    """
+    for _ in range(_TRIES):
+        volts = actuation.commanded(calibration, scale * linear_volts, smooth)
+        headroom = actuation.headroom(calibration, volts, limits)
+        if headroom >= 1:
+            break
+        # Hysteresis makes the volts nonlinear in the factor, so that it is found by iteration.
+        scale *= headroom * (1 - 1e-6)
+    limits.check(volts, calibration.rate_hz)
+    return volts, scale
+
+
+def _unreached(
+    plan: Plan,
+    played: FloatArray,
+    rate_hz: float,
+    band: tuple[float, float],
+    scale: float,
+    in_band: float,
+    by: str,
+) -> str:
+    sentences = []
+    if scale < _ALL:
+        sentences.append(
+            f"The surface reproduces the shape at {scale:.1%} of the recorded acceleration, limited by {by}."
+        )
+    if in_band < _ALL:
+        sentences.append(
+            f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
+        )
+    missed = irfft((plan.target - plan.gain * rfft(played)) * np.sqrt(plan.weight), len(played))
+    error = float(np.linalg.norm(missed) / np.linalg.norm(irfft(plan.target, len(played))))
+    if error > _BUDGET:
+        centres, levels = third_octaves(missed, rate_hz, *band)
+        sentences.append(
+            f"Within the band {error:.1%} of the target is given up, most near "
+            f"{centres[int(np.argmax(levels))]:.0f} Hz, for a larger output or because of measurement noise."
+        )
+    return " ".join(sentences)

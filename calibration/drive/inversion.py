@@ -1,0 +1,145 @@
+"""Inversion of the response: the drive that makes a table follow a target within a voltage limit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, rfft
+
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["Plan", "max_output", "min_peak", "within"]
+
+_ITERATIONS = 60
+_SPLITTING, _RELAXATION = 1e-3, 1.7
+"""Weight of the splitting over the median power of the gain, and how far each step goes beyond its
+target. Drives planned with 30 to 240 iterations differ by 2 % in output at equal error, without a
+trend; a weight of 0.05 without relaxation needs more than 600."""
+_STEPS = 6
+"""Bisections of the voltage allowed per unit of target; each begins where the last one ended."""
+_REGULARISATIONS = 10.0 ** np.arange(-4.0, 0.5, 0.5)
+"""Over the median power of the gain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An inversion problem on one periodic grid that is long enough for the ringing to die out.
+
+    `target` is the target's spectrum (lines,), `gain` (lines,) target per volt, `weight` (lines,) the
+    weight of each line's error, `uncertainty` (lines,) the standard deviation of `gain`, `window`
+    (samples,) the share of the limit available to the drive over time: zero where the drive must be
+    zero. `noise` is the measurement error per volt of the drive's peak: the more volts per unit of
+    target, the smaller the target that the limit allows. `slew` is the largest allowed step from one
+    sample to the next, over the limit. `uncertainty` applies to the difference from `operating_point`
+    (lines,), the spectrum of a drive whose outcome was measured; zero before any was played.
+    """
+
+    target: ComplexArray
+    gain: ComplexArray
+    weight: FloatArray
+    uncertainty: FloatArray
+    window: FloatArray
+    noise: float
+    slew: float = np.inf
+    operating_point: ComplexArray | float = 0.0
+    ridge: float = 5e-6
+    """Penalty for a difference from `operating_point` on every line, over the median power of the gain:
+    it suppresses the drive outside the band."""
+
+    def error(self, drive: FloatArray) -> float:
+        """Expected rms error of `drive` over the target's rms, noise and uncertainty included."""
+        V = rfft(drive)
+        missed = np.abs(self.target - self.gain * V) ** 2
+        unsure = (self.uncertainty * np.abs(V - self.operating_point)) ** 2
+        share = (self.weight * (missed + unsure)).sum() / (np.abs(self.target) ** 2).sum()
+        return float(np.sqrt(share + (self.noise * np.abs(drive).max()) ** 2))
+
+    @property
+    def typical(self) -> float:
+        """Median power of the gain within the band."""
+        return float(np.median(np.abs(self.gain[self.weight > 0.5]) ** 2))
+
+
+def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
+    """The regularised inverse with the smallest peak that stays within an error budget.
+
+    The one with the least expected error if none does. The response's uncertainty is part of the
+    regularisation: a line of unknown gain is not inverted. Returns (samples,) V for the target as
+    it is, and the expected error.
+    """
+    power = plan.weight * (np.abs(plan.gain) ** 2 + plan.uncertainty**2)
+    found = []
+    for share in _REGULARISATIONS:
+        V = plan.weight * np.conj(plan.gain) * plan.target / (power + share * plan.typical)
+        drive = irfft(V, len(plan.window)) * (plan.window > 0)
+        found.append((drive, plan.error(drive)))
+    within = [candidate for candidate in found if candidate[1] <= budget]
+    if within:
+        return min(within, key=lambda candidate: float(np.abs(candidate[0]).max()))
+    return min(found, key=lambda candidate: candidate[1])
+
+
+def max_output(plan: Plan, budget: float) -> tuple[FloatArray, float]:
+    """The drive that permits the largest output within an error budget, for the target unscaled.
+
+    Where a peak of the regularised inverse is cut off, a better drive for the same limit exists; it
+    is found by splitting (ADMM; Boyd et al., Foundations and Trends in Machine Learning 3, 2011,
+    section 5). The lower the voltage per unit of target, the larger the target can be scaled: this
+    takes the lowest voltage whose expected error is within `budget`, or that of least error if none is.
+
+    Returns (samples,) V, and the expected error.
+    """
+    best, least = min_peak(plan, budget)
+    high = max(float(np.abs(best).max()), _max_step(best) / plan.slew)
+    low = high / 4
+    state: State | None = None
+    for _ in range(_STEPS):
+        limit = float(np.sqrt(high * low))
+        drive, state = within(plan, limit, state)
+        error = plan.error(drive)
+        if error <= max(budget, least):
+            best, least, high = drive, min(error, least), limit
+        else:
+            low = limit
+    return best, plan.error(best)
+
+
+State = tuple[FloatArray, FloatArray]
+"""State of the splitting: the variables within the limits, and their scaled differences from the drive."""
+
+
+def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatArray, State]:
+    """The drive of least expected error with |drive| <= limit x window, and no step above its share.
+
+    Returns (samples,) V and the state that warms the start of the next, similar plan. The level is
+    kept exactly at the samples; between samples, and for steps, as far as the splitting converged.
+    """
+    n = len(plan.window)
+    omega = 2j * np.pi * np.arange(n // 2 + 1) / n
+    # Half way between samples as well: what is clipped at samples only swings a tenth beyond.
+    between = np.minimum(plan.window, np.roll(plan.window, -1))
+    rows, bounds = [np.ones_like(omega), np.exp(omega / 2)], [plan.window * limit, between * limit]
+    # A step never exceeds twice the limit, so a wider bound has no effect.
+    if plan.slew < 2:
+        rows.append((1 - np.exp(-omega)) / plan.slew)
+        bounds.append(np.full(n, limit))
+    constraints, bound = np.array(rows), np.array(bounds)
+    power = plan.weight * (np.abs(plan.gain) ** 2 + plan.uncertainty**2)
+    ridge = plan.ridge * plan.typical
+    anchor = (plan.weight * plan.uncertainty**2 + ridge) * plan.operating_point
+    right_side = plan.weight * np.conj(plan.gain) * plan.target + anchor
+    rho = _SPLITTING * plan.typical
+    inverse = 1 / (power + rho * (np.abs(constraints) ** 2).sum(axis=0) + ridge)
+    begin = np.clip(irfft(constraints * plan.operating_point, n), -bound, bound)
+    z, u = state or (begin, np.zeros(bound.shape))
+    for _ in range(_ITERATIONS):
+        V = (right_side + rho * (np.conj(constraints) * rfft(z - u)).sum(axis=0)) * inverse
+        v = _RELAXATION * irfft(constraints * V, n) + (1 - _RELAXATION) * z
+        z = np.clip(v + u, -bound, bound)
+        u = u + v - z
+    return z[0], (z, u)
+
+
+def _max_step(drive: FloatArray) -> float:
+    return float(np.abs(np.diff(drive, prepend=drive[-1])).max())

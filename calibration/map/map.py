@@ -1,0 +1,273 @@
+"""The vibration map: what each patch, and all of them together, make of every point of the table.
+
+From the folder that `measure_map` fills. All points share the table's modes, so that every play helps
+to find them; given these, each point's own shares of them are linear. "All patches" is the sum of
+single ones, which is tested at the points where all were played in parallel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.fft import irfft, rfft
+from threadpoolctl import threadpool_limits
+
+from haploop.calibration import files
+from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement
+from haploop.calibration.response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
+from haploop.instruments import DataError
+from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
+
+__all__ = ["ALL", "Best", "VibrationMap"]
+
+ALL = "all"
+"""The configuration of all patches in parallel."""
+BAND = (30.0, 600.0)
+"""Hz: where a map is compared and searched."""
+_FINE = 50
+"""Samples per period of the highest frequency, on which hysteresis is followed."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """Where and how most vibration is had: displacement in m per V at the patch."""
+
+    patch: str
+    point: str
+    frequency_hz: float
+    displacement: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A cached fit, beside the measurements that it was computed from."""
+
+    sources: str
+    """SHA-256 over the measurements."""
+    poles: ComplexArray
+    weights: FloatArray
+    shares: FloatArray
+    gains: ComplexArray
+    residual: FloatArray
+    superposition: FloatArray
+    drift: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class VibrationMap:
+    """Responses of all measured points to all patches.
+
+    `shares` is (patches, points, unknowns) of `modes`, per linear volt; `gains` (patches,) are the
+    linear volts per volt of a sine of `plan.level` volts, lag included: together they are the response of
+    a sweep at this level.
+    """
+
+    plan: MapPlan
+    points: tuple[str, ...]
+    """That were measured, in the plan's order."""
+    skipped: tuple[tuple[str, str], ...]
+    """Points that were not, and why."""
+    modes: Modes
+    shares: FloatArray
+    gains: ComplexArray
+    residual: FloatArray
+    """(points,): relative rms of what the modes leave of the measured velocity."""
+    superposition: tuple[tuple[str, float], ...]
+    """Points where all patches were played in parallel, and the relative rms difference over the band
+    between what they did and the sum of single ones."""
+    drift: FloatArray
+    """Relative shift of all frequencies from the beginning, each time that it was looked at."""
+    table_seconds: float
+    """For which the table was played, with what connecting and disconnecting takes."""
+
+    @classmethod
+    def load(cls, path: str | Path) -> VibrationMap:
+        """The map in a folder, as far as it was measured.
+
+        What was fitted is kept in the folder, and fitted again when there are more points. Raises
+        DataError when there is no map, a measurement is damaged, or nothing was measured.
+        """
+        folder = MapFolder.open(Path(path))
+        plan = folder.plan
+        found = {step: folder.read(step) for step in plan.steps}
+        measurements = {step.name: r for step, r in found.items() if r is not None}
+        first = [r for step, r in found.items() if r is not None and not step.again]
+        again = [r for step, r in found.items() if r is not None and step.again]
+        if not first:
+            raise DataError(f"{path} holds no measured point yet.")
+        digests = [files.digest(files.flatten(r)) for r in measurements.values()]
+        sources = hashlib.sha256("".join(digests).encode())
+        kept = folder.path / f"modes-{sources.hexdigest()[:16]}.h5"
+        if kept.is_file():
+            fitted = files.restore(_Fitted, files.read(kept, "map modes"), kept)
+        else:
+            with threadpool_limits(1):
+                fitted = _fit(plan, first, again, sources.hexdigest())
+            files.write(kept, "map modes", files.flatten(fitted))
+        tested = [r.point for r in first if ALL in r.plays]
+        return cls(
+            plan=plan,
+            points=tuple(r.point for r in first),
+            skipped=tuple(folder.skipped().items()),
+            modes=Modes(fitted.poles, fitted.weights),
+            shares=fitted.shares,
+            gains=fitted.gains,
+            residual=fitted.residual,
+            superposition=tuple(zip(tested, map(float, fitted.superposition), strict=True)),
+            drift=fitted.drift,
+            table_seconds=float(sum(r.seconds for r in measurements.values())),
+        )
+
+    @property
+    def configurations(self) -> tuple[str, ...]:
+        """The patches, and "all" of several."""
+        return (*self.plan.patches, ALL) if len(self.plan.patches) > 1 else self.plan.patches
+
+    def velocity(self, configuration: str, frequencies: FloatArray) -> ComplexArray:
+        """(points, frequencies) m/s per V at the patch, or at all patches. Raises DataError."""
+        if configuration == ALL:
+            return np.asarray(sum(self.velocity(patch, frequencies) for patch in self.plan.patches))
+        if configuration not in self.plan.patches:
+            raise DataError(
+                f"The map has no patch {configuration!r}: it has {', '.join(self.configurations)}."
+            )
+        index = self.plan.patches.index(configuration)
+        return np.asarray(self.gains[index] * self.modes.velocity(self.shares[index], frequencies))
+
+    def displacement(self, configuration: str, frequencies: FloatArray) -> ComplexArray:
+        """(points, frequencies) m per V: what the paper's maps show."""
+        return np.asarray(self.velocity(configuration, frequencies) / (2j * np.pi * np.asarray(frequencies)))
+
+    def grid(self, values: FloatArray) -> FloatArray:
+        """(points,) as (rows, columns) of the table; NaN where nothing was measured."""
+        whole = np.full(self.plan.rows * self.plan.columns, np.nan)
+        whole[[int(point) for point in self.points]] = values
+        return whole.reshape(self.plan.rows, self.plan.columns)
+
+    def best(self, low: float = 200.0, high: float = 320.0, patches: Sequence[str] | None = None) -> Best:
+        """The patch, point and frequency (Hz, within `low` to `high`) of the largest acceleration.
+
+        Single patches are compared unless configurations are named. The band is that round 250 Hz,
+        where skin feels most (paper, "Vibration map"), and acceleration is what a press is rendered
+        as; displacement is largest at the lowest mode, where nobody feels it.
+        """
+        f = np.arange(low, high, 0.25)
+        found: list[tuple[float, Best]] = []
+        for patch in self.plan.patches if patches is None else patches:
+            size = np.abs(self.displacement(patch, f))
+            point, line = np.unravel_index(int(np.argmax(size * f**2)), size.shape)
+            best = Best(patch, self.points[point], float(f[line]), float(size[point, line]))
+            found.append((float(size[point, line] * f[line] ** 2), best))
+        return max(found, key=lambda one: one[0])[1]
+
+    def resonances(self) -> tuple[tuple[float, float], ...]:
+        """Natural frequency (Hz) and damping ratio of each mode within the band, strongest first.
+
+        Strength is the mode's own peak of velocity, over all points and patches.
+        """
+        p = self.modes.poles
+        count = len(p)
+        residues = self.shares[..., :count] + 1j * self.shares[..., count : 2 * count]
+        strength = np.sqrt((np.abs(residues) ** 2).sum(axis=(0, 1))) / -p.real
+        hz = np.abs(p) / (2 * np.pi)
+        order = [k for k in np.argsort(-strength) if BAND[0] < hz[k] < BAND[1]]
+        return tuple((float(hz[k]), float(-p.real[k] / abs(p[k]))) for k in order)
+
+    def shape(self, frequency_hz: float) -> FloatArray:
+        """(points,): the mode nearest to a frequency, real, its largest deflection 1."""
+        p = self.modes.poles
+        k = int(np.argmin(np.abs(np.abs(p) / (2 * np.pi) - frequency_hz)))
+        residues = self.shares[..., k] + 1j * self.shares[..., len(p) + k]
+        # Over patches a mode's residues differ by one factor: the strongest direction is the shape.
+        _, _, rows = np.linalg.svd(residues, full_matrices=False)
+        mode = rows[0] * np.exp(-0.5j * np.angle((rows[0] ** 2).sum()))
+        return np.asarray(mode.real / mode.real[int(np.argmax(np.abs(mode.real)))])
+
+
+def _fit(
+    plan: MapPlan, first: list[PointMeasurement], again: list[PointMeasurement], sources: str
+) -> _Fitted:
+    samples = plan.parallel.samples(plan.rate_hz)
+    f = np.arange(samples // 2 + 1) * plan.rate_hz / samples
+    lines = np.flatnonzero((f >= plan.low) & (f <= plan.high))
+    f = f[lines]
+    groups = ("each",) if plan.together else plan.patches
+    plays = [_plays(plan, first, name, f, lines) for name in groups]
+    modes = fit_modes(plays, len(plan.patches))
+    found = [modes.shares(one) for one in plays]
+    shares = np.concatenate([np.swapaxes(own, 1, 2) for own, _ in found])
+    residual = np.sqrt(np.mean([left**2 for _, left in found], axis=0))
+    gains = _gains(plan, modes)
+    tested = [r for r in first if ALL in r.plays]
+    differences = []
+    if tested:
+        parallel = _plays(plan, tested, ALL, f, lines)
+        law = Modes(modes.poles, np.repeat(modes.weights.mean(axis=0)[None], len(plan.patches), axis=0))
+        own = law.shares(parallel)[0][0].T
+        inside = f[(f >= BAND[0]) & (f <= BAND[1])]
+        rows = [[r.point for r in first].index(r.point) for r in tested]
+        scale = np.sqrt(np.mean(np.abs(gains) ** 2))
+        together = law.velocity(own, inside) * scale * _phase(gains)
+        summed = sum(g * modes.velocity(s[rows], inside) for g, s in zip(gains, shares, strict=True))
+        differences = list(np.linalg.norm(together - summed, axis=1) / np.linalg.norm(summed, axis=1))
+    drift = [modes.shift(_plays(plan, [r], groups[0], f, lines)) for r in again]
+    return _Fitted(
+        sources=sources,
+        poles=modes.poles,
+        weights=modes.weights,
+        shares=shares,
+        gains=gains,
+        residual=residual,
+        superposition=np.array(differences),
+        drift=np.array(drift),
+    )
+
+
+def _phase(gains: ComplexArray) -> complex:
+    total = complex(gains.sum())
+    return total / abs(total)
+
+
+def _plays(
+    plan: MapPlan, points: Sequence[PointMeasurement], name: str, f: FloatArray, lines: IntArray
+) -> Plays:
+    """One kind of play at several points, each point's drive brought to the mean of all."""
+    drives, velocities = [], []
+    for point in points:
+        number = point.plays.index(name)
+        drives.append([d for d, (play, _) in zip(point.drives, point.rows, strict=True) if play == number])
+        velocities.append(point.velocity[number])
+    own = np.array(drives)
+    mean = own.mean(axis=0)
+    gain = np.einsum("pkl,kl->p", own, mean.conj()) / (np.abs(mean) ** 2).sum()
+    patches = plan.patches if name in ("each", ALL) else (name,)
+    inputs = np.array([_operators(plan, drive, lines) for drive in mean])
+    if name == ALL:
+        # One patch of their sum, for what all do together.
+        patches, inputs = plan.patches[:1], inputs.mean(axis=0)[None]
+    indices = tuple(plan.patches.index(patch) for patch in patches)
+    return Plays(f, indices, inputs, (np.array(velocities) / gain[:, None]).T)
+
+
+def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexArray:
+    """(operators, lines): spectra that make up the linear volts of a periodic drive, given by its lines."""
+    first, last = int(lines[0]), int(lines[-1])
+    count = int(_FINE * plan.high * plan.period)
+    coarse = plan.parallel.samples(plan.rate_hz)
+    spectrum = np.zeros(count // 2 + 1, dtype=np.complex128)
+    spectrum[first : last + 1] = drive
+    volts = irfft(spectrum, count) * (count / coarse)
+    # In the second period the operators start from their state at the end of the first.
+    bent = operators(np.tile(volts, 2), plan.level)[:, count:]
+    return np.asarray(rfft(bent)[:, first : last + 1] * (coarse / count))
+
+
+def _gains(plan: MapPlan, modes: Modes) -> ComplexArray:
+    """(patches,): linear volts per volt of a sine of the plan's level, with the fitted hysteresis."""
+    radii = HALF_WIDTHS * plan.level
+    # A sine's square has no first harmonic.
+    return np.array([Hysteresis(radii, own[:-1], plan.level).gain(plan.level) for own in modes.weights])

@@ -1,0 +1,241 @@
+"""Measuring a vibration map, point by point: aim, look at the light, play, keep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from scipy.fft import rfft
+
+from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement, Step
+from haploop.calibration.response import Channels, overloaded
+from haploop.instruments import Aim, ConfigurationError, InstrumentError, Rig
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["map_plan", "measure_map"]
+
+MapProgress = Callable[[float, float, str], None]
+"""Told the seconds of playing that are done, those of the whole map, and what is measured now."""
+
+_ATTEMPTS = 3
+"""Times that a point is asked for before it is left out."""
+_DIM = 0.1
+"""Share of the light below which a point is not measured."""
+_FOLLOWS = 4.0
+"""Power at the excited lines over that at the silent ones, below which a point follows no patch."""
+_SHARE = 0.99
+"""Of the largest level that the limits allow."""
+
+
+def map_plan(
+    rig: Rig,
+    *,
+    points: Collection[int] | None = None,
+    patches: Sequence[str] | None = None,
+    together: bool | None = None,
+    level: float | None = None,
+    period: float = 2.05,
+    every: int = 20,
+) -> MapPlan:
+    """A map of a rig's table: `points` (all) x `patches` (all).
+
+    `together` plays all patches at once, and is what a rig with an amplifier channel for each patch
+    does; `level` is the peak in volts of each drive, None for what the limits allow. At three points
+    all patches are played in parallel too. Raises ConfigurationError.
+    """
+    table = rig.table
+    count = table.rows * table.columns
+    chosen = list(range(count)) if points is None else list(dict.fromkeys(points))
+    names = tuple(table.patches if patches is None else patches)
+    wrong = [str(p) for p in chosen if not 0 <= p < count] + [p for p in names if p not in table.patches]
+    if wrong or not chosen or not names:
+        raise ConfigurationError(
+            f"A map needs points from 0 to {count - 1} and patches among {', '.join(table.patches)}"
+            + (f", and {wrong[0]!r} is none." if wrong else ".")
+        )
+    several = all(patch in rig.amplifier.inputs for patch in names) and len(names) > 1
+    if together and not several:
+        raise ConfigurationError(
+            f"The amplifier of the rig {rig.name!r} has no channel for each patch: one patch at a time."
+        )
+    parallel = rig.limits_for(1 if rig.amplifier.inputs else len(names))
+    most = _SHARE * min(rig.limits.peak, parallel.peak)
+    tests = [chosen[round(k * (len(chosen) - 1) / 2)] for k in range(3)] if len(names) > 1 else []
+    return MapPlan(
+        rig=rig.name,
+        rig_file=rig.file.model_dump_json(),
+        simulated=rig.simulated,
+        rows=table.rows,
+        columns=table.columns,
+        points=tuple(map(str, chosen)),
+        patches=names,
+        together=several if together is None else together,
+        level=most if level is None else level,
+        rate_hz=table.rate_hz,
+        low=15.0,
+        high=625.0,
+        period=period,
+        tests=tuple(map(str, dict.fromkeys(tests))),
+        every=every,
+    )
+
+
+def measure_map(
+    rig: Rig,
+    out: Path,
+    plan: MapPlan | None = None,
+    progress: MapProgress = lambda _done, _total, _what: None,
+) -> MapFolder:
+    """Measure a map into the folder `out`, or go on with what is there.
+
+    The operator is told where to aim before each point, and the light is looked at. A point without
+    light, that nobody aims at, that leaves a range or that follows no patch is asked for again, and
+    in the end left out with the reason; everything else that fails ends the run, and what was
+    measured stays. Raises ConfigurationError, DataError, InstrumentError, LimitError.
+    """
+    plan = map_plan(rig) if plan is None else plan
+    folder = MapFolder.create(out, plan)
+    rig.confirm_settings()
+    left = {step.name for step in folder.left()}
+    total = plan.duration
+    done = plan.period * sum(len(step.plays) for step in plan.steps if step.name not in left)
+    player = _Player(rig, plan)
+    for step in plan.steps:
+        if step.name not in left:
+            continue
+        progress(done, total, f"point {step.point}")
+        reason: str | None = None
+        for _ in range(_ATTEMPTS):
+            reason, light = _aimed(rig, step)
+            if reason is None:
+                found = player.play(step, light)
+                if isinstance(found, PointMeasurement):
+                    folder.write(step, found)
+                    break
+                reason = found
+        if reason is not None:
+            folder.skip(step, reason)
+        done += plan.period * len(step.plays)
+        progress(done, total, f"point {step.point}")
+    return folder
+
+
+def _aimed(rig: Rig, step: Step) -> tuple[str | None, float]:
+    """Why a point cannot be measured, None if it can; and the share of light that comes back."""
+    if not rig.operator.confirm(Aim(step.point)):
+        return f"The operator did not confirm this: {Aim(step.point)}", np.nan
+    level = rig.vibrometer.signal_level()
+    if level is not None and level < _DIM:
+        return (
+            f"The vibrometer sees {level:.0%} of its light at point {step.point}: focus the laser, or put a "
+            "piece of reflective tape there."
+        ), level
+    return None, np.nan if level is None else level
+
+
+class _Player:
+    """Plays the steps of a plan."""
+
+    def __init__(self, rig: Rig, plan: MapPlan) -> None:
+        self._rig, self._plan = rig, plan
+        own = {patch: plan.multisine(patch) for patch in plan.patches}
+        self._drives = {patch: m.volts(plan.rate_hz, plan.level) for patch, m in own.items()}
+        self._excited = {patch: m.excited() for patch, m in own.items()}
+        self._all = plan.parallel.volts(plan.rate_hz, plan.level)
+        samples = plan.parallel.samples(plan.rate_hz)
+        f = np.arange(samples // 2 + 1) * plan.rate_hz / samples
+        self._lines = np.flatnonzero((f >= plan.low) & (f <= plan.high))
+        self._f = f[self._lines]
+
+    def play(self, step: Step, light: float) -> PointMeasurement | str:
+        """What a step measured, or why it is to be tried again."""
+        rig, begun, spent = self._rig, datetime.now(UTC), 0.0
+        velocities: list[ComplexArray] = []
+        drives: list[ComplexArray] = []
+        rows: list[tuple[int, str]] = []
+        for number, name in enumerate(step.plays):
+            if name == "each":
+                drive = self._drives
+            elif name == "all":
+                drive = dict.fromkeys(self._plan.patches, self._all)
+            else:
+                drive = {name: self._drives[name]}
+            monitors = {patch: rig.monitor(patch) for patch in drive}
+            channels = (*dict.fromkeys(monitors.values()), rig.vibrometer.channel)
+            before = rig.clock.now()
+            if name == "each":
+                capture = rig.excite_each(drive, channels)
+            else:
+                capture = rig.excite(next(iter(drive.values())), tuple(drive), channels)
+            spent += rig.clock.now() - before
+            problem = overloaded(rig, capture)
+            if problem:
+                return problem
+            seen: dict[str, ComplexArray] = {}
+            for patch, monitor in monitors.items():
+                if monitor not in seen:
+                    seen[monitor] = self._volts(
+                        capture.volts, capture.channels, capture.delays, monitor, drive[patch]
+                    )
+                    _refuse_silent_drive(seen[monitor], rfft(drive[patch])[self._lines], patch)
+                drives.append(seen[monitor])
+                rows.append((number, patch))
+            laser = capture.channels.index(rig.vibrometer.channel)
+            paths = Channels(capture.rate_hz, 0.0, float(capture.delays[laser]), rig.vibrometer.response)
+            speed = rig.vibrometer.to_velocity(capture.volts[laser])[: len(self._all)]
+            velocity = paths.velocity(rfft(speed)[self._lines], self._f)
+            if not self._follows(velocity, name):
+                source = f"patch {name}" if name in drive else "the patches"
+                return f"Point {step.point} does not follow {source}: check the laser's focus and aim."
+            velocities.append(velocity)
+        return PointMeasurement(
+            plan=self._plan.digest,
+            step=step.name,
+            point=step.point,
+            plays=step.plays,
+            rows=tuple(rows),
+            drives=np.array(drives),
+            velocity=np.array(velocities),
+            light=light,
+            seconds=spent,
+            created=begun.isoformat(timespec="seconds"),
+        )
+
+    def _volts(
+        self,
+        volts: FloatArray,
+        channels: tuple[str, ...],
+        delays: FloatArray,
+        monitor: str,
+        commanded: FloatArray,
+    ) -> ComplexArray:
+        """(lines,) V at a patch at the clock's edges."""
+        row, divider = channels.index(monitor), self._rig.sensors.drive
+        assert divider is not None
+        paths = Channels(self._plan.rate_hz, float(delays[row]), 0.0, self._rig.vibrometer.response)
+        sampled = rfft(divider.to_si(volts[[row]])[0][: len(commanded)])[self._lines]
+        order = rfft(commanded)[self._lines]
+        return np.asarray(sampled * paths.drive(sampled[None], order, self._f))
+
+    def _follows(self, velocity: ComplexArray, name: str) -> bool:
+        """Whether the surface moves where something is played, and not as much everywhere else."""
+        if name == "each":
+            excited = np.concatenate(list(self._excited.values()))
+        else:
+            excited = self._plan.parallel.excited() if name == "all" else self._excited[name]
+        own = np.isin(self._lines, excited)
+        power = np.abs(velocity) ** 2
+        # Between lines there is noise and what rings; of interleaved drives few lines are left out.
+        return bool(np.median(power[own]) > _FOLLOWS * np.median(power[~own]))
+
+
+def _refuse_silent_drive(measured: ComplexArray, commanded: ComplexArray, patch: str) -> None:
+    strong = np.abs(commanded) > 0.1 * np.abs(commanded).max()
+    gain = float(np.median(np.abs(measured[strong] / commanded[strong])))
+    if not 0.7 < gain < 1.4:
+        raise InstrumentError(
+            f"The drive monitor shows {gain:.2g} V for each volt that patch {patch} was to get: check the "
+            "amplifier (is it on?), the relay, and the gain and divider in the rig file."
+        )

@@ -1,0 +1,6 @@
+"""Rational models of responses, and the calibration that holds both."""
+
+from haploop.calibration.model.calibration import Calibration, calibrate
+from haploop.calibration.model.model import Model, Resonance, fit
+
+__all__ = ["Calibration", "Model", "Resonance", "calibrate", "fit"]

@@ -1,0 +1,81 @@
+"""A calibration: response and model of one patch at one point, dated and never edited."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from haploop.calibration import files
+from haploop.calibration.model.model import Model, fit
+from haploop.calibration.response import (
+    SWEEP,
+    Excitation,
+    Hysteresis,
+    Response,
+    fit_hysteresis,
+    measure_response,
+)
+from haploop.instruments import ConfigurationError, Rig, RigFile
+
+__all__ = ["Calibration", "calibrate"]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What is known of one patch at one point; `rate_hz` is the rate that drives are played at.
+
+    The model holds for swings of the sweep's level, the hysteresis says what changes with the swing.
+    """
+
+    response: Response
+    model: Model
+    hysteresis: Hysteresis
+    rate_hz: float
+
+    @classmethod
+    def of(cls, response: Response) -> Calibration:
+        """Model and hysteresis fitted to a response. Raises what `fit` raises.
+
+        ConfigurationError for a response that was imported for no rig: a drive is played at a rig's rate.
+        """
+        if not response.rig_file:
+            raise ConfigurationError(
+                f"The response of patch {response.patch} at the {response.point} point was {response.source} "
+                "without a rig: say which rig it is for when reading it."
+            )
+        table = RigFile.model_validate_json(response.rig_file).table
+        assert table is not None  # the response was measured on it
+        return cls(response, fit(response), fit_hysteresis(response), table.rate_hz)
+
+    @property
+    def digest(self) -> str:
+        """Content hash of everything that a drive is computed from."""
+        return files.digest(files.flatten(self))
+
+    def save(self, path: str | Path) -> None:
+        """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
+        files.write(path, "calibration", files.flatten(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Calibration:
+        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        return files.restore(cls, files.read(path, "calibration"), path)
+
+
+def calibrate(
+    rig: Rig,
+    patch: str = "A",
+    point: str = "button",
+    progress: Callable[[float, float], None] = lambda _done, _total: None,
+    *,
+    excitation: Excitation = SWEEP,
+) -> Calibration:
+    """Measure the response of a patch at a point and fit a model to it.
+
+    Sweeps, the default, show the patch's hysteresis as well; after a multisine there is none known.
+
+    `progress` is told the seconds measured so far and the seconds that the whole will take.
+    Raises what `measure_response` and `fit` raise.
+    """
+    return Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))

@@ -1,0 +1,240 @@
+"""A stable rational transfer function fitted to a measured response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.io import savemat
+from scipy.linalg import block_diag, eigvals
+from scipy.signal import zpk2sos
+
+from haploop.calibration import files
+from haploop.calibration.model.rational import Lines, complex_residues, fit_poles, residues
+from haploop.calibration.response import Response
+from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["Model", "Resonance", "fit"]
+
+_FAST = 1000.0
+"""The slope's corner in state space, over the band's upper end: s alone has no states."""
+_UNKNOWN = 1e-3
+"""Relative noise that a response is taken to have which does not say how much it has."""
+_GRID = 2000
+"""Lines on which the discrete sections are made equal to the model."""
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One pole pair: natural frequency |s| / 2 pi, damping ratio, and strength (its own peak, m/s/V)."""
+
+    frequency_hz: float
+    damping: float
+    strength: float
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Velocity per volt at the patch as a sum of partial fractions, a constant and a slope.
+
+    `poles` and `residues` hold one of each conjugate pair (imaginary part >= 0); a real pole
+    stands for itself. H(s) = sum(r / (s - p) + conj) + constant + slope s. The last two stand for
+    what the modes above the band do within it, and are believed within `band` (Hz) only.
+    """
+
+    poles: ComplexArray
+    residues: ComplexArray
+    constant: float
+    slope: float
+    band: tuple[float, float]
+    error: float
+    """Relative rms difference from the measured response over the band."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole lies in the left half plane."""
+        return bool(np.all(self.poles.real < 0))
+
+    @property
+    def resonances(self) -> tuple[Resonance, ...]:
+        """All pole pairs within the band, by frequency."""
+        found = [
+            Resonance(abs(p) / (2 * np.pi), -p.real / abs(p), abs(r) / -p.real)
+            for p, r in zip(self.poles, self.residues, strict=True)
+            if p.imag > 0 and self.band[0] < abs(p) / (2 * np.pi) < self.band[1]
+        ]
+        return tuple(sorted(found, key=lambda r: r.frequency_hz))
+
+    @property
+    def resonance_hz(self) -> float:
+        """The resonance that is strongest in velocity (Hz): the paper's carrier frequency."""
+        return max(self.resonances, key=lambda r: r.strength).frequency_hz
+
+    def velocity(self, frequencies: FloatArray) -> ComplexArray:
+        """m/s per V at the patch at `frequencies` (Hz)."""
+        s = 2j * np.pi * np.asarray(frequencies, dtype=np.float64)
+        H = self.constant + self.slope * s
+        for p, r in zip(self.poles, self.residues, strict=True):
+            H = H + r / (s - p)
+            if p.imag > 0:
+                H = H + np.conj(r) / (s - np.conj(p))
+        return np.asarray(H)
+
+    def state_space(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A, B, C, D of x' = A x + B u, y = C x + D u: u in V at the patch, y in m/s, one input, one output.
+
+        Real modal blocks. The slope, which no finite state space has, rolls off with a pole at a
+        thousand times the band's upper end: within the band that changes its share by 0.1 % at most.
+        """
+        fast = 2 * np.pi * _FAST * self.band[1]
+        blocks, inputs, outputs = [], [], []
+        for p, r in zip(self.poles, self.residues, strict=True):
+            if p.imag > 0:
+                blocks.append(np.array([[p.real, p.imag], [-p.imag, p.real]]))
+                inputs += [2.0, 0.0]
+                outputs += [r.real, r.imag]
+            else:
+                blocks.append(np.array([[p.real]]))
+                inputs.append(1.0)
+                outputs.append(r.real)
+        blocks.append(np.array([[-fast]]))
+        A = np.asarray(block_diag(*blocks), dtype=np.float64)
+        # The slope's two halves cancel nearly: scaled by its corner, neither is large in the state.
+        B = np.array([*inputs, fast])[:, None]
+        C = np.array([*outputs, -self.slope * fast])[None, :]
+        return A, B, C, np.array([[self.constant + self.slope * fast]])
+
+    def sos(self, rate_hz: float) -> FloatArray:
+        """(sections, 6) second-order sections at a sample rate, as scipy.signal.sosfilt takes them.
+
+        V at the patch in, m/s out. The poles are the model's own, sampled; the numerator is made
+        equal to the model over its band, to 0.1 % at rates of eight times the band and more. Zeros
+        may lie outside the unit circle: the filter is stable, its inverse is not.
+        Raises ConfigurationError for a rate below four times the band's upper end.
+        """
+        if not rate_hz >= 4 * self.band[1]:
+            raise ConfigurationError(
+                f"A model up to {self.band[1]:g} Hz cannot be sampled at {rate_hz:g} samples/s: "
+                "four times its band is the least."
+            )
+        f = np.linspace(*self.band, _GRID)
+        back = np.exp(-2j * np.pi * f / rate_hz)
+        both = np.concatenate([self.poles, np.conj(self.poles[self.poles.imag > 0])])
+        z = np.exp(both / rate_hz)
+        first = len(self.poles)
+        paired = self.poles.imag > 0
+        sections = 1 / (1 - z * back[:, None])
+        near, mirror = sections[:, :first], np.zeros((len(f), first), dtype=np.complex128)
+        mirror[:, paired] = sections[:, first:]
+        basis = np.concatenate(
+            [near + mirror, (1j * (near - mirror))[:, paired], np.ones((len(f), 1)), back[:, None]], axis=1
+        )
+        norms = np.linalg.norm(basis, axis=0)
+        stacked = np.concatenate([basis.real, basis.imag]) / norms
+        H = self.velocity(f)
+        solution = np.linalg.lstsq(stacked, np.concatenate([H.real, H.imag]), rcond=None)[0] / norms
+        r = complex_residues(self.poles, solution)
+        return _cascade(self.poles, z, r, solution[-2:])
+
+    def save_mat(self, path: str | Path, rate_hz: float | None = None) -> None:
+        """Write a new MATLAB file (level 5), whole or not at all. Raises DataError if it exists.
+
+        Holds A, B, C, D of the state space (s), poles (rad/s) and residues (one of each pair),
+        constant, slope, band_hz and error; and with `rate_hz` sos and its rate. In MATLAB:
+        `load model.mat; sys = ss(A, B, C, D)`.
+        """
+        A, B, C, D = self.state_space()
+        values = {
+            "A": A,
+            "B": B,
+            "C": C,
+            "D": D,
+            "poles": self.poles,
+            "residues": self.residues,
+            "constant": self.constant,
+            "slope": self.slope,
+            "band_hz": np.array(self.band),
+            "error": self.error,
+            "input": "V at the patch",
+            "output": "m/s",
+        }
+        if rate_hz is not None:
+            values |= {"sos": self.sos(rate_hz), "rate_hz": rate_hz}
+        with files.new_file(path) as part:
+            savemat(str(part), values, appendmat=False)
+
+
+def fit(response: Response) -> Model:
+    """The model of a response; its order by the data.
+
+    All lines weigh alike: noise is nearly the same on all. Vector fitting (scikit-rf) begins, least
+    squares end; poles are always stable. Raises DataError when no resonance is found.
+    """
+    noise, H = _noise(response), response.velocity
+    lines = Lines(response.frequencies, H / noise)
+    poles = fit_poles(lines)
+    found = noise * residues(poles, lines)[0]
+    model = Model(
+        poles=poles,
+        residues=complex_residues(poles, found),
+        constant=float(found[-2]),
+        slope=float(found[-1]),
+        band=(float(lines.f[0]), float(lines.f[-1])),
+        error=0.0,
+    )
+    if not model.stable or not model.resonances:
+        raise DataError(
+            f"No resonance of patch {response.patch} at the {response.point} point could be fitted: "
+            "look at the measured response."
+        )
+    return replace(model, error=float(np.linalg.norm(model.velocity(lines.f) - H) / np.linalg.norm(H)))
+
+
+def _noise(response: Response) -> float:
+    """Root mean square of the standard deviation of a response's lines (m/s per V)."""
+    size = float(np.sqrt(np.mean(np.abs(response.velocity) ** 2)))
+    if not np.isfinite(size) or size == 0:
+        raise DataError(
+            f"The response of patch {response.patch} at the {response.point} point is zero, NaN or infinite: "
+            "no model fits it."
+        )
+    known = float(np.sqrt(np.mean(response.deviation**2))) if len(response.deviation) else 0.0
+    return known if known > 0 else _UNKNOWN * size
+
+
+def _cascade(
+    poles: ComplexArray,
+    z: ComplexArray,
+    r: ComplexArray,
+    direct: FloatArray,
+) -> FloatArray:
+    """Second-order sections of a sum r / (1 - z back) + conj + direct[0] + direct[1] back.
+
+    Polynomials of this order lose all digits near z = 1; zeros are eigenvalues instead, of the state
+    space with its output held at zero.
+    """
+    blocks, inputs, outputs = [], [], []
+    constant = float(direct[0])
+    for p, zp, rp in zip(poles, z[: len(poles)], r, strict=True):
+        # r / (1 - z back) = r + r z back / (1 - z back): the second part has one state and a delay.
+        if p.imag > 0:
+            blocks.append(np.array([[zp.real, zp.imag], [-zp.imag, zp.real]]))
+            inputs += [2.0, 0.0]
+            outputs += [(rp * zp).real, (rp * zp).imag]
+            constant += 2 * rp.real
+        else:
+            blocks.append(np.array([[zp.real]]))
+            inputs.append(1.0)
+            outputs.append((rp * zp).real)
+            constant += rp.real
+    blocks.append(np.zeros((1, 1)))
+    A, B = block_diag(*blocks), np.array([*inputs, 1.0])[:, None]
+    C, D = np.array([*outputs, direct[1]])[None, :], np.array([[constant]])
+    scale = np.linalg.norm(C)
+    pencil = np.block([[A, B], [C / scale, D / scale]])
+    zeros = eigvals(pencil, np.diag([1.0] * len(A) + [0.0]))
+    zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e6)]
+    sections: FloatArray = zpk2sos(zeros, np.append(z, 0.0), constant)  # type: ignore[arg-type]
+    return sections

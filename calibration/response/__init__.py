@@ -1,0 +1,45 @@
+"""Frequency responses: excitation, estimators, hysteresis, exchange files."""
+
+from haploop.calibration.response.channels import Channels
+from haploop.calibration.response.excitation import (
+    Excitation,
+    LinearSweep,
+    Multisine,
+    linear_sweep,
+    plan_excitation,
+)
+from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, fit_hysteresis, operators
+from haploop.calibration.response.modes import Modes, Plays, fit_modes
+from haploop.calibration.response.response import (
+    SWEEP,
+    Response,
+    measure_response,
+    overloaded,
+    prepare,
+    quick_response,
+)
+from haploop.calibration.response.uff import read_uff, write_uff
+
+__all__ = [
+    "HALF_WIDTHS",
+    "SWEEP",
+    "Channels",
+    "Excitation",
+    "Hysteresis",
+    "LinearSweep",
+    "Modes",
+    "Multisine",
+    "Plays",
+    "Response",
+    "fit_hysteresis",
+    "fit_modes",
+    "linear_sweep",
+    "measure_response",
+    "operators",
+    "overloaded",
+    "plan_excitation",
+    "prepare",
+    "quick_response",
+    "read_uff",
+    "write_uff",
+]

@@ -1,0 +1,70 @@
+"""From what two channels sampled to the volts at the patch and the velocity of the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["Channels"]
+
+_FITS = 0.005
+"""Relative rms difference up to which the path from command to monitor is one pole after a staircase."""
+_CORNERS = (300.0, 3e5)
+"""Hz: where an amplifier's corner is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """When drive monitor and laser are sampled after the clock's edge (s), and what the laser passes.
+
+    `laser` gives the response (lines,) of the vibrometer's output at frequencies (Hz), its delay in it.
+    """
+
+    rate_hz: float
+    drive_delay: float
+    laser_delay: float
+    laser: Callable[[FloatArray], ComplexArray]
+
+    def drive(self, sampled: ComplexArray, commanded: ComplexArray, f: FloatArray) -> ComplexArray:
+        """Factors (lines,) from what the monitor sampled to the volts at the patch at the clock's edges.
+
+        A drive is a staircase, smoothed by the amplifier only: its images round the sample rate fold
+        back onto the monitor, which has no filter against that, and not onto the surface, which
+        does not move at 50 kHz. Against a 5 kHz amplifier that is 4 mrad at 600 Hz, as much as
+        everything else together. Where the path from `commanded` (spectrum of the samples) to the
+        monitor is that of one pole after a staircase, it is taken out; elsewhere only the delay is.
+        `sampled` (plays, lines) and `commanded` (lines,) are spectra at `f` (lines,) Hz, of the
+        monitor's volts and of the samples that were to be played.
+        """
+        late = np.exp(-2j * np.pi * f * self.drive_delay)
+        strong = np.abs(commanded) > 0.1 * np.abs(commanded).max()
+        path = sampled.mean(axis=0)[strong] / commanded[strong]
+
+        def misfit(log_corner: float) -> float:
+            shape = self._sampled(f[strong], float(np.exp(log_corner)))
+            gain = np.vdot(shape, path).real / np.vdot(shape, shape).real
+            return float(np.linalg.norm(path - gain * shape))
+
+        low, high = np.log(_CORNERS)
+        found = minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
+        if found.fun <= _FITS * np.linalg.norm(path):
+            corner = float(np.exp(found.x))
+            stairs = np.sinc(f / self.rate_hz) * np.exp(-1j * np.pi * f / self.rate_hz)
+            late = stairs / (1 + 1j * f / corner) / self._sampled(f, corner)
+        return np.asarray(late)
+
+    def velocity(self, sampled: ComplexArray, f: FloatArray) -> ComplexArray:
+        """Spectrum of the surface's velocity at the clock's edges; arrays (..., lines), `f` (lines,) Hz."""
+        return np.asarray(sampled * np.exp(-2j * np.pi * f * self.laser_delay) / self.laser(f))
+
+    def _sampled(self, f: FloatArray, corner: float) -> ComplexArray:
+        """One pole (Hz) driven by a staircase, as sampled `drive_delay` after each step begins."""
+        decay = np.exp(-2 * np.pi * corner / self.rate_hz)
+        since = np.exp(-2 * np.pi * corner * self.drive_delay)
+        back = np.exp(-2j * np.pi * f / self.rate_hz)
+        return np.asarray((1 - since) + since * (1 - decay) * back / (1 - decay * back))

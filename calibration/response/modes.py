@@ -1,0 +1,320 @@
+"""The modes that a table shows at many points, from what was played there: one set of poles for all.
+
+A play is one period of a multisine, of one patch or of several at once, begun whenever the play
+before it ended. Its spectra obey
+
+    velocity = sum over patches of linear volts x (sum of r / (s - p) + conj + constant + slope s)
+               + sum of t / (s - p) + conj + constant
+
+at every line, excited or not: the second row is what rang when the period began, less what rings
+when it ends. Nothing has to settle or to die away first, and patches that play together need not be
+told apart beforehand. Given poles and linear volts that is linear in everything else; poles and the law
+of each patch's hysteresis are found by variable projection over all points (Golub and Pereyra,
+Inverse Problems 19, 2003, with Kaufman's Jacobian).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
+
+from haploop.instruments import DataError
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["Modes", "Plays", "fit_modes"]
+
+_STEPS = 12
+"""Of refinement, at most."""
+_CONVERGED = 1e-3
+"""Relative fall of the squared residual below which it ends."""
+_STRONGEST = 16
+"""Orthogonal combinations of points that hold nearly everything: one a mode."""
+_FEW, _MORE = 2, 6
+"""Mixtures of these that are used to find poles and laws, for each set of drives: to begin, and to end."""
+_FARTHEST = 0.2
+"""By how much a logarithm of a decay or a frequency changes in a step at most."""
+_DAMPINGS = (0.003, 0.008, 0.02)
+"""Of the poles that are looked for in what a fit leaves."""
+_PLACES, _BEYOND = 500, 1.3
+"""Frequencies at which they are looked for, to so many times the band's end."""
+_AT_ONCE, _APART = 3, 0.02
+"""Poles that are added at once at most, and how far apart (relative frequency)."""
+_PENALTY = 25.0
+"""Of a real parameter, over the mean squared residual, that a pole must gain: one that may stand anywhere
+finds more noise than one that may not, and a mode that is worth having gains hundreds."""
+_KEEP = 5.0
+"""As `_PENALTY`, below which a pole that has been found is given up again: no chance is in it any more."""
+_MOST = 40
+"""Poles."""
+_ALIKE = 1e-13
+"""Squared length that a column of unit length must have beside the others to be told from them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plays:
+    """The same drives, played while the laser looked at several points.
+
+    `f` is (lines,) Hz: all lines of the band. `operators` is (patches, operators, lines): for each patch
+    that played, the spectrum of its volts and, where hysteresis is modelled, of the volts after play
+    operators of rising half-width, and last of their square. `velocity` is (lines, points) m/s.
+    """
+
+    f: FloatArray
+    patches: tuple[int, ...]
+    operators: ComplexArray
+    velocity: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Shared poles (rad/s), and the weights (patches, operators) that make up each patch's linear volts.
+
+    No play operator has a negative weight; the square, which bends the loop, may have.
+    """
+
+    poles: ComplexArray
+    weights: FloatArray
+
+    def shares(self, plays: Plays) -> tuple[FloatArray, FloatArray]:
+        """Real unknowns (patches, unknowns, points), and what they leave over all ((points,), relative)."""
+        basis = _Basis.of(self.poles, self.weights, plays)
+        found, left = basis.solution(_stack(plays.velocity))
+        size = np.linalg.norm(_stack(plays.velocity), axis=0)
+        each = basis.response.shape[1]
+        count = len(plays.patches)
+        return found[: count * each].reshape(count, each, -1), np.linalg.norm(left, axis=0) / size
+
+    def shift(self, plays: Plays) -> float:
+        """By what share all poles have moved alike, as plays show that came later."""
+        shifted, total = self, 1.0
+        for _ in range(2):
+            normal, gradient, _power = _linear(shifted, plays)
+            poles = slice(0, 2 * len(self.poles))
+            total *= 1 + float(gradient[poles].sum() / normal[poles, poles].sum())
+            shifted = Modes(self.poles * total, self.weights)
+        return total - 1
+
+    def velocity(self, shares: FloatArray, frequencies: FloatArray) -> ComplexArray:
+        """(..., frequencies) m/s per linear volt, from unknowns (..., unknowns)."""
+        return np.asarray(shares @ _columns(self.poles, frequencies)[0].T)
+
+
+def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
+    """Poles that all plays share and the law of each patch's hysteresis, up to its scale.
+
+    It begins with nothing, and adds poles where they explain most of what is left, for as long as
+    that leaves clearly less. Raises DataError when nothing moved at all.
+    """
+    few = [_mixed(one, _FEW) for one in plays]
+    weights = np.zeros((patches, plays[0].operators.shape[1]))
+    weights[:, 0] = 1.0
+    modes, cost = Modes(np.zeros(0, dtype=np.complex128), weights), np.inf
+    # Real parameters that a pole brings, over the real numbers that were measured, of each mixture.
+    each = max(2 * (len(one.patches) + 1) / (2 * len(one.f)) for one in plays)
+    count = _AT_ONCE
+    while len(modes.poles) < _MOST:
+        added = _missing(modes, few)[:count]
+        if not len(added):
+            raise DataError("Nothing moved while it was played: check the laser's focus and aim.")
+        grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, 3)
+        if now > 0.5 * cost:
+            # Near the end, what falls may be the law's doing and not the poles'.
+            modes, cost = _refined(modes, few, _STEPS)
+            added = _missing(modes, few)[:1]
+            count = 1
+            grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, _STEPS)
+            if now > (1 - _PENALTY * each) * cost:
+                break
+        modes, cost = grown, now
+    modes = _pruned(modes, cost, few, _KEEP * each)
+    return _refined(modes, [_mixed(one, _MORE) for one in plays], _STEPS)[0]
+
+
+def _pruned(modes: Modes, cost: float, plays: Sequence[Plays], worth: float) -> Modes:
+    """Without the poles whose loss the others make good: added early, where others had yet to move."""
+    while len(modes.poles) > 1:
+        losses = np.sum([_losses(modes, one) for one in plays], axis=0)
+        fewer = Modes(np.delete(modes.poles, int(np.argmin(losses))), modes.weights)
+        tried, now = _refined(fewer, plays, _STEPS)
+        if now > (1 + worth) * cost:
+            break
+        modes, cost = tried, now
+    return modes
+
+
+def _losses(modes: Modes, plays: Plays) -> FloatArray:
+    """(poles,): by how much the squared residual would grow without each, the others staying."""
+    basis = _Basis.of(modes.poles, modes.weights, plays)
+    found = basis.solution(_stack(plays.velocity))[0] * basis.norms[:, None]
+    inverse = np.linalg.inv(basis.upper)
+    n, each = len(modes.poles), basis.response.shape[1]
+    starts = np.arange(len(plays.patches) + 1) * each
+    losses = np.empty(n)
+    for k in range(n):
+        own = np.concatenate([starts + k, starts + n + k])
+        spread = inverse[own] @ inverse[own].T
+        losses[k] = float(np.sum(found[own] * np.linalg.lstsq(spread, found[own], rcond=None)[0]))
+    return losses
+
+
+def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, float]:
+    """The modes that leave least, near the given ones, and the squared residual that they leave."""
+    best, cost, tried, damping = modes, np.inf, modes, 1e-3
+    kept: list[tuple[FloatArray, FloatArray, float]] = []
+    for _ in range(steps + 1):
+        linear = [_linear(tried, one) for one in plays]
+        now = sum(part[2] for part in linear)
+        if now < cost:
+            converged = cost - now < _CONVERGED * now
+            best, cost, kept = tried, now, linear
+            damping /= 10
+            if converged:
+                break
+        else:
+            damping = max(30 * damping, 1e-4)
+        normal = np.sum([part[0] for part in kept], axis=0)
+        gradient = np.sum([part[1] for part in kept], axis=0)
+        tried = _stepped(best, normal, gradient, damping)
+    return best, cost
+
+
+def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
+    """Poles (rad/s) that would explain most of what the modes leave, the strongest first."""
+    f = plays[0].f
+    places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
+    candidates = places * (1j - np.array(_DAMPINGS)[:, None])
+    shape = 1 / (2j * np.pi * f[:, None] - candidates.ravel())
+    size = np.abs(shape) ** 2
+    explained: FloatArray = np.zeros(candidates.size)
+    for one in plays:
+        basis = _Basis.of(modes.poles, modes.weights, one)
+        rest = basis.solution(_stack(one.velocity))[1]
+        left = rest[: len(f)] + 1j * rest[len(f) :]
+        for linear_volts in basis.linear_volts:
+            found = (left.conj() * linear_volts[:, None]).T @ shape
+            explained += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
+    explained = explained.reshape(candidates.shape)
+    best = explained.max(axis=0)
+    poles: list[complex] = []
+    while len(poles) < _AT_ONCE:
+        place = int(np.argmax(best))
+        if best[place] <= 0.1 * explained.max():
+            break
+        poles.append(complex(candidates[int(np.argmax(explained[:, place])), place]))
+        best = np.where(np.abs(places / places[place] - 1) < _APART, 0.0, best)
+    return np.array(poles)
+
+
+def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: float) -> Modes:
+    """One Gauss-Newton step, bounded: a play operator's weight stays positive, logarithms move a little."""
+    p, w = modes.poles, modes.weights
+    count = 2 * len(p)
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12 * np.diag(normal).max()))
+    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    sizes = np.sqrt(np.maximum(values, 0.0) + damping + 1e-9)
+    root = sizes[:, None] * vectors.T
+    rotated = (vectors.T @ (gradient / scale)) / sizes
+    lowest = -w[:, 1:] - 1e-9
+    lowest[:, -1:] = -1.0
+    low = np.concatenate([np.full(count, -_FARTHEST), lowest.ravel()])
+    high = np.concatenate([np.full(count, _FARTHEST), np.ones(w[:, 1:].size)])
+    step = np.clip(lsq_linear(root, rotated, (low * scale, high * scale)).x / scale, low, high)
+    decay = -p.real * np.exp(step[: len(p)])
+    turn = p.imag * np.exp(step[len(p) : count])
+    further = w[:, 1:] + step[count:].reshape(len(w), -1)
+    further[:, :-1] = np.maximum(further[:, :-1], 0.0)
+    # The law's scale is free: of the volts themselves there is one part.
+    return Modes(-decay + 1j * turn, np.concatenate([w[:, :1], further], axis=1))
+
+
+def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
+    """Normal matrix, gradient and squared residual by logarithms of decay and frequency, and weights."""
+    p, patches = modes.poles, modes.weights.shape[0]
+    basis = _Basis.of(p, modes.weights, plays)
+    measured = _stack(plays.velocity)
+    found, left = basis.solution(measured)
+    s = 2j * np.pi * plays.f[:, None]
+    near, mirror = 1 / (s - p) ** 2, 1 / (s - np.conj(p)) ** 2
+    each, n, weights = basis.response.shape[1], len(p), modes.weights.shape[1] - 1
+    normal = np.zeros((2 * n + patches * weights,) * 2)
+    gradient = np.zeros(len(normal))
+    # Only those of the patches that played.
+    laws = np.add.outer(2 * n + np.array(plays.patches) * weights, np.arange(weights))
+    own = np.concatenate([np.arange(2 * n), laws.ravel()])
+    drives = np.array([*basis.linear_volts, np.ones(len(plays.f))]).T
+    for shares, rest in zip(found.T, left.T, strict=True):
+        ranges = np.array([shares[k * each : k * each + 2 * n] for k in range(drives.shape[1])])
+        one = (drives @ (ranges[:, :n] + 1j * ranges[:, n:])) * near
+        other = (drives @ (ranges[:, :n] - 1j * ranges[:, n:])) * mirror
+        change = [(one + other) * p.real, 1j * (one - other) * p.imag]
+        for k, operators in enumerate(plays.operators):
+            change.append((operators[1:] * (basis.response @ shares[k * each : (k + 1) * each])).T)
+        columns = _stack(np.concatenate(change, axis=1))
+        within = basis.within(columns)
+        normal[np.ix_(own, own)] += columns.T @ columns - within.T @ within
+        gradient[own] += columns.T @ rest
+    return normal, gradient, float((left**2).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Basis:
+    """Columns of unit length for given poles and linear volts, patch by patch, then what rang.
+
+    With the triangle of their normal equations, which are ten times as fast as orthogonal columns would
+    be; what they cost in digits one refinement gives back (Bjorck, Linear Algebra Appl. 88, 1987).
+    """
+
+    linear_volts: ComplexArray
+    response: ComplexArray
+    columns: FloatArray
+    upper: FloatArray
+    norms: FloatArray
+
+    @classmethod
+    def of(cls, poles: ComplexArray, weights: FloatArray, plays: Plays) -> _Basis:
+        response, ringing = _columns(poles, plays.f)
+        linear_volts = np.einsum("pr,prl->pl", weights[list(plays.patches)], plays.operators)
+        columns = _stack(np.concatenate([*(x[:, None] * response for x in linear_volts), ringing], axis=1))
+        norms = np.linalg.norm(columns, axis=0)
+        columns /= norms
+        # Of columns that coincide, least squares of the least norm.
+        upper = cholesky(columns.T @ columns + _ALIKE * np.eye(len(norms)))
+        return cls(linear_volts, response, columns, upper, norms)
+
+    def within(self, values: FloatArray) -> FloatArray:
+        """(columns, ...): what of `values` (rows, ...) the columns make, in coordinates of unit length."""
+        return np.asarray(solve_triangular(self.upper, self.columns.T @ values, trans="T"))
+
+    def solution(self, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found, left = np.zeros((len(self.norms), measured.shape[1])), measured
+        for _ in range(2):
+            found += solve_triangular(self.upper, self.within(left))
+            left = measured - self.columns @ found
+        return found / self.norms[:, None], left
+
+
+def _columns(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Real unknowns' columns (lines, unknowns) of a response, and of what rings."""
+    s = 2j * np.pi * np.asarray(f)[:, None]
+    near, mirror = 1 / (s - poles), 1 / (s - np.conj(poles))
+    pairs = np.concatenate([near + mirror, 1j * (near - mirror)], axis=1)
+    one = np.ones_like(s)
+    return np.concatenate([pairs, one, s], axis=1), np.concatenate([pairs, one, 1j * one], axis=1)
+
+
+def _mixed(plays: Plays, count: int) -> Plays:
+    """A few combinations of points. They have the table's poles, and each shows every mode."""
+    left, sizes, _ = np.linalg.svd(_stack(plays.velocity), full_matrices=False)
+    strongest = (left * sizes)[:, :_STRONGEST]
+    many = strongest.shape[1]
+    mixing = np.linalg.qr(np.random.default_rng(0).standard_normal((many, many)))[0][:, :count]
+    mixed, half = strongest @ mixing, len(plays.f)
+    return Plays(plays.f, plays.patches, plays.operators, mixed[:half] + 1j * mixed[half:])
+
+
+def _stack(values: ComplexArray) -> FloatArray:
+    return np.concatenate([values.real, values.imag])

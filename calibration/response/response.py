@@ -1,0 +1,344 @@
+"""The measured frequency response from a patch's volts to the table's velocity at a point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from haploop.calibration.response.channels import Channels
+from haploop.calibration.response.excitation import Excitation, LinearSweep, Multisine
+from haploop.calibration.response.from_multisine import from_multisine
+from haploop.calibration.response.from_sweeps import from_sweeps
+from haploop.calibration.response.hysteresis import Hysteresis, hysteresis_of_play
+from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from haploop.calibration.response.estimate import FrfEstimate
+
+__all__ = ["MEASURED", "Response", "measure_response", "quick_response", "response_from"]
+
+Progress = Callable[[float, float], None]
+"""Told the seconds measured so far and the seconds that the whole will take."""
+
+MEASURED = "measured"
+"""Source of a response that a rig measured; others say what they were imported from."""
+_CREST = 1.66
+"""Of the multisines here."""
+SWEEP = LinearSweep()
+QUICK = Multisine()
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What one patch does at one point; arrays are (lines,).
+
+    `velocity` is m/s per V at the patch, from the *measured* drive to the surface's own velocity:
+    the vibrometer's delay and bandwidth and the card's channel skew are taken out. `deviation` is
+    its standard deviation. `path` is measured volts at the patch per volt commanded (amplifier,
+    converter and relay). `noise` is the density of everything in the measured velocity that did
+    not repeat (m/s per sqrt(Hz), one-sided). `coherence` is that of one sweep or period: the share
+    of the measured velocity's power that follows the drive, from the pooled noise and free of the
+    bias that few repeats give the classical estimate. `distortion` is (2, lines) m/s per V: even and
+    odd distortion, noise included, from lines that were not excited; (1, lines), odd only, where all
+    even lines were. Lines need not be evenly spaced. What was not measured is empty.
+    """
+
+    patch: str
+    point: str
+    frequencies: FloatArray
+    velocity: ComplexArray
+    deviation: FloatArray
+    coherence: FloatArray
+    path: ComplexArray
+    noise: FloatArray
+    distortion: FloatArray
+    repeats: int
+    level: float
+    """Amplitude of the sweep, or peak of the multisine (V, measured at the patch)."""
+    levels: FloatArray
+    """(levels,) V: amplitudes of further, smaller sweeps."""
+    level_gain: ComplexArray
+    """(levels,): the response to these over the response at `level`, one number for all lines: the
+    patch's hysteresis, which makes it differ from one."""
+    velocity_range: float
+    """The vibrometer's full scale (m/s): a drive must stay within it to be checked."""
+    excitation: str
+    """What was played, in a sentence, and for how long."""
+    source: str
+    """"measured", or the file that it was imported from, with its hash."""
+    rig: str
+    rig_file: str
+    """The rig as it was: its file as JSON."""
+    simulated: bool
+    created: str
+    """When, ISO 8601, UTC."""
+
+    @property
+    def acceleration(self) -> ComplexArray:
+        """m/s^2 per V at the patch."""
+        return np.asarray(self.velocity * (2j * np.pi * self.frequencies))
+
+    @property
+    def displacement(self) -> ComplexArray:
+        """M per V at the patch: what the paper's vibration maps show."""
+        return np.asarray(self.velocity / (2j * np.pi * self.frequencies))
+
+    def confidence(self, level: float = 0.95) -> FloatArray:
+        """(lines,) radius round `velocity` (m/s per V) that holds the table's own with this probability.
+
+        The noise of a line is circular and Gaussian (central limit theorem), so that the squared
+        distance is exponentially distributed; multiply as `acceleration` and `displacement` do.
+        """
+        return np.asarray(np.sqrt(-np.log1p(-level)) * self.deviation)
+
+    def snr_db(self, peak: float) -> float:
+        """Velocity over noise (dB) within the band, when a multisine of `peak` V plays: for a plan."""
+        if not len(self.noise):
+            raise DataError(f"{self.source} says nothing about noise, so nothing can be planned with it.")
+        band = float(self.frequencies[-1] - self.frequencies[0])
+        signal = peak / _CREST * np.sqrt(np.mean(np.abs(self.velocity) ** 2))
+        return float(20 * np.log10(signal / np.sqrt(np.mean(self.noise**2) * band)))
+
+    def coherence_min(self, low: float, high: float) -> float:
+        """Lowest coherence between two frequencies (Hz). Raises DataError if none was measured."""
+        if len(self.coherence) != len(self.frequencies):
+            raise DataError(f"The response of patch {self.patch} at the {self.point} point has no coherence.")
+        inside = (self.frequencies >= low) & (self.frequencies <= high)
+        if not inside.any():
+            raise DataError(f"The response has no line between {low:g} and {high:g} Hz.")
+        return float(self.coherence[inside].min())
+
+
+def measure_response(
+    rig: Rig,
+    patch: str = "A",
+    point: str = "button",
+    progress: Progress = lambda _done, _total: None,
+    *,
+    excitation: Excitation = SWEEP,
+    level: float | None = None,
+    hysteresis: Hysteresis | None = None,
+) -> Response:
+    """Play an excitation into a patch, measure drive and velocity, and divide the spectra.
+
+    The default is the paper's sweep, at several levels, which also shows the patch's hysteresis. `level` is
+    the peak in volts at the patch; None takes what the rig's limits allow. A multisine takes 2.05 s or a few
+    periods more. With the `hysteresis` of an earlier calibration, or with the one identified from a multisine
+    from rest, the response is computed from the linear volts of the measured drive, which removes the
+    distortion: the result equals that of sweeps at `hysteresis.level`.
+
+    Raises InstrumentError when the operator does not confirm, a signal leaves its range or the
+    drive does not reach the patch; DataError when the point does not follow the patch;
+    ConfigurationError for a rig that lacks an instrument.
+    """
+    monitor = rig.monitor(patch)
+    peak = rig.limits.peak if level is None else level
+    prepare(rig, point)
+    if isinstance(excitation, Multisine):
+        drive = excitation.volts(rig.table.rate_hz, peak)
+        tell = _Total(progress, excitation.duration)
+        capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
+        return response_from(
+            rig, capture, excitation, drive, patch=patch, point=point, monitor=monitor, hysteresis=hysteresis
+        )
+    if hysteresis is not None:
+        raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
+    return _swept(rig, patch, point, monitor, excitation, peak, _Total(progress, excitation.duration))
+
+
+def quick_response(
+    rig: Rig,
+    patch: str = "A",
+    point: str = "button",
+    progress: Progress = lambda _done, _total: None,
+    *,
+    level: float | None = None,
+    hysteresis: Hysteresis | None = None,
+) -> Response:
+    """A response from one period of a multisine from rest: 2.05 s. As `measure_response` otherwise."""
+    return measure_response(rig, patch, point, progress, excitation=QUICK, level=level, hysteresis=hysteresis)
+
+
+def response_from(
+    rig: Rig,
+    capture: Capture,
+    multisine: Multisine,
+    commanded: FloatArray,
+    *,
+    patch: str,
+    point: str,
+    monitor: str,
+    hysteresis: Hysteresis | None = None,
+) -> Response:
+    """The response of one patch from a capture that begins with a multisine, `commanded` ((samples,) V).
+
+    `monitor` is the channel that measured this patch's volts. Patches that were driven at once, each
+    on lines of its own, take one call each. Raises as `measure_response`.
+    """
+    refuse_overload(rig, capture)
+    volts, velocity, channels = _signals(rig, capture, monitor)
+    if hysteresis is None and multisine.from_rest:
+        hysteresis = hysteresis_of_play(multisine, commanded, volts, velocity, channels)
+    linear_volts = hysteresis.to_linear_volts(volts) if hysteresis is not None else None
+    found = from_multisine(multisine, commanded, volts, velocity, channels, linear_volts)
+    peak, said = float(np.abs(commanded).max()), str(multisine)
+    lag = 1.0 + 0.0j
+    if hysteresis is not None:
+        lag, said = hysteresis.gain(hysteresis.level), f"{said}; the patch's hysteresis taken out"
+    return _response(
+        rig,
+        found,
+        patch,
+        point,
+        excitation=said,
+        repeats=multisine.periods,
+        peak=peak,
+        shares=(),
+        level=None if hysteresis is None else hysteresis.level,
+        lag=lag,
+    )
+
+
+def prepare(rig: Rig, point: str) -> None:
+    """Settings confirmed, laser aimed at `point` and in focus. Raises InstrumentError."""
+    rig.confirm_settings()
+    if not rig.operator.confirm(Aim(point)):
+        raise InstrumentError(f"The operator did not confirm this, so nothing was measured: {Aim(point)}")
+    level = rig.vibrometer.signal_level()
+    if level is not None and level < 0.1:
+        raise InstrumentError(
+            f"The vibrometer sees {level:.0%} of its light at the {point} point: focus the laser, or "
+            "put a piece of reflective tape there."
+        )
+
+
+def overloaded(rig: Rig, capture: Capture) -> str | None:
+    """What left its range in a capture of drive monitor and laser, and what to do; None if nothing did."""
+    laser = capture.channels.index(rig.vibrometer.channel)
+    fastest = float(np.abs(rig.vibrometer.to_velocity(capture.volts[laser])).max())
+    if capture.overload[laser] or fastest > rig.vibrometer.range:
+        return (
+            f"The laser left its range of {rig.vibrometer.range * 1e3:g} mm/s: "
+            "choose a larger range, or a lower level."
+        )
+    if capture.overload.any():
+        name = capture.channels[int(np.flatnonzero(capture.overload)[0])]
+        return f"The channel {name!r} left its input range: widen the range in the rig file."
+    return None
+
+
+def refuse_overload(rig: Rig, capture: Capture) -> None:
+    """Raises InstrumentError when something in a capture left its range."""
+    problem = overloaded(rig, capture)
+    if problem:
+        raise InstrumentError(problem)
+
+
+def _swept(
+    rig: Rig,
+    patch: str,
+    point: str,
+    monitor: str,
+    sweep: LinearSweep,
+    peak: float,
+    tell: Callable[[float], None],
+) -> Response:
+    once = sweep.volts(rig.table.rate_hz, peak)
+    drives, velocities = [], []
+    for factor in (*(1.0,) * sweep.repeats, *sweep.shares):
+        capture = rig.excite(factor * once, (patch,), (monitor, rig.vibrometer.channel), sweep.tail, tell)
+        refuse_overload(rig, capture)
+        volts, velocity, channels = _signals(rig, capture, monitor)
+        drives.append(volts)
+        velocities.append(velocity)
+    found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
+    return _response(
+        rig, found, patch, point, excitation=str(sweep), repeats=sweep.repeats, peak=peak, shares=sweep.shares
+    )
+
+
+def _response(
+    rig: Rig,
+    found: FrfEstimate,
+    patch: str,
+    point: str,
+    *,
+    excitation: str,
+    repeats: int,
+    peak: float,
+    shares: tuple[float, ...],
+    level: float | None = None,
+    lag: complex = 1.0,
+) -> Response:
+    gain = float(np.median(np.abs(found.path)))
+    _refuse_silent_drive(gain, patch)
+    response = Response(
+        patch=patch,
+        point=point,
+        frequencies=found.frequencies,
+        velocity=found.velocity * lag,
+        deviation=found.deviation,
+        coherence=found.coherence,
+        path=found.path,
+        noise=found.noise,
+        distortion=found.distortion,
+        repeats=repeats,
+        level=gain * peak if level is None else level,
+        levels=gain * peak * np.array(shares),
+        level_gain=found.level_gain,
+        velocity_range=rig.vibrometer.range,
+        excitation=excitation,
+        source=MEASURED,
+        rig=rig.name,
+        rig_file=rig.file.model_dump_json(),
+        simulated=rig.simulated,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    _refuse_incoherent(response)
+    return response
+
+
+def _signals(rig: Rig, capture: Capture, monitor: str) -> tuple[FloatArray, FloatArray, Channels]:
+    """(samples,) V of the monitor, (samples,) m/s of the laser's output, and how they were sampled."""
+    drive, laser = capture.channels.index(monitor), capture.channels.index(rig.vibrometer.channel)
+    divider = rig.sensors.drive
+    assert divider is not None
+    channels = Channels(
+        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), rig.vibrometer.response
+    )
+    volts = divider.to_si(capture.volts[[drive]])[0]
+    return volts, rig.vibrometer.to_velocity(capture.volts[laser]), channels
+
+
+class _Total:
+    """Adds up the seconds of blocks, and tells them with the seconds of the whole."""
+
+    def __init__(self, progress: Progress, total: float) -> None:
+        self._progress, self._total, self._done = progress, total, 0.0
+
+    def __call__(self, seconds: float) -> None:
+        self._done += seconds
+        self._progress(min(self._done, self._total), self._total)
+
+
+def _refuse_silent_drive(gain: float, patch: str) -> None:
+    if not 0.7 < gain < 1.4:
+        raise InstrumentError(
+            f"The drive monitor shows {gain:.2g} V for each volt that patch {patch} was to get: check the "
+            "amplifier (is it on?), the relay, and the gain and divider in the rig file."
+        )
+
+
+def _refuse_incoherent(response: Response) -> None:
+    typical = float(np.median(response.coherence))
+    if typical < 0.5:
+        raise DataError(
+            f"The {response.point} point does not follow patch {response.patch}: the coherence is "
+            f"{typical:.2f} where 0.5 is the least that can be used and 0.99 is usual. Check the laser's "
+            "focus and aim, and that the patch is glued and connected."
+        )

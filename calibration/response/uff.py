@@ -1,0 +1,256 @@
+"""Responses as Universal File Format, data set 58: what vibrometers and modal software exchange.
+
+A file holds one function for each response (type 4, velocity over volts) and one for its coherence (type
+6), after data sets 151 (header) and 164 (SI units), which some programs want. Frequencies are listed one
+by one, because excited lines need not be evenly spaced, and keep the format's six digits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+
+from haploop.calibration import files
+from haploop.calibration.response.response import Response
+from haploop.instruments import DataError, RigFile
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = ["read_uff", "write_uff"]
+
+_FRF, _COHERENCE = 4, 6
+_FREQUENCY, _GENERAL, _UNKNOWN = 18, 1, 0
+_POWERS = {8: 1, 11: 0, 12: -1}
+"""Of 2 pi i f, from an ordinate's data type (displacement, velocity, acceleration) to velocity."""
+_UNITS = {"m": 8, "m/s": 11, "m/s^2": 12, "m/s2": 12, "m/s²": 12, "(m/s)/V": 11, "m/s/V": 11}
+"""Data types by the ordinate's unit, for files that leave the type away."""
+_FORCES = (9, 13)
+_Z = (0, 3, -3)
+"""Directions of a response out of the plane; 0 is a scalar."""
+_MARK = "haploop: patch, point, rig as below"
+_SIMULATED = "Simulated: no real instrument measured this."
+_WIDTH, _NAME = 80, 10
+"""Characters of a line of text, and of an entity's name."""
+_SURE = 0.999999
+"""Coherences nearer to one are not told from it in most files."""
+
+
+def write_uff(path: str | Path, responses: Sequence[Response]) -> None:
+    """Write a new ASCII file of velocity responses and their coherences, whole or not at all.
+
+    Raises DataError when it exists or cannot be written, or there is no response.
+    """
+    if not responses:
+        raise DataError("There is no response to write.")
+    now = datetime.now(UTC)
+    software = f"haploop {metadata.version('haploop')}"
+    sets: list[dict[str, Any]] = [
+        pyuff.prepare_151(
+            model_name="haploop",
+            description="responses of a touch table",
+            db_app=software,
+            program=software,
+            date_db_created=now.strftime("%d-%b-%y"),
+            time_db_created=now.strftime("%H:%M:%S"),
+            version_db1=0,
+            version_db2=0,
+            file_type=0,
+            date_db_saved=now.strftime("%d-%b-%y"),
+            time_db_saved=now.strftime("%H:%M:%S"),
+            date_db_written=now.strftime("%d-%b-%y"),
+            time_db_written=now.strftime("%H:%M:%S"),
+        ),
+        pyuff.prepare_164(
+            units_code=1,
+            units_description="SI",
+            temp_mode=1,
+            length=1.0,
+            force=1.0,
+            temp=1.0,
+            temp_offset=273.15,
+        ),
+    ]
+    for response in responses:
+        sets.append(_function(response, _FRF, response.velocity))
+        if len(response.coherence):
+            sets.append(_function(response, _COHERENCE, response.coherence))
+    with files.new_file(path) as part:
+        pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
+
+
+def read_uff(
+    path: str | Path, *, rig: RigFile | None = None, patch: str | None = None, point: str | None = None
+) -> tuple[Response, ...]:
+    """The responses in a file, in its own order: displacement, velocity or acceleration per volt.
+
+    Nodes become points and reference nodes patches, unless haploop wrote the file or `patch` and
+    `point` say otherwise. Coherences are matched by node and reference; without one, `coherence` and
+    `deviation` are empty. `rig` is the rig that the responses are to be used on. What was not exported is
+    empty, its level is given as 1 V, and volts commanded are taken for volts at the patch.
+
+    Raises DataError, one sentence, for a file that is missing, damaged, or holds no such response.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {files.os_error_text(error)}.") from None
+    sets = _sets(path)
+    length = next((float(s["length"]) for s in sets if s.get("type") == 164), 1.0)
+    functions = [s for s in sets if s.get("type") == 58]
+    coherences = {_place(s): s for s in functions if s["func_type"] == _COHERENCE}
+    source = f"imported from {path.name}, sha256 {hashlib.sha256(content).hexdigest()}"
+    responses = [s for s in functions if s["func_type"] == _FRF and int(s["rsp_dir"]) in _Z]
+    if not responses:
+        kinds = sorted({int(s["func_type"]) for s in functions})
+        raise DataError(
+            f"{path} holds no frequency response out of the plane (data set 58, type 4, direction z); "
+            + (f"its functions have the types {kinds}." if kinds else "it has no data set 58 at all.")
+        )
+    return tuple(
+        _response(path, s, coherences.get(_place(s)), length, source, rig, patch, point) for s in responses
+    )
+
+
+def _function(response: Response, kind: int, values: ComplexArray | FloatArray) -> dict[str, Any]:
+    is_frf = kind == _FRF
+    label = _SIMULATED if response.simulated else "Measured."
+    number = int(response.point) + 1 if response.point.isdecimal() else 0
+    made: dict[str, Any] = pyuff.prepare_58(
+        binary=0,
+        func_type=kind,
+        id1=_MARK,
+        id2=response.excitation[:_WIDTH],
+        id3=response.created[:_WIDTH],
+        id4=response.rig[:_WIDTH],
+        id5=label,
+        rsp_ent_name=response.point[:_NAME],
+        rsp_node=number,
+        rsp_dir=3,
+        ref_ent_name=response.patch[:_NAME],
+        ref_node=_letter(response.patch),
+        ref_dir=0,
+        abscissa_spacing=0,
+        abscissa_spec_data_type=_FREQUENCY,
+        abscissa_axis_units_lab="Hz",
+        ordinate_spec_data_type=11 if is_frf else _UNKNOWN,
+        ordinate_axis_units_lab="m/s" if is_frf else "1",
+        # pyuff does not write the set without this one.
+        orddenom_spec_data_type=_GENERAL if is_frf else _UNKNOWN,
+        orddenom_axis_units_lab="V" if is_frf else "NONE",
+        z_axis_axis_units_lab="NONE",
+        data=np.asarray(values),
+        x=np.asarray(response.frequencies, dtype=np.float64),
+    )
+    return made
+
+
+def _letter(patch: str) -> int:
+    """A patch's number: A is 1."""
+    return ord(patch.upper()) - ord("A") + 1 if len(patch) == 1 and patch.isalpha() else 0
+
+
+def _sets(path: Path) -> list[dict[str, Any]]:
+    try:
+        file = pyuff.UFF(str(path))
+        kinds = file.get_set_types()
+        # Sets that pyuff does not know, geometry say, are nobody's business here.
+        return [file.read_sets(n) for n, kind in enumerate(kinds) if kind in (58, 164)]
+    except Exception:
+        # It raises plain Exception, whatever is wrong.
+        raise DataError(f"{path} is damaged or no Universal File Format: it cannot be read.") from None
+
+
+def _place(function: Mapping[str, Any]) -> tuple[str, int, int, str, int]:
+    return (
+        str(function["rsp_ent_name"]).strip(),
+        int(function["rsp_node"]),
+        int(function["rsp_dir"]),
+        str(function["ref_ent_name"]).strip(),
+        int(function["ref_node"]),
+    )
+
+
+def _response(
+    path: Path,
+    function: Mapping[str, Any],
+    coherence: Mapping[str, Any] | None,
+    length: float,
+    source: str,
+    rig: RigFile | None,
+    patch: str | None,
+    point: str | None,
+) -> Response:
+    f, H = np.asarray(function["x"], dtype=np.float64), np.asarray(function["data"], dtype=np.complex128)
+    good = len(f) == len(H) and np.all(np.isfinite(f)) and np.all(np.isfinite(H)) and np.all(np.diff(f) > 0)
+    if not good or len(f) != int(function["num_pts"]) or len(f) < 2:
+        raise DataError(
+            f"{path} is damaged: the response of node {function['rsp_node']} has not the rising frequencies "
+            f"and the {function['num_pts']} numbers that it announces."
+        )
+    velocity = _velocity(path, function, f, H, length)
+    kept = f > 0
+    f, velocity = f[kept], velocity[kept]
+    name, node, _, reference, reference_node = _place(function)
+    ours = str(function["id1"]).startswith(_MARK)
+    share = np.zeros(0)
+    if coherence is not None and len(coherence["x"]) == len(kept) and np.allclose(coherence["x"][kept], f):
+        share = np.clip(np.real(np.asarray(coherence["data"]))[kept], 0.0, 1.0)
+    # Random error of one average (Bendat and Piersol, Random Data, 2010, section 9.2); how many there
+    # were is not in the file, so that this is an upper bound.
+    sure = np.clip(share, 1e-6, _SURE)
+    deviation = np.abs(velocity) * np.sqrt((1 - sure) / sure) if len(share) else np.zeros(0)
+    return Response(
+        patch=patch or (reference if ours else str(reference_node)),
+        point=point or (name if ours else str(node)),
+        frequencies=f,
+        velocity=velocity,
+        deviation=deviation,
+        coherence=share,
+        path=np.ones(len(f), dtype=np.complex128),
+        noise=np.zeros(0),
+        distortion=np.zeros((0, 0)),
+        repeats=1,
+        level=1.0,
+        levels=np.zeros(0),
+        level_gain=np.zeros(0, dtype=np.complex128),
+        velocity_range=np.inf,
+        excitation=str(function["id2"]).strip(),
+        source=source,
+        rig=rig.name if rig else str(function["id4"]).strip(),
+        rig_file=rig.model_dump_json() if rig else "",
+        simulated=ours and str(function["id5"]).startswith(_SIMULATED[:9]),
+        created=str(function["id3"]).strip(),
+    )
+
+
+def _velocity(
+    path: Path, function: Mapping[str, Any], f: FloatArray, H: ComplexArray, length: float
+) -> ComplexArray:
+    """M/s per V, whatever the function's ordinate is. Raises DataError when that cannot be told."""
+    kind = int(function["ordinate_spec_data_type"])
+    unit = str(function["ordinate_axis_units_lab"]).strip()
+    if kind in (_UNKNOWN, _GENERAL):
+        kind = _UNITS.get(unit, kind)
+    if kind not in _POWERS:
+        raise DataError(
+            f"{path}: the response of node {function['rsp_node']} is in {unit or 'no unit'!r} (data type "
+            f"{kind}); displacement, velocity or acceleration is needed."
+        )
+    below = int(function["orddenom_spec_data_type"])
+    per = str(function["orddenom_axis_units_lab"]).strip()
+    if below in _FORCES or per in ("N", "lbf"):
+        raise DataError(
+            f"{path}: the response of node {function['rsp_node']} is per newton, and a patch is driven by "
+            "volts: export it with the drive voltage as reference."
+        )
+    sign = -1.0 if int(function["rsp_dir"]) < 0 else 1.0
+    # Factors of data set 164 divide.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(sign / length * H * (2j * np.pi * f) ** _POWERS[kind])

@@ -1,0 +1,7 @@
+"""Keeping a calibration true: history, drift, sensor health, recalibration."""
+
+from haploop.calibration.upkeep.drift import PlaceMetrics
+from haploop.calibration.upkeep.history import Generation, History
+from haploop.calibration.upkeep.recalibration import Outcome, buttons_of, calibrations_of
+
+__all__ = ["Generation", "History", "Outcome", "PlaceMetrics", "buttons_of", "calibrations_of"]

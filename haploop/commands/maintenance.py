@@ -1,0 +1,99 @@
+"""Maintenance of a rig: `haploop doctor`, `log`, `reset` and `schema`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from haploop.commands.options import JSON, RIG, SIMULATE, alone, opened_rig
+from haploop.exits import CommandState
+from haploop.instruments import HaploopError
+
+if TYPE_CHECKING:
+    from haploop.instruments.driver import Mode
+
+__all__ = ["doctor", "log", "reset", "schema"]
+
+
+@click.command()
+@click.option(
+    "--mass",
+    type=click.FloatRange(0.05, 10),
+    default=0.5,
+    show_default=True,
+    metavar="KG",
+    help="Known mass for the force sensor test.",
+)
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def doctor(state: CommandState, mass: float, rig: str, simulate: Mode | None, as_json: bool) -> int:
+    """Test all instruments of a rig.
+
+    Checks that each instrument is present, wired and set as the rig file says.
+
+    Exit codes: 0 no finding is red, 1 at least one is red, 3 an instrument cannot be opened.
+    """
+    from haploop.doctor import doctor as diagnosis  # noqa: PLC0415
+    from haploop.progress import Steps  # noqa: PLC0415
+
+    missing = False
+    with alone(rig, simulate) as file:
+        simulated = (simulate or file.simulate) is not None
+        try:
+            with opened_rig(state, file, simulate) as opened, Steps() as steps:
+                simulated = opened.simulated
+                findings = diagnosis.examine(opened, mass, steps)
+        except HaploopError as error:
+            # Once the rig has opened, the only error here is an unconfirmed safe state: report that one.
+            if state.rig_opened:
+                raise
+            findings, missing = diagnosis.find_each(file, simulate, error), True
+    diagnosis.tell(findings, file.name, simulated, as_json)
+    if missing:
+        return 3
+    return int(any(finding.status == "red" for finding in findings))
+
+
+@click.command()
+@click.option(
+    "--last", type=click.IntRange(1), default=20, show_default=True, help="Number of entries to show."
+)
+@RIG
+@SIMULATE
+@JSON
+def log(last: int, rig: str, simulate: Mode | None, as_json: bool) -> None:
+    """Show the audit log of a rig.
+
+    Lists what was connected, played, refused and stopped, when, by whom and with which rig file.
+    """
+    from haploop import logbook  # noqa: PLC0415
+    from haploop.instruments import load_rig_file  # noqa: PLC0415
+
+    file = load_rig_file(rig)
+    logbook.tell(file, simulate or file.simulate, last, as_json)
+
+
+@click.command()
+@click.option(
+    "--reason", required=True, help="Cause of the trip and what was done about it; stored in the audit log."
+)
+@RIG
+@SIMULATE
+def reset(reason: str, rig: str, simulate: Mode | None) -> None:
+    """Clear the lockout after a limit trip, once someone has inspected the rig."""
+    from haploop import logbook  # noqa: PLC0415
+
+    with alone(rig, simulate) as file:
+        logbook.reset(file, simulate or file.simulate, reason)
+
+
+@click.command()
+def schema() -> None:
+    """Print the JSON schema of rig files, for use in editors."""
+    from haploop.instruments.rig import rig_schema  # noqa: PLC0415
+    from haploop.progress import print_json  # noqa: PLC0415
+
+    print_json(rig_schema())

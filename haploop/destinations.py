@@ -1,0 +1,28 @@
+"""Output files: checked before anything is measured, not after."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from haploop.acquisition.recording import check_destination
+from haploop.instruments import ConfigurationError
+
+__all__ = ["check_new_file", "check_new_picture"]
+
+
+def check_new_file(path: Path) -> None:
+    """Raise ConfigurationError if `path` cannot be written as a new file."""
+    if path.exists():
+        raise ConfigurationError(f"{path} already exists and is not overwritten: choose another name.")
+    if not path.parent.is_dir():
+        raise ConfigurationError(
+            f"There is no folder {path.parent} for {path.name}: create it, or choose another folder."
+        )
+    check_destination(path)
+
+
+def check_new_picture(path: Path, suffix: str = ".png") -> None:
+    """As `check_new_file`, for a picture with this suffix."""
+    if path.suffix.lower() != suffix:
+        raise ConfigurationError(f"{path} has the wrong file type: use a name that ends with {suffix}.")
+    check_new_file(path)

@@ -1,0 +1,1 @@
+"""`haploop doctor`: is the rig wired and set as its file says?"""

@@ -1,0 +1,250 @@
+"""`haploop doctor`: tests whether a rig is wired and set as its file says.
+
+Tests that move nothing come first, then the relay with the amplifier at zero, then short sweeps of a
+few volts within the rig's own limits. The rig is in its safe state after each part.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from typing import get_args
+
+from rich.markup import escape
+from rich.table import Table
+
+from haploop.doctor.finding import Finding, Status
+from haploop.doctor.patch_check import check_patches
+from haploop.doctor.sensor_check import cards, check_clock, check_force, check_gravity, check_noise
+from haploop.instruments import HaploopError, InstrumentError, Rig, RigFile, open_rig
+from haploop.instruments.config import ROLES
+from haploop.instruments.driver import Mode
+from haploop.progress import print_json, print_table
+
+__all__ = ["Finding", "examine", "find_each", "tell"]
+
+_STATUSES = get_args(Status)
+
+Progress = Callable[[str, float, float], None]
+
+
+def examine(
+    rig: Rig, mass: float = 0.5, progress: Progress = lambda _step, _done, _of: None
+) -> list[Finding]:
+    """Test every instrument and sensor of this rig, beginning with the tests that move nothing.
+
+    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is called
+    with each part's name, the amount done and the total. Raises InstrumentError only when the safe state
+    could not be confirmed.
+    """
+    parts: list[tuple[str, str, bool, Callable[[], Iterator[Finding]]]] = [
+        ("Identities", "rig", True, lambda: _identities(rig)),
+        ("Settings", "rig", True, lambda: _settings(rig)),
+        ("Noise floor", "daq", True, lambda: check_noise(rig)),
+        ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),
+        ("Accelerometer", "acceleration", rig.sensors.acceleration is not None, lambda: check_gravity(rig)),
+        ("Two cards, one clock", "daq", len(cards(rig)) > 1, lambda: check_clock(rig)),
+        ("Relay", "relay", rig.file.relay is not None, lambda: _relay(rig)),
+        ("Patches", "table", _has_table(rig), lambda: check_patches(rig)),
+    ]
+    findings: list[Finding] = []
+    for name, instrument, applies, check in parts:
+        if not applies:
+            continue
+        if name == "Patches" and any(f.instrument == "relay" and f.status == "red" for f in findings):
+            findings.append(Finding(name, instrument, "yellow", "Not tested: repair the relay first."))
+            continue
+        progress(name, 0, 1)
+        try:
+            findings.extend(check())
+        except HaploopError as error:
+            findings.append(Finding(name, instrument, "red", str(error)))
+        finally:
+            rig.make_safe()
+        progress(name, 1, 1)
+    if rig.file.relay is not None:
+        held = ", ".join(sorted(rig.relay.connected()))
+        findings.append(
+            Finding("Safe state", "rig", "red", f"The relay still connects {held}: switch the amplifier off.")
+            if held
+            else Finding("Safe state", "rig", "green", "The output is zero and every relay channel is open.")
+        )
+    return findings
+
+
+def find_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list[Finding]:
+    """Open each instrument by itself, for a rig that cannot be opened because of `error`."""
+    findings: list[Finding] = []
+    roles = [role for role in ROLES if role != "operator" and getattr(file, role) is not None]
+    # A simulated plant is wired to the DAQ, so the other twins need it.
+    needed = "daq" if simulate or file.simulate else ""
+    for role in roles:
+        if findings and findings[0].status == "red" and needed:
+            findings.append(Finding("Identity", role, "yellow", "Not tested: repair the DAQ first."))
+            continue
+        alone = file.model_copy(update={other: None for other in roles if other not in (role, needed)})
+        try:
+            with open_rig(alone, simulate=simulate) as rig:
+                identity = getattr(rig, role).identity
+                findings.append(Finding("Identity", role, "green", f"{identity} responds."))
+        except HaploopError as problem:
+            findings.append(Finding("Identity", role, "red", str(problem)))
+    if all(finding.status == "green" for finding in findings):
+        findings.append(Finding("Identity", "rig", "red", str(error)))
+    findings.append(Finding("Everything else", "rig", "yellow", "Not tested: the rig could not be opened."))
+    return findings
+
+
+def tell(findings: Sequence[Finding], rig: str, simulated: bool, as_json: bool) -> None:
+    """Print findings on standard output: a table, or one JSON object."""
+    worst = max((finding.status for finding in findings), key=_STATUSES.index)
+    if as_json:
+        found = [asdict(finding) for finding in findings]
+        print_json({"rig": rig, "simulated": simulated, "status": worst, "findings": found})
+        return
+    table = Table(
+        "",
+        "instrument",
+        "what",
+        "finding",
+        title=f"The rig {rig}{', simulated' if simulated else ''}: {worst}",
+    )
+    for finding in findings:
+        mark = f"[{finding.status}]{finding.status}[/{finding.status}]"
+        table.add_row(mark, finding.instrument, finding.name, escape(finding.sentence))
+    print_table(table)
+
+
+def _has_table(rig: Rig) -> bool:
+    file = rig.file
+    parts = (file.table, file.amplifier, file.relay, file.vibrometer, file.sensors.drive)
+    return all(part is not None for part in parts)
+
+
+def _identities(rig: Rig) -> Iterator[Finding]:
+    for role in ROLES:
+        if role == "operator" or getattr(rig.file, role) is None:
+            continue
+        instrument = getattr(rig, role)
+        sentence = f"{instrument.identity} responds."
+        if role == "amplifier":
+            sentence = f"{instrument.identity}: no digital interface; its gain is measured below."
+        elif role == "vibrometer" and instrument.declared is not None:
+            sentence = f"{instrument.identity}: no digital interface; the operator confirms its settings."
+        yield Finding("Identity", role, "green", sentence)
+
+
+def _settings(rig: Rig) -> Iterator[Finding]:
+    if rig.file.vibrometer is not None:
+        yield _vibrometer_settings(rig)
+    if _has_table(rig):
+        yield _limits(rig)
+    if rig.file.relay is not None and math.isfinite(rig.relay.dead_man):
+        sentence = (
+            f"If this program is killed or loses power, the relay box opens by itself after "
+            f"{rig.relay.dead_man:g} s."
+        )
+        yield Finding("Dead-man time", "relay", "green", sentence)
+    lockout = rig.lockout
+    if lockout is not None:
+        yield Finding("Lockout", "rig", "red", lockout.sentence)
+    elif _has_table(rig):
+        sentence = f"The rig is not locked out; its audit log is in {rig.audit.folder}."
+        yield Finding("Lockout", "rig", "green", sentence)
+
+
+def _limits(rig: Rig) -> Finding:
+    limits, abort = rig.limits, rig.file.abort
+    sentence = (
+        f"A drive may reach {limits.peak:g} V about zero, slew {limits.slew:g} V/s, draw "
+        f"{limits.current_peak:g} A and last {limits.max_duration:g} s, {limits.duty:.0%} of a minute: the "
+        "strictest of amplifier, relay, patch and rig."
+    )
+    aborts = [f"{1.1 * limits.peak if abort.drive is None else abort.drive:.3g} V at the patch"]
+    aborts += [f"{abort.velocity:g} m/s of the surface"] if abort.velocity is not None else []
+    aborts += [f"{abort.force:g} N on the force sensor"] if abort.force is not None else []
+    return Finding("Limits", "amplifier", "green", f"{sentence} A play is stopped at {', '.join(aborts)}.")
+
+
+def _vibrometer_settings(rig: Rig) -> Finding:
+    vibrometer = rig.vibrometer
+    settings = f"{vibrometer.range * 1e3:g} mm/s full scale ({vibrometer.scale * 1e3:g} mm/s per V)"
+    if vibrometer.declared is not None:
+        try:
+            rig.confirm_settings()
+        except InstrumentError:
+            sentence = (
+                "The settings differ from the rig file, so every velocity would be scaled wrongly: set the "
+                f"range to {vibrometer.range * 1e3:g} mm/s and the filters as prompted, or correct "
+                "[vibrometer]."
+            )
+            return Finding("Settings", "vibrometer", "red", sentence)
+        return Finding("Settings", "vibrometer", "green", f"The operator confirms {settings}.")
+    assert rig.file.vibrometer is not None
+    for key in ("range", "scale"):
+        asked = rig.file.vibrometer.settings.get(key)
+        found = getattr(vibrometer, key)
+        if isinstance(asked, float) and not math.isclose(asked, found, rel_tol=1e-3):
+            sentence = (
+                f"The instrument reports a {key} of {found:g}, but the rig file says {asked:g}: set the "
+                "instrument, or correct [vibrometer]."
+            )
+            return Finding("Settings", "vibrometer", "red", sentence)
+    level = vibrometer.signal_level()
+    if level is not None and level < 0.3:
+        status: Status = "red" if level < 0.1 else "yellow"
+        sentence = f"The signal level is {level:.0%}: focus the laser, or put reflective tape on the table."
+        return Finding("Settings", "vibrometer", status, sentence)
+    seen = "" if level is None else f"; signal level {level:.0%}"
+    return Finding("Settings", "vibrometer", "green", f"The instrument reports {settings}{seen}.")
+
+
+def _relay(rig: Rig) -> Iterator[Finding]:
+    relay = rig.relay
+    rig.daq.zero()
+    sound = True
+    for patch in relay.patches:
+        name = f"Channel of patch {patch}"
+        try:
+            relay.connect((patch,))
+            shown = relay.connected()
+            relay.connect(())
+            left = relay.connected()
+        except InstrumentError as error:
+            sound = False
+            yield Finding(name, "relay", "red", str(error))
+            continue
+        if shown == {patch} and not left:
+            yield Finding(
+                name, "relay", "green", "Closes alone and opens again, read back with the output at zero."
+            )
+        else:
+            sound = False
+            states = ", ".join(sorted(shown)) or "nothing"
+            sentence = f"Commanded to connect {patch} alone, the box reports {states}: check or replace it."
+            yield Finding(name, "relay", "red", sentence)
+    if sound:
+        yield _dead_man(rig)
+
+
+def _dead_man(rig: Rig) -> Finding:
+    relay, patch = rig.relay, rig.relay.patches[0]
+    if math.isinf(relay.dead_man):
+        return Finding(
+            "Dead-man",
+            "relay",
+            "yellow",
+            "The relay has no dead-man timer: if this computer stops, a connected patch stays connected. "
+            "Switch the amplifier off by hand in that case.",
+        )
+    relay.connect((patch,))
+    rig.clock.sleep(relay.dead_man + 0.5)
+    if relay.connected():
+        sentence = (
+            f"Patch {patch} is still connected {relay.dead_man + 0.5:g} s after the last command: the box "
+            "does not open by itself. Update its firmware, or replace it."
+        )
+        return Finding("Dead-man", "relay", "red", sentence)
+    sentence = f"Without renewal, the box opened by itself within {relay.dead_man:g} s."
+    return Finding("Dead-man", "relay", "green", sentence)

@@ -1,0 +1,240 @@
+"""Tests whether each patch moves the table, and whether the relay's channels connect the right patches.
+
+Short sweeps of a few volts go into each patch, and the laser measures near the place of each patch.
+A collocated response is in phase: every mode that a patch drives moves the patch's own place in the
+same direction. At another place some modes move in the opposite direction. So the in-phase part of the
+response, summed over the band, S(place, patch), obeys S(p, q)^2 < S(p, p) S(q, q), whatever the
+strength of each patch, and the true pairing of places with channels has the largest product of all S.
+(The largest amplitude is not sufficient: a strong patch exceeds a weak one at the weak one's place, and
+two mirrored patches have the same amplitude in every mode.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import rfft, rfftfreq
+from scipy.optimize import linear_sum_assignment
+
+from haploop.calibration import linear_sweep
+from haploop.doctor.finding import Finding
+from haploop.instruments import Aim, Capture, HaploopError, InstrumentError, Rig
+from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
+
+__all__ = ["check_patches"]
+
+_LEVEL = 10.0
+"""V at the patch."""
+_DURATION, _TAIL = 0.3, 0.15
+_STOP_HZ = 625.0
+_BAND = (30.0, 610.0)
+_SEEN = 3.0
+"""Times the noise of the same measurement without a drive."""
+_REACHED, _CLOSED = 0.3, 0.1
+"""V measured per V commanded, above which a drive reaches its patch, and above which one does that
+should not: between them lies an amplifier that is set wrongly."""
+_GAIN = 0.1
+"""How far the measured drive may be from the commanded one: two amplifiers of one type differ by 1 %."""
+_CLEAR = 1.3
+"""How much larger the product of the pairing that was found must be than that of the rig file's."""
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What one sweep did, per volt commanded: `drive` V at the patch, `seen` m/s (all of the band),
+    `in_phase` m/s (with the drive). `problem` is what left its range.
+    """
+
+    drive: float
+    seen: float
+    in_phase: float
+    problem: str | None
+
+
+@dataclass(frozen=True)
+class _Answers:
+    """Of each place of a patch to each patch, to no patch at all, and what could not be played."""
+
+    level: float
+    of: dict[tuple[str, str], _Answer]
+    silence: _Answer
+    refused: dict[str, str]
+
+    def best(self) -> dict[str, _Answer]:
+        """The strongest answer to each patch, wherever the laser was."""
+        best: dict[str, _Answer] = {}
+        for (_, patch), answer in self.of.items():
+            if patch not in self.refused and (patch not in best or answer.seen > best[patch].seen):
+                best[patch] = answer
+        return best
+
+
+def check_patches(rig: Rig) -> Iterator[Finding]:
+    """See the module. Raises InstrumentError when the operator does not aim or an instrument fails."""
+    answers = _measure(rig)
+    for patch, sentence in answers.refused.items():
+        yield Finding(f"Patch {patch}", "table", "red", sentence)
+    yield from _drive_findings(answers)
+    driven = {p: a for p, a in answers.best().items() if abs(a.drive) > _REACHED}
+    if not driven or abs(answers.silence.drive) > _CLOSED:
+        return
+    seen = {p for p, a in driven.items() if a.seen > _SEEN * answers.silence.seen}
+    blind = next((a.problem for a in answers.of.values() if a.problem), None)
+    if not blind and not seen:
+        blind = (
+            f"It saw none of the {len(driven)} patches, each driven with {answers.level:g} V: is the beam "
+            "blocked, out of focus or beside the table, or its cable off?"
+        )
+    if blind:
+        yield Finding("Laser", "vibrometer", "red", blind)
+        return
+    for patch, answer in driven.items():
+        moved = f"{answer.seen * 1e6:.2g} µm/s per V"
+        if patch in seen:
+            times = answer.seen / answers.silence.seen
+            sentence = f"The patch moves the table: {moved}, {times:.0f} times the noise."
+            yield Finding(f"Patch {patch}", "table", "green", sentence)
+        else:
+            sentence = (
+                f"{answers.level:g} V reach the wires of this patch, but the laser measures only noise "
+                f"({moved}); other patches do move the table: the patch is dead. Check its solder joints "
+                "and glue, or replace it."
+            )
+            yield Finding(f"Patch {patch}", "table", "red", sentence)
+    known = [p for p in rig.table.patch_places if p in seen]
+    yield _wiring({k: a.in_phase for k, a in answers.of.items()}, known)
+
+
+def _measure(rig: Rig) -> _Answers:
+    places = rig.table.patch_places
+    patches = [p for p in rig.table.patches if p in rig.relay.patches]
+    known = [p for p in patches if p in places]
+    points = {p: str(rig.table.nearest(places[p])) for p in known} if len(known) > 1 else {"": "button"}
+    level = min(_LEVEL, rig.limits.peak)
+    sweep = linear_sweep(rig.table.rate_hz, _DURATION, _STOP_HZ, level)
+    # A player's drive is found by what the monitor shows of it, and here that must be nothing.
+    silent = rig.file.player is not None
+    of: dict[tuple[str, str], _Answer] = {}
+    refused: dict[str, str] = {}
+    silence: _Answer | None = None
+    for place, point in points.items():
+        if not rig.operator.confirm(Aim(point)):
+            raise InstrumentError(
+                f"The operator did not confirm this request, so no patch was tested: {Aim(point)}"
+            )
+        silence = silence or _play(rig, sweep, (), silent)
+        for patch in (p for p in patches if p not in refused):
+            try:
+                of[place, patch] = _play(rig, sweep, (patch,))
+            except HaploopError as error:
+                refused[patch] = str(error)
+    assert silence is not None, "there is a point"
+    return _Answers(level, of, silence, refused)
+
+
+def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = False) -> _Answer:
+    """What the sweep does, or with `silent` what as much silence does in its place."""
+    sensor = rig.sensors.drive
+    assert sensor is not None
+    capture = rig.excite(
+        0 * sweep if silent else sweep, patches, (sensor.channels[0], rig.vibrometer.channel), _TAIL
+    )
+    samples, rate_hz = capture.volts.shape[1], capture.rate_hz
+    f = rfftfreq(samples, 1 / rate_hz)
+    inside = (f > _BAND[0]) & (f < _BAND[1])
+    f = np.asarray(f[inside])
+    commanded = _spectrum(sweep, samples, inside)
+    drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside)
+    velocity = _spectrum(rig.vibrometer.to_velocity(capture.volts[1]), samples, inside)
+    # As in time as the table is: the laser's delay and the card's skew turn the phase.
+    skew = np.exp(-2j * np.pi * f * (capture.delays[1] - capture.delays[0]))
+    velocity = np.asarray(velocity / rig.vibrometer.response(f) * skew)
+    power = float((np.abs(commanded) ** 2).sum())
+    return _Answer(
+        drive=float((drive * commanded.conj()).real.sum() / power),
+        seen=float(np.sqrt((np.abs(velocity) ** 2).sum() / power)),
+        in_phase=float((velocity * commanded.conj()).real.sum() / power),
+        problem=_overload(rig, capture),
+    )
+
+
+def _spectrum(signal: FloatArray, samples: int, inside: BoolArray) -> ComplexArray:
+    return np.asarray(rfft(signal - signal.mean(), samples)[inside])
+
+
+def _overload(rig: Rig, capture: Capture) -> str | None:
+    fastest = float(np.abs(rig.vibrometer.to_velocity(capture.volts[1])).max())
+    if capture.overload[1] or fastest > rig.vibrometer.range:
+        return (
+            f"The velocity reached the end of the {rig.vibrometer.range * 1e3:g} mm/s range at {_LEVEL:g} V: "
+            "there is too little light (focus the laser, or use reflective tape), or the range is too small."
+        )
+    if capture.overload[0]:
+        return "The drive monitor left its input range: increase the range of its channel in the rig file."
+    return None
+
+
+def _drive_findings(answers: _Answers) -> Iterator[Finding]:
+    """Findings from the drive monitor: the amplifier's gain, and contacts that do not switch."""
+    best, silence, level = answers.best(), answers.silence, answers.level
+    if abs(silence.drive) > _CLOSED:
+        sentence = (
+            f"With every channel open, the drive monitor still measures {silence.drive:.2f} V per V: a "
+            "contact is welded closed. Switch the amplifier off and replace the box."
+        )
+        yield Finding("Contacts", "relay", "red", sentence)
+    reached = {p: a.drive for p, a in best.items() if abs(a.drive) > _REACHED}
+    if best and not reached:
+        sentence = (
+            f"{level:g} V were commanded, but the drive monitor measures nothing at any patch: is the "
+            "amplifier on, and its input connected? If it has tripped, switch it off and on again."
+        )
+        yield Finding("Gain", "amplifier", "red", sentence)
+        return
+    for patch in best.keys() - reached.keys():
+        sentence = (
+            "The box reports this patch as connected, but no voltage reaches it: the contact does not "
+            "close, or the wire is disconnected."
+        )
+        yield Finding(f"Patch {patch}", "relay", "red", sentence)
+    if reached:
+        gain = float(np.median(list(reached.values())))
+        measured = f"{gain:.3f} V arrive at the patch for each volt commanded"
+        if abs(gain - 1) > _GAIN:
+            what = "correct the gain switch, or gain in [amplifier] and ratio in [sensors.drive]."
+            yield Finding("Gain", "amplifier", "red", f"{measured}: {what}")
+        else:
+            yield Finding("Gain", "amplifier", "green", f"{measured}.")
+
+
+def _wiring(in_phase: dict[tuple[str, str], float], patches: list[str]) -> Finding:
+    """Which channel drives the patch at each place."""
+    if len(patches) < 2:
+        sentence = (
+            "Not tested: the test for swapped relay channels needs patch_places in [table], and at least "
+            "two patches that move the table."
+        )
+        return Finding("Wiring", "relay", "yellow", sentence)
+    strength = np.abs([[in_phase[place, patch] for patch in patches] for place in patches])
+    logs = np.log(np.maximum(strength, 1e-3 * strength.max()))
+    _, found = linear_sum_assignment(-logs)
+    gain = float(np.exp(logs[np.arange(len(patches)), found].sum() - np.trace(logs)))
+    wrong = [(place, patches[i]) for place, i in zip(patches, found, strict=True) if place != patches[i]]
+    if not wrong:
+        return Finding("Wiring", "relay", "green", "Each channel drives the patch that the rig file states.")
+    told = ", ".join(f"the channel of {patch} drives patch {place}" for place, patch in wrong)
+    if gain < _CLEAR:
+        sentence = f"Uncertain: it seems that {told}. Check patch_places in [table]."
+        return Finding("Wiring", "relay", "yellow", sentence)
+    if len(wrong) == 2:
+        one, other = wrong[0]
+        sentence = (
+            f"The channels of patches {one} and {other} are swapped: {told}. Swap the wires, or the "
+            "channel numbers in [relay]."
+        )
+        return Finding("Wiring", "relay", "red", sentence)
+    return Finding(
+        "Wiring", "relay", "red", f"The channels are mixed up: {told}. Correct the wires, or [relay]."
+    )

@@ -1,0 +1,215 @@
+"""Tests of the sensors and of the DAQ cards that sample them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.signal import butter, correlate, sosfiltfilt
+
+from haploop.doctor.finding import Finding, Status
+from haploop.instruments import Capture, HaploopError, Press, Rest, Rig
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.operator import Place, Remove
+
+__all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"]
+
+_GRAVITY = 9.80665
+_MASS_TOLERANCE = 0.05
+_CONVERTER_NOISE = 28e-6
+"""V rms per V of range: that of a 16-bit card (found for +-10 V; hardware.md, section 13)."""
+_NOISY = 5e-3
+"""Share of the range above which noise is no sensor's."""
+_APART, _DRIFTED = 30e-3, 5e-3
+"""Seconds between one press as two cards see it, and how far they may move apart between two
+presses. The snap of a button shows in force and acceleration 10 to 13 ms apart, always the same
+within 2 ms (measured on the plant)."""
+_BETWEEN_PRESSES = 30.0
+"""Seconds: clocks that differ by 170 parts in a million come 5 ms apart."""
+_PRESS = 4.0
+"""Seconds from the request to press until the press is over."""
+_PRESS_BAND = (15.0, 100.0)
+"""Hz in which force and acceleration both show the snap."""
+
+
+def cards(rig: Rig) -> dict[str, list[str]]:
+    """The measured channels of each card; one card for a DAQ whose channels name no terminals."""
+    sensors = rig.sensors
+    names = [
+        c
+        for s in (sensors.force, sensors.acceleration, sensors.activation, sensors.drive)
+        if s
+        for c in s.channels
+    ]
+    if rig.file.vibrometer is not None:
+        names.append(rig.vibrometer.channel)
+    channels = rig.file.daq.settings.get("channels", {})
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        terminal = str(channels.get(name, {}).get("terminal", "")) if isinstance(channels, dict) else ""
+        groups.setdefault(terminal.partition("/")[0], []).append(name)
+    return groups
+
+
+def check_noise(rig: Rig) -> Iterator[Finding]:
+    """Noise floor of each channel: neither too high, nor zero."""
+    rig.operator.tell(Rest(1.0))
+    for card, channels in cards(rig).items():
+        rate_hz = rig.file.rate_hz
+        try:
+            with rig.daq.stream(channels, rate_hz, round(rate_hz / 10), round(rate_hz)) as stream:
+                ranges = stream.full_scale
+                capture = stream.capture()
+        except HaploopError as error:
+            yield Finding(f"Noise floor of {card or 'the card'}", "daq", "red", str(error))
+            continue
+        for name, volts, full_scale, overload in zip(
+            channels, capture.volts, ranges, capture.overload, strict=True
+        ):
+            status, sentence = _noise_floor(rig, name, volts, float(full_scale), bool(overload))
+            yield Finding(f"Noise floor of {name}", "daq", status, sentence)
+
+
+def _noise_floor(
+    rig: Rig, name: str, volts: FloatArray, full_scale: float, overload: bool
+) -> tuple[Status, str]:
+    mean, rms = float(volts.mean()), float(volts.std())
+    converter = _CONVERTER_NOISE * full_scale
+    measured = f"{_volts(rms)} rms about {_volts(mean)} in +-{full_scale:g} V"
+    sensors = rig.sensors
+    never_zero = [c for s in (sensors.force, sensors.acceleration) if s for c in s.channels]
+    if overload:
+        return "red", (
+            f"The signal is at the end of its range ({measured}): the sensor is saturated, its wire is "
+            "disconnected, or the range in the rig file is too small."
+        )
+    if rms == 0:
+        return "red", f"The signal is constant ({measured}): check the converter and the cable."
+    if name in never_zero and abs(mean) < 10 * converter and rms < 2 * converter:
+        return (
+            "yellow",
+            f"The signal is only the card's own noise ({measured}): is the sensor connected?",
+        )
+    if rms > _NOISY * full_scale:
+        return (
+            "yellow",
+            f"The signal is noisy ({measured}): check for hum, a floating ground or hands on the table.",
+        )
+    return "green", f"{measured}; the card's own noise is about {_volts(converter)}."
+
+
+def _volts(value: float) -> str:
+    return f"{value:.3g} V" if abs(value) >= 0.1 else f"{value * 1e3:.2g} mV"
+
+
+def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
+    """A known mass (kg), put on the force sensor by the operator."""
+    sensor = rig.sensors.force
+    assert sensor is not None
+    rig.operator.tell(Rest(1.0))
+    rest = _captured(rig, sensor.channels, 1.0).volts.mean(axis=1)
+    if not rig.operator.confirm(Place(mass)):
+        yield Finding("Known mass", "force", "yellow", "Not tested: no mass was put on the force sensor.")
+        return
+    loaded = _captured(rig, sensor.channels, 1.0).volts.mean(axis=1)
+    rig.operator.confirm(Remove())
+    force = sensor.to_si((loaded - rest)[:, np.newaxis])[:, 0]
+    weight = mass * _GRAVITY
+    off, aside = float(force[2] / weight - 1), float(np.abs(force[:2]).max() / weight)
+    measured = (
+        f"{mass:g} kg reads {force[2]:.2f} N instead of {weight:.2f} N ({off:+.0%}), and "
+        f"{force[0]:.2f} N and {force[1]:.2f} N sideways"
+    )
+    if force[2] < 0.2 * weight and abs(off) > _MASS_TOLERANCE:
+        what = "the sensor is upside down or not connected. Check its mounting and its cable."
+        yield Finding("Known mass", "force", "red", f"{measured}: {what}")
+    elif abs(off) > _MASS_TOLERANCE or aside > _MASS_TOLERANCE:
+        what = "the matrix belongs to another sensor. Check the serial number on the .cal file."
+        yield Finding("Known mass", "force", "red", f"{measured}: {what}")
+    else:
+        yield Finding("Known mass", "force", "green", f"{measured}.")
+
+
+def check_gravity(rig: Rig) -> Iterator[Finding]:
+    """The accelerometer at rest, z up."""
+    sensor = rig.sensors.acceleration
+    assert sensor is not None
+    rig.operator.tell(Rest(1.0))
+    volts = _captured(rig, sensor.channels, 1.0).volts
+    x, y, z = sensor.to_si(volts).mean(axis=1)
+    measured = f"At rest it reads {x:.1f}, {y:.1f}, {z:.1f} m/s² along x, y, z"
+    what = sensor.fault_at_rest(volts)
+    if what is None:
+        yield Finding("Gravity", "acceleration", "green", f"{measured}: upright, with 9.8 expected on z.")
+        return
+    yield Finding("Gravity", "acceleration", "red", f"{measured}: {what}")
+
+
+def check_clock(rig: Rig) -> Iterator[Finding]:
+    """Whether two cards share one clock: both measure two presses, half a minute apart."""
+    groups = cards(rig)
+    names = " and ".join(groups)
+    both = [channels[0] for channels in groups.values()]
+    force, acceleration = rig.sensors.force, rig.sensors.acceleration
+    if force is None or acceleration is None:
+        _captured(rig, both, 1.0)
+        sentence = f"Not tested: {names} have no pair of sensors that both measure a press."
+        yield Finding("One clock", "daq", "yellow", sentence)
+        return
+    rate_hz = rig.file.rate_hz
+    channels = (*force.channels, *acceleration.channels)
+    total = _BETWEEN_PRESSES + 2 * _PRESS
+    lags = []
+    with rig.daq.stream(channels, rate_hz, round(rate_hz / 2), round(total * rate_hz)) as stream:
+        rig.operator.tell(Press("push", "doctor", 1, 2))
+        asked, blocks = 1, []
+        for block in stream:
+            blocks.append(block.volts)
+            if asked == 1 and block.end >= (_BETWEEN_PRESSES + _PRESS) * rate_hz:
+                rig.operator.tell(Press("push", "doctor", 2, 2))
+                asked = 2
+    volts = np.concatenate(blocks, axis=1)
+    window = round(_PRESS * rate_hz)
+    for first in (0, round((_BETWEEN_PRESSES + _PRESS) * rate_hz)):
+        part = volts[:, first : first + window]
+        pushed = force.to_si(part[:6])[2]
+        shaken = acceleration.to_si(part[6:])[2]
+        lags.append(_lag(pushed, shaken, rate_hz))
+    if any(lag is None for lag in lags):
+        sentence = (
+            f"Not tested: no press was measured by both {names}. Press any button on the rig when prompted."
+        )
+        yield Finding("One clock", "daq", "yellow", sentence)
+        return
+    before, after = (float(lag) for lag in lags if lag is not None)
+    measured = (
+        f"{names} measure one press {abs(before) * 1e3:.1f} ms apart, and another one {_BETWEEN_PRESSES:g} s "
+        f"later {abs(after) * 1e3:.1f} ms apart"
+    )
+    if max(abs(before), abs(after)) > _APART or abs(after - before) > _DRIFTED:
+        what = "the cards run on clocks of their own. Check the RTSI cable and its entry in NI MAX."
+        yield Finding("One clock", "daq", "red", f"{measured}: {what}")
+    else:
+        drift = _DRIFTED / _BETWEEN_PRESSES * 1e6
+        yield Finding(
+            "One clock", "daq", "green", f"{measured}: one clock, within {drift:.0f} parts in a million."
+        )
+
+
+def _lag(force: FloatArray, acceleration: FloatArray, rate_hz: float) -> float | None:
+    """Delay (s) of a press in the acceleration relative to the force; None without a press."""
+    band = butter(2, _PRESS_BAND, "band", fs=rate_hz, output="sos")
+    shapes = []
+    for signal in (force, acceleration):
+        shape = np.abs(sosfiltfilt(band, signal - np.median(signal)))
+        if shape.max() < 8 * np.median(shape):
+            return None
+        shapes.append(shape)
+    pair = correlate(shapes[1], shapes[0], method="fft")
+    return (int(pair.argmax()) - (len(force) - 1)) / rate_hz
+
+
+def _captured(rig: Rig, channels: Sequence[str], seconds: float) -> Capture:
+    rate_hz = rig.file.rate_hz
+    with rig.daq.stream(channels, rate_hz, round(rate_hz / 10), round(seconds * rate_hz)) as stream:
+        return stream.capture()

@@ -1,0 +1,1 @@
+"""Figures: the paper's, and their common style."""

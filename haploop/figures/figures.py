@@ -1,0 +1,398 @@
+"""The paper's figures 6 to 9 for one run, and the response behind them, as a journal would print them.
+
+Every function takes values that the rooms hand out and returns a matplotlib Figure; nothing is
+computed here but a spectrum and a mean. No pyplot state: figures are safe to make in any process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from scipy.signal import fftconvolve
+
+from haploop.calibration import modulate
+from haploop.figures.plotting import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    SKY,
+    VERMILLION,
+    active,
+    colour,
+    continuous_phase,
+    density_axis,
+    legend_above,
+    letter,
+    new_figure,
+    spectrum,
+    style,
+    unit_peak,
+)
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from haploop.acquisition import Representative
+    from haploop.calibration import Calibration, Check, Drive
+
+__all__ = [
+    "Profile",
+    "activation_forces",
+    "comparison",
+    "drives",
+    "profiles",
+    "response",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """One press to draw: (samples,) arrays, and the time (s) of each sample after activation."""
+
+    button: str
+    time: FloatArray
+    acceleration: FloatArray
+    force: FloatArray
+    activation: FloatArray
+    rate_hz: float
+    bandwidth_hz: float | None = None
+    spread: FloatArray | None = None
+    """Standard deviation of the presses that this one stands for (m/s^2)."""
+
+    @classmethod
+    def of(cls, press: Representative) -> Profile:
+        """A representative press, with time from its activation."""
+        time = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
+        return cls(
+            press.button,
+            time,
+            press.acceleration,
+            press.force,
+            press.activation,
+            press.rate_hz,
+            press.bandwidth_hz,
+            press.spread,
+        )
+
+
+def profiles(presses: Sequence[Profile]) -> Figure:
+    """Figure 6: normalised acceleration, force and activation over time, and the spectral density."""
+    with style():
+        figure = new_figure(1.62 * len(presses) + 0.35)
+        grid = figure.subplots(
+            len(presses), 2, squeeze=False, sharex="col", gridspec_kw={"width_ratios": (1.55, 1)}
+        )
+        for row, (press, (left, right)) in enumerate(zip(presses, grid, strict=True)):
+            _profile(left, press, with_legend=row == 0)
+            _density(right, press, with_legend=row == 0)
+            letter(left, 2 * row, press.button.capitalize())
+            letter(right, 2 * row + 1)
+        grid[-1, 0].set_xlabel("Time after activation (ms)")
+        grid[-1, 1].set_xlabel("Frequency (Hz)")
+        return figure
+
+
+def activation_forces(
+    forces: Mapping[str, Mapping[str, FloatArray]],
+    true_means: Mapping[str, float] | None = None,
+) -> Figure:
+    """Figure 7: force at activation (N) of each button and participant, and of all together.
+
+    `forces` is button -> participant -> (presses,); `true_means` is button -> N, where a
+    simulated rig knows them.
+    """
+    truth = true_means or {}
+    with style():
+        participants = list(dict.fromkeys(p for by in forces.values() for p in by))
+        figure = new_figure(4.0)
+        # The paper puts all buttons together in the upper right.
+        places = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0)]
+        rows = 2 if len(forces) <= 3 else 3
+        grid: Any = figure.subplots(rows, 2, squeeze=False)
+        used = {(0, 1)}
+        everyone = {button: np.concatenate(list(by.values())) for button, by in forces.items()}
+        for index, (button, by) in enumerate(forces.items()):
+            axes = grid[places[index]]
+            used.add(places[index])
+            _forces(axes, [by.get(p, np.empty(0)) for p in participants], participants, [colour(index)])
+            mean = float(np.mean(everyone[button]))
+            axes.axhline(mean, color=colour(index), linewidth=0.6, linestyle=(0, (4, 3)), zorder=0)
+            # Not from zero: what differs here is participants, and buttons are compared in panel b.
+            axes.margins(y=0.35)
+            letter(axes, index if index == 0 else index + 1, button.capitalize())
+        together = grid[0, 1]
+        names = [button.capitalize() for button in forces]
+        colours = [colour(i) for i in range(len(forces))]
+        _forces(together, list(everyone.values()), names, colours)
+        for index, button in enumerate(forces):
+            if button in truth:
+                label = "Truth of the plant" if index == 0 else None
+                together.plot(
+                    [index - 0.3, index + 0.3], [truth[button]] * 2, color=INK, linewidth=0.8, label=label
+                )
+        letter(together, 1, "All together")
+        if truth:
+            together.legend(loc="upper right")
+        for place in np.ndindex(rows, 2):
+            if place not in used:
+                figure.delaxes(grid[place[0], place[1]])
+        together.set_ylim(bottom=0)
+        for axes in grid[:, 0]:
+            axes.set_ylabel("Force at activation (N)")
+        return figure
+
+
+def drives(waveforms: Sequence[Drive], limits: tuple[float, float] | None = None) -> Figure:
+    """Figure 8: the voltage at the patch for each button; `limits` are the lowest and highest (V)."""
+    with style():
+        figure = new_figure(1.25 * len(waveforms) + 0.4)
+        end = max(active(drive.volts, drive.rate_hz)[1] for drive in waveforms)
+        grid = figure.subplots(len(waveforms), 1, squeeze=False, sharex=True, sharey=True)[:, 0]
+        for row, (drive, axes) in enumerate(zip(waveforms, grid, strict=True)):
+            time = 1e3 * np.arange(len(drive.volts)) / drive.rate_hz
+            if limits:
+                for level in limits:
+                    axes.axhline(level, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+            axes.plot(time, drive.volts, color=colour(row), linewidth=0.6)
+            axes.set_xlim(0, 1e3 * end)
+            axes.set_ylabel("Voltage (V)")
+            peak_to_peak = float(np.ptp(drive.volts))
+            title = f"{drive.button.capitalize()}, patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
+            letter(axes, row, title)
+        if limits:
+            # A line beside its name: which of the dashes is the limit needs no legend.
+            grid[0].annotate(
+                "rig's limit",
+                (1, limits[1]),
+                xycoords=("axes fraction", "data"),
+                xytext=(0, -2),
+                textcoords="offset points",
+                ha="right",
+                va="top",
+                fontsize=7,
+                color="#666666",
+            )
+            grid[0].set_ylim(1.16 * limits[0], 1.16 * limits[1])
+        grid[-1].set_xlabel("Time (ms)")
+        return figure
+
+
+def comparison(results: Sequence[tuple[Representative, Check]]) -> Figure:
+    """Figure 9: the recorded press, what the table should do, and what it was measured to do.
+
+    Per button: the recorded press under the measured acceleration, both scaled to unit peak as in
+    the paper; a stretch around the largest acceleration, target over measured; and the spectra.
+    """
+    with style():
+        figure = new_figure(1.72 * len(results) + 0.35)
+        grid = figure.subplots(len(results), 3, squeeze=False, gridspec_kw={"width_ratios": (1.3, 1, 1.05)})
+        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.22 / figure.get_figheight()))  # type: ignore[union-attr,call-arg]
+        for row, ((press, check), (whole, stretch, spectra)) in enumerate(zip(results, grid, strict=True)):
+            _whole(whole, press, check, with_legend=row == 0)
+            _stretch(stretch, press, check, with_legend=row == 0)
+            _spectra(spectra, press, check, with_legend=row == 0)
+            verdict = "pass" if check.passed else "FAIL"
+            letter(whole, 3 * row, f"{press.button.capitalize()}: {verdict}")
+            letter(stretch, 3 * row + 1, f"Error {100 * check.nrmse:.1f} %, r = {check.correlation:.4f}")
+            letter(spectra, 3 * row + 2)
+        labels = ("Time after activation (ms)", "Time after activation (ms)", "Frequency (Hz)")
+        for axes, label in zip(grid[-1], labels, strict=True):
+            axes.set_xlabel(label)
+        return figure
+
+
+def response(calibration: Calibration, truth: ComplexArray | None = None) -> Figure:
+    """The measured response, its coherence and phase, the fitted model, and the resonance.
+
+    `truth` is the plant's own velocity response at the measured frequencies, on a simulated rig.
+    """
+    measured, model = calibration.response, calibration.model
+    frequencies, peak = measured.frequencies, model.resonance_hz
+    with style():
+        figure = new_figure(4.7)
+        grid = figure.subplots(
+            3, 2, sharex="col", gridspec_kw={"width_ratios": (2.1, 1), "height_ratios": (2.2, 1.2, 1)}
+        )
+        fitted = model.velocity(frequencies)
+        curves: list[tuple[str, ComplexArray, dict[str, Any]]] = [
+            ("Measured", measured.velocity, {"color": SKY, "linewidth": 1.9}),
+            ("Model", fitted, {"color": INK, "linewidth": 0.8}),
+        ]
+        if truth is not None:
+            curves.append(("Truth", truth, {"color": VERMILLION, "linewidth": 0.8, "dashes": (3, 2)}))
+        reference = int(np.argmin(np.abs(frequencies - peak)))
+        near = np.flatnonzero(np.abs(frequencies - peak) <= 12)
+        for column, part in enumerate((slice(None), slice(near[0], near[-1] + 1))):
+            f = frequencies[part]
+            size, phase, coherence = grid[:, column]
+            for label, values, look in curves:
+                size.plot(f, 1e6 * np.abs(values[part]), label=label, **look)
+                degrees = continuous_phase(values, fitted, reference)
+                if values is measured.velocity:
+                    # Where nothing coherent came back, the phase is that of noise.
+                    degrees = np.where(measured.coherence >= 0.5, degrees, np.nan)
+                phase.plot(f, degrees[part], **look)
+            coherence.plot(f, measured.coherence[part], color=GREEN, linewidth=0.6)
+            for axes in (size, phase, coherence):
+                axes.axvline(peak, color=GREY, linewidth=0.6, linestyle=(0, (1, 2)), zorder=0)
+            coherence.set(xlabel="Frequency (Hz)", xlim=(f[0], f[-1]), ylim=(0, 1.05))
+            phase.yaxis.set_major_locator(MaxNLocator(4, steps=[1.8, 3.6, 4.5, 9]))
+        grid[0, 0].set_yscale("log")
+        grid[0, 1].set_ylim(bottom=0)
+        grid[0, 0].set_ylabel("Velocity per volt (µm/s/V)")
+        grid[1, 0].set_ylabel("Phase (°)")
+        grid[2, 0].set_ylabel("Coherence")
+        grid[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
+        titles = {0: f"Patch {measured.patch} to {_point(measured.point)}", 1: f"Resonance at {peak:.2f} Hz"}
+        for index, axes in enumerate(grid.flat):
+            letter(axes, index, titles.get(index, ""))
+        return figure
+
+
+def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
+    time = 1e3 * press.time
+    peak = float(np.max(np.abs(press.acceleration))) or 1.0
+    axes.fill_between(
+        time, 0, 1, where=press.activation > 0.5, transform=axes.get_xaxis_transform(),
+        color=GREEN, alpha=0.10, linewidth=0,
+    )  # fmt: skip
+    force_axes = axes.twinx()
+    force_axes.spines["right"].set_visible(True)
+    force_axes.spines["right"].set_color(VERMILLION)
+    force_axes.tick_params(axis="y", color=VERMILLION, labelcolor=VERMILLION)
+    (force,) = force_axes.plot(time, press.force, color=VERMILLION, label="Force")
+    force_axes.set_ylabel("Force (N)", color=VERMILLION, y=0.75)
+    top = max(float(press.force.max()), 1e-3)
+    force_axes.set_ylim(-1.2 * top, 1.2 * top)
+    # Zero newtons in the middle, level with zero acceleration; below it there is nothing to read.
+    force_axes.yaxis.set_major_locator(MaxNLocator(5))
+    force_axes.set_yticks([t for t in force_axes.get_yticks() if 0 <= t <= 1.15 * top])
+    force_axes.spines["right"].set_bounds(0, 1.2 * top)
+    if press.spread is not None:
+        band = press.spread / peak
+        centre = press.acceleration / peak
+        axes.fill_between(time, centre - band, centre + band, color=BLUE, alpha=0.18, linewidth=0)
+    (acceleration,) = axes.plot(
+        time, press.acceleration / peak, color=BLUE, linewidth=0.8, label="Acceleration"
+    )
+    (state,) = axes.plot(time, press.activation, color=GREEN, linewidth=0.9, label="Activation")
+    axes.set_ylim(-1.2, 1.2)
+    axes.set_yticks([-1, 0, 1])
+    axes.set_xlim(time[0], time[-1])
+    axes.set_ylabel("Acceleration\n(1 = peak)", color=BLUE)
+    axes.tick_params(axis="y", labelcolor=BLUE)
+    axes.annotate(
+        f"peak {peak:.1f} m/s²", (1, 0), xycoords="axes fraction", xytext=(-3, 3),
+        textcoords="offset points", ha="right", va="bottom", fontsize=7, color=BLUE,
+    )  # fmt: skip
+    axes.set_zorder(force_axes.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    if with_legend:
+        axes.legend(handles=[acceleration, force, state], loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
+
+
+def _density(axes: Axes, press: Profile, with_legend: bool) -> None:
+    frequencies, density = spectrum(press.acceleration, press.rate_hz)
+    part = (frequencies >= 5) & (frequencies <= 1000)
+    axes.plot(frequencies[part], density[part], color=BLUE)
+    density_axis(axes, 1000, float(density[part].max()))
+    if press.bandwidth_hz and press.bandwidth_hz < 1000:
+        axes.axvline(press.bandwidth_hz, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+        if with_legend:
+            axes.annotate(
+                f"sensor's corner, {press.bandwidth_hz:g} Hz", (press.bandwidth_hz, 1),
+                xycoords=("data", "axes fraction"), xytext=(3, -2), textcoords="offset points",
+                ha="left", va="top", fontsize=7, color="#666666",
+            )  # fmt: skip
+
+
+def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colours: Sequence[str]) -> None:
+    for index, values in enumerate(groups):
+        if not len(values):
+            continue
+        # The presses beside their mean, spread evenly: a random jitter would differ between runs.
+        offsets = np.linspace(-0.22, 0.22, len(values)) if len(values) > 1 else np.zeros(1)
+        colour = colours[index % len(colours)]
+        axes.plot(index + offsets, values, "o", markersize=2.2, color=colour, alpha=0.35, markeredgewidth=0)
+        deviation = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+        axes.errorbar(
+            index, float(np.mean(values)), yerr=deviation, fmt="s", markersize=3.6, color=colour,
+            elinewidth=0.9, capsize=2.5, capthick=0.9,
+        )  # fmt: skip
+    axes.set_xticks(range(len(names)), names)
+    margin = max(0.6, (4 - len(names)) / 2)
+    axes.set_xlim(-margin, len(names) - 1 + margin)
+
+
+def _whole(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
+    drive = check.drive
+    zero = _activation(press, drive)
+    measured = np.arange(len(check.measured)) / drive.rate_hz - zero
+    recorded = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
+    axes.plot(
+        1e3 * measured,
+        unit_peak(check.measured),
+        color=GREY,
+        linewidth=0.5,
+        label="Reconstructed (measured)",
+    )
+    axes.plot(1e3 * recorded, unit_peak(press.acceleration), color=BLUE, linewidth=0.6, label="Recorded")
+    axes.set_xlim(*(1e3 * (edge - zero) for edge in active(drive.target, drive.rate_hz)))
+    axes.set_ylim(-1.15, 1.15)
+    axes.set_yticks([-1, 0, 1])
+    axes.set_ylabel("Acceleration\n(1 = peak)")
+    if with_legend:
+        legend_above(axes, 2)
+
+
+def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
+    drive = check.drive
+    time = 1e3 * (np.arange(len(drive.target)) / drive.rate_hz - _activation(press, drive))
+    middle = time[int(np.argmax(np.abs(drive.target)))]
+    part = (time >= middle - 15) & (time <= middle + 15)
+    axes.plot(time[part], drive.target[part], color=ORANGE, linewidth=2.0, label="Target")
+    axes.plot(time[part], check.measured[part], color=INK, linewidth=0.8, label="Measured")
+    axes.set_xlim(time[part][0], time[part][-1])
+    axes.set_ylabel("Acceleration (m/s²)")
+    if with_legend:
+        legend_above(axes, 2)
+
+
+def _activation(press: Representative, drive: Drive) -> float:
+    """When (s) on the drive's clock the press switched: where its modulation best fits the target."""
+    step = round(drive.rate_hz / press.rate_hz)
+    coarse = drive.target[::step]
+    modulated = modulate(press.acceleration, press.rate_hz, drive.carrier_hz)
+    fit = fftconvolve(coarse, modulated[::-1])
+    first = int(np.argmax(fit)) - (len(modulated) - 1)
+    return float((first + press.activation_index) / press.rate_hz)
+
+
+def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
+    drive = check.drive
+    curves: tuple[tuple[str, FloatArray, float, dict[str, Any]], ...] = (
+        ("Recorded", press.acceleration * drive.scale, press.rate_hz, {"color": BLUE, "linewidth": 0.8}),
+        ("Target", drive.target, drive.rate_hz, {"color": ORANGE, "linewidth": 1.9}),
+        ("Measured", check.measured, drive.rate_hz, {"color": INK, "linewidth": 0.7}),
+    )
+    top = 0.0
+    for label, signal, rate_hz, look in curves:
+        frequencies, density = spectrum(np.asarray(signal), rate_hz)
+        part = (frequencies >= 5) & (frequencies <= 700)
+        axes.plot(frequencies[part], density[part], label=label, **look)
+        top = max(top, float(density[part].max()))
+    density_axis(axes, 700, top)
+    axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
+    if with_legend:
+        legend_above(axes, 3)
+
+
+def _point(point: str) -> str:
+    return "the button point" if point == "button" else f"point {point}"

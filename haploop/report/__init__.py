@@ -1,0 +1,1 @@
+"""HTML reports of a demo run and of a recalibration."""

@@ -1,0 +1,64 @@
+"""The report: one HTML file that needs nothing beside it, the same whenever it is made from the same run."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from haploop.figures.plotting import png
+
+__all__ = ["CaptionedFigure", "render"]
+
+
+@dataclass(frozen=True, eq=False)
+class CaptionedFigure:
+    """A figure with its title and its caption."""
+
+    figure: Figure
+    title: str
+    caption: str
+
+
+def render(
+    summary: Mapping[str, Any], captioned: Sequence[CaptionedFigure], template: str = "report.html"
+) -> str:
+    """A summary as HTML by a template of this package, with the figures embedded as PNG."""
+    environment = Environment(
+        loader=PackageLoader("haploop", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(percent=_percent, fixed=_fixed, minute=_minute, rest=_rest)
+    images = [
+        {
+            "title": one.title,
+            "caption": one.caption,
+            "data": base64.b64encode(png(one.figure)).decode("ascii"),
+        }
+        for one in captioned
+    ]
+    return environment.get_template(template).render(s=summary, figures=images)
+
+
+def _percent(value: float | None, digits: int = 1) -> str:
+    return "not measured" if value is None else f"{100 * value:.{digits}f} %"
+
+
+def _fixed(value: float | None, digits: int = 2, unit: str = "") -> str:
+    return "not measured" if value is None else f"{value:.{digits}f}{unit and ' ' + unit}"
+
+
+def _minute(date: str) -> str:
+    return f"{datetime.fromisoformat(date):%Y-%m-%d %H:%M} UTC"
+
+
+def _rest(share: float | None) -> float | None:
+    return None if share is None else 1 - share

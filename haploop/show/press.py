@@ -1,0 +1,155 @@
+"""Contents of a recording and of a representative press, as a table and as JSON values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.table import Table
+from rich.text import Text
+
+from haploop.acquisition import ButtonPress, Recording, Representative, high_pass
+from haploop.figures import figures
+from haploop.instruments import DataError
+from haploop.show.formatting import json_number, property_table
+
+__all__ = ["recording_contents", "recording_figure", "representative_contents"]
+
+
+def recording_contents(
+    recording: Recording, found: tuple[ButtonPress, ...], counted: tuple[ButtonPress, ...]
+) -> tuple[dict[str, Any], Table]:
+    """JSON values, and a table."""
+    forces = [p.force_at_activation for p in counted if p.force_at_activation is not None]
+    bad = [press for press in recording.verdicts if not press.accepted]
+    mean = float(np.mean(forces)) if forces else None
+    deviation = float(np.std(forces, ddof=1)) if len(forces) > 1 else None
+    saturated = [number for number, p in enumerate(found, 1) if p.saturated]
+    rate_hz = recording.rate_hz
+    why = ("gap", "overrun", "error", "interrupted", "recovered")
+    ended = next((event.text for event in reversed(recording.events) if event.kind in why), None)
+    values: dict[str, Any] = {
+        "kind": "recording",
+        "file": str(recording.path),
+        "simulated": recording.simulated,
+        "rig": recording.rig,
+        "button": recording.button,
+        "participant": recording.participant,
+        "study": recording.header.study,
+        "session": recording.header.session,
+        "notes": recording.header.notes,
+        "rate_hz": json_number(rate_hz),
+        "duration_s": json_number(recording.duration),
+        "channels": list(recording.channels),
+        "complete": bool(recording.complete),
+        "ended": ended,
+        "content_hash": recording.content_hash,
+        "presses_detected": len(found),
+        "presses_accepted": len(counted),
+        "activation_force_n": json_number(mean),
+        "activation_force_sd_n": json_number(deviation),
+        "saturated_presses": saturated,
+        "presses": [
+            {
+                "onset_s": json_number(p.onset / rate_hz),
+                "activation_s": json_number(p.activation / rate_hz if p.activation is not None else None),
+                "force_at_activation_n": json_number(p.force_at_activation),
+                "release_s": json_number(p.release / rate_hz),
+                "saturated": bool(p.saturated),
+                "accepted": p in counted,
+            }
+            for p in found
+        ],
+        "bad_presses": [
+            {
+                "press": press.number,
+                "attempt": press.attempt,
+                "flags": list(press.flags),
+                "reason": press.reason,
+            }
+            for press in bad
+        ],
+    }
+    spread = "" if deviation is None else f" ± {deviation:.3f}"
+    table = property_table(f"Recording {recording.path.name}")
+    table.add_row("Button", f"{recording.button}, pressed by {recording.participant}")
+    if recording.header.study:
+        table.add_row("Study", Text(f"{recording.header.study}, session {recording.header.session}"))
+    if recording.header.notes:
+        table.add_row("Notes", Text(recording.header.notes))
+    table.add_row("Rig", recording.rig)
+    table.add_row(
+        "Length", f"{recording.duration:.2f} s, {len(recording.channels)} channels at {rate_hz:g} Hz"
+    )
+    table.add_row(
+        "State", "complete" if recording.complete else f"incomplete: {ended or 'the recording ended early.'}"
+    )
+    table.add_row("Presses found", f"{len(found)}, {len(counted)} of them accepted")
+    for press in bad:
+        table.add_row("", Text(f"press {press.number}, attempt {press.attempt}: {press.reason}"))
+    table.add_row("Force at activation", "none" if mean is None else f"{mean:.3f}{spread} N")
+    table.add_row(
+        "Saturated", f"in presses {', '.join(map(str, saturated))}" if saturated else "never while pressed"
+    )
+    table.add_row("Content", f"SHA-256 {recording.content_hash}")
+    return values, table
+
+
+def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Figure:
+    """The press whose force at activation is the median, as in the paper's figure 6."""
+    whole = [p for p in found if p.activation is not None and p.force_at_activation is not None]
+    if not whole:
+        raise DataError(
+            f"{recording.path} holds no accepted press with an activation, so there is nothing to plot."
+        )
+    press = sorted(whole, key=lambda p: p.force_at_activation or 0.0)[len(whole) // 2]
+    assert press.activation is not None
+    acceleration = high_pass(recording.acceleration[2], recording.rate_hz)
+    part = slice(press.start, press.stop)
+    sensor = recording.sensors.acceleration
+    profile = figures.Profile(
+        button=recording.button,
+        time=np.asarray((np.arange(press.start, press.stop) - press.activation) / recording.rate_hz),
+        acceleration=acceleration[part],
+        force=recording.force[part],
+        # A maintained button opens at every other press: plot the change of state.
+        activation=np.abs(recording.activation[part] - recording.activation[press.start]),
+        rate_hz=recording.rate_hz,
+        bandwidth_hz=sensor.bandwidth_hz if sensor else None,
+    )
+    return figures.profiles([profile])
+
+
+def representative_contents(press: Representative) -> tuple[dict[str, Any], Table]:
+    """JSON values, and a table."""
+    peak = float(np.max(np.abs(press.acceleration)))
+    force = float(press.force[press.activation_index])
+    values: dict[str, Any] = {
+        "kind": "representative",
+        "simulated": press.simulated,
+        "button": press.button,
+        "presses": press.members,
+        "rate_hz": json_number(press.rate_hz),
+        "duration_s": json_number(len(press.acceleration) / press.rate_hz),
+        "acceleration_peak": json_number(peak),
+        "activation_force_n": json_number(force),
+        "bandwidth_hz": json_number(press.bandwidth_hz),
+        "method": press.method,
+        "scores": {name: json_number(score) for name, score in press.scores.items()},
+        "undone_hz": press.undone_hz,
+        "noise_gain": json_number(press.noise_gain),
+        "sources": [{"file": name, "sha256": content} for name, content in press.sources],
+    }
+    table = property_table(f"Representative press of the {press.button} button")
+    table.add_row("Stands for", f"{press.members} presses in {len(press.sources)} recordings")
+    table.add_row("Length", f"{1e3 * len(press.acceleration) / press.rate_hz:.0f} ms at {press.rate_hz:g} Hz")
+    table.add_row("Largest acceleration", f"{peak:.2f} m/s²")
+    table.add_row("Force at activation", f"{force:.3f} N")
+    table.add_row("Bandwidth", f"{press.bandwidth_hz:g} Hz, the accelerometer's")
+    if press.undone_hz is not None:
+        low, high = press.undone_hz
+        table.add_row("Undone", f"from {low:g} to {high:g} Hz; noise grew {press.noise_gain:.1f} times")
+    scores = ", ".join(f"{name} {score:.3f}" for name, score in press.scores.items())
+    table.add_row("Method", press.method + (f" (of unseen presses they leave: {scores})" if scores else ""))
+    return values, table

@@ -1,0 +1,62 @@
+"""PI E-413.D2 piezo amplifier: no digital interface, so its driver is arithmetic and limits.
+
+Gain 50 is the paper's; the ranges and currents are estimates (hardware.md, section 2), to be
+overridden in the rig file by the lab's data sheet.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from haploop.instruments.amplifier.role import Amplifier
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.clock import Clock
+from haploop.instruments.limits import Limits
+
+__all__ = ["E413"]
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class E413(Amplifier):
+    """See `Amplifier`."""
+
+    class Settings(BaseModel):
+        """The `[amplifier]` table of a rig file."""
+
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+        input: str | dict[str, str]
+        """Name of the output that feeds it; of one amplifier for each patch, a name for each patch."""
+        gain: Positive = 50.0
+        min: Annotated[float, Field(lt=0, allow_inf_nan=False)] = -100.0
+        max: Positive = 400.0
+        current_peak: Positive = 0.1
+        current_average: Positive = 0.05
+
+    def __init__(self, settings: Settings) -> None:
+        self.identity = "E-413.D2"
+        self.input = settings.input if isinstance(settings.input, str) else ""
+        self.inputs = settings.input if isinstance(settings.input, dict) else {}
+        self._settings = settings
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: it is driven through the DAQ."""
+        return ()
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """There is nothing to connect to."""
+        return cls(settings)
+
+    def limits(self, patches: int) -> Limits:
+        """See `Amplifier.limits`; a channel's current does not depend on how many patches share it."""
+        s = self._settings
+        return Limits(min=s.min, max=s.max, current_peak=s.current_peak, current_average=s.current_average)
+
+    def to_input(self, drive: FloatArray) -> FloatArray:
+        """See `Amplifier.to_input`."""
+        return drive / self._settings.gain

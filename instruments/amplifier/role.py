@@ -1,0 +1,33 @@
+"""The amplifier role: volts at the patch, volts at the input, and what the load may ask of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.limits import Limits
+
+__all__ = ["Amplifier"]
+
+
+class Amplifier(ABC):
+    """A voltage amplifier between a DAQ output and the relay. Safe state: zero volts at its input.
+
+    It has one channel for all patches, or one for each: then several drives can play at once.
+    """
+
+    identity: str
+    input: str
+    """Name of the output that feeds it: the DAQ's, a player's or a generator's. Empty with `inputs`."""
+    inputs: Mapping[str, str] = MappingProxyType({})
+    """By patch, names of the DAQ's outputs that feed it, when it has a channel for each patch."""
+
+    @abstractmethod
+    def limits(self, patches: int) -> Limits:
+        """What it can put out into `patches` patches in parallel."""
+
+    @abstractmethod
+    def to_input(self, drive: FloatArray) -> FloatArray:
+        """Volts at its input for `drive`, (samples,) V at the patch."""

@@ -1,0 +1,32 @@
+"""Files that describe a rig: the rig file and the force sensor's calibration file."""
+
+from haploop.instruments.config.rig_file import (
+    ROLES,
+    AbortLimits,
+    Device,
+    Recalibration,
+    RigFile,
+    SimulationSettings,
+    TableSettings,
+    fault_kinds,
+    load_rig_file,
+    validate,
+    validate_kind,
+)
+from haploop.instruments.config.toml_lines import key_lines, place
+
+__all__ = [
+    "ROLES",
+    "AbortLimits",
+    "Device",
+    "Recalibration",
+    "RigFile",
+    "SimulationSettings",
+    "TableSettings",
+    "fault_kinds",
+    "key_lines",
+    "load_rig_file",
+    "place",
+    "validate",
+    "validate_kind",
+]

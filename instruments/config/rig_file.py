@@ -1,0 +1,370 @@
+"""`rig.toml`: the file that describes a rig, validated completely before anything is opened."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import tomllib
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from pydantic_core import ErrorDetails
+
+from haploop.instruments.config.ati_cal import read_ati_cal
+from haploop.instruments.config.toml_lines import Location, Places, key_lines, place
+from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.limits import Limits
+from haploop.instruments.sensors import Sensors
+
+__all__ = [
+    "ROLES",
+    "AbortLimits",
+    "Device",
+    "Recalibration",
+    "RigFile",
+    "SimulationSettings",
+    "TableSettings",
+    "fault_kinds",
+    "load_rig_file",
+    "validate",
+    "validate_kind",
+]
+
+ROLES = ("daq", "amplifier", "relay", "vibrometer", "generator", "player", "operator")
+"""The tables of a rig file that name a driver."""
+
+Model = TypeVar("Model", bound=BaseModel)
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Negative = Annotated[float, Field(lt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Device(BaseModel):
+    """One instrument: the name of its driver, and settings that the driver itself validates."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    driver: str
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything but the driver's name."""
+        return dict(self.model_extra or {})
+
+
+class TableSettings(_Section):
+    """The touch table: its grid of measuring points, row by row, and where the buttons are."""
+
+    rows: Annotated[int, Field(ge=1)] = 7
+    columns: Annotated[int, Field(ge=1)] = 12
+    button_point: Annotated[int, Field(ge=0)]
+    patches: tuple[str, ...] = ("A", "B", "C", "D")
+    patch_capacitance: Positive
+    patch_min: Negative
+    patch_max: Positive
+    rate_hz: Positive = 50_000.0
+    """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
+    the drive lie far above the table's band."""
+    patch_places: dict[str, tuple[Fraction, Fraction]] = {}
+    """Where patches are, as fractions of the table's width and height from its first grid point's
+    corner: with them `haploop doctor` can tell whether the relay's channels are swapped."""
+
+    @field_validator("patch_places")
+    @classmethod
+    def _known(
+        cls, places: dict[str, tuple[float, float]], info: ValidationInfo
+    ) -> dict[str, tuple[float, float]]:
+        unknown = sorted(set(places) - set(info.data.get("patches", places)))
+        if unknown:
+            raise ValueError(f"there is no patch {unknown[0]!r} in patches")
+        return places
+
+    def nearest(self, place: tuple[float, float]) -> int:
+        """Number of the grid point nearest to a place (fractions of width and height)."""
+        column = min(int(place[0] * self.columns), self.columns - 1)
+        row = min(int(place[1] * self.rows), self.rows - 1)
+        return row * self.columns + column
+
+
+class DriveLimits(_Section):
+    """The `[limits]` table: the rig's own limits, besides those of its parts (see `Limits`)."""
+
+    peak_to_peak: Positive = 100.0
+    min: Negative = -50.0
+    max: Positive = 50.0
+    slew: Positive = 0.5e6
+    max_duration: Positive = 60.0
+    duty: Annotated[float, Field(gt=0, le=1)] = 1.0
+    max_offset: NotNegative = 0.5
+    max_end: NotNegative = 0.5
+
+    def limits(self) -> Limits:
+        """As a value that checks drives."""
+        return Limits(**self.model_dump())
+
+
+class AbortLimits(_Section):
+    """The `[abort]` table: measured values that stop a play, in any of its blocks, and lock the rig out."""
+
+    drive: Positive | None = None
+    """V at the patch; None stops a tenth beyond what `rig.limits` allows."""
+    velocity: Positive | None = None
+    """m/s of the surface where the laser looks, within the vibrometer's range; None does not look."""
+    force: Positive | None = None
+    """N that come on the force sensor during a play; None does not look. Its six gauges are then
+    sampled at the table's rate, which the card must be able to do."""
+
+
+class SimulationSettings(_Section):
+    """The `[simulation]` table: which plant stands in for the world when the rig is simulated."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    mode_drift: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
+    """Relative shift of every mode's frequency."""
+    daily_drift: Annotated[float, Field(ge=0, lt=0.1)] = 0.0
+    """How far (relative) every mode's frequency wanders to either side in a day, with the temperature."""
+    damping_scale: Positive = 1.0
+    vibrometer_noise_scale: NotNegative = 1.0
+    hysteresis: Annotated[float, Field(ge=0, le=0.5)] = 0.12
+    """Width of the patches' loop over its height; 10 to 15 % is an estimate (hardware.md, section 13)."""
+    collocated: bool = False
+    """Put patch A under the button point, so that the response has no right-half-plane zeros."""
+    bad_press_rate: Fraction = 0.0
+    """Share of presses that go wrong: too soft, too hard, twice, or with a hand that rests on the button."""
+    faults: tuple[dict[str, Any], ...] = ()
+    """What goes wrong in the plant, a table each: its `kind`, and what that kind takes (docs/faults.md)."""
+
+
+class Recalibration(_Section):
+    """The `[recalibration]` table: what `haploop recalibrate` calls drifted, and what broken.
+
+    The first four let a button's error grow by about a tenth of its target, half of what a check
+    accepts, so that a drift is found before a button fails (measured on the simulated table: 0.3 %
+    of resonance takes an error of 6.8 % to 12.0 %, 20 % of damping to 10.5 %). A table whose damping
+    is lower needs a smaller `resonance`: about a third of the damping ratio.
+    """
+
+    resonance: Positive = 0.003
+    """Relative shift of the resonances: a third of their half-width, past which phase turns fast."""
+    damping: Positive = 0.2
+    """Relative change of the damping ratios: resonances grow or shrink by as much."""
+    gain: Positive = 0.1
+    """Relative change of surface velocity per volt: an error of the same size."""
+    shape: Positive = 0.1
+    """Rest, over the whole response, that no common shift, damping and gain explain."""
+    coherence: Fraction = 0.8
+    """Least median coherence: below it no drive can be computed, so that something is broken."""
+
+
+class RigFile(_Section):
+    """A validated rig file."""
+
+    name: str
+    simulate: Literal["twin", "wire"] | None = None
+    """Set in a file that describes no hardware at all."""
+    rate_hz: Positive = 5000.0
+    """Sample rate of recordings (the paper's 5 kS/s)."""
+    daq: Device
+    amplifier: Device | None = None
+    relay: Device | None = None
+    vibrometer: Device | None = None
+    generator: Device | None = None
+    player: Device | None = None
+    operator: Device = Device(driver="console")
+    table: TableSettings | None = None
+    sensors: Sensors = Sensors()
+    limits: DriveLimits = DriveLimits()
+    abort: AbortLimits = AbortLimits()
+    state: str | None = None
+    """Folder of the audit log and the lockouts, for a lab where several people use one rig; None takes
+    each user's own. The environment's HAPLOOP_STATE comes first."""
+    recalibration: Recalibration = Recalibration()
+    simulation: SimulationSettings = SimulationSettings()
+
+    @field_validator("state")
+    @classmethod
+    def _one_place(cls, state: str | None) -> str | None:
+        # A lockout that depends on the working directory protects nothing.
+        if state is not None and not Path(state).expanduser().is_absolute():
+            raise ValueError("use an absolute path, or a path that begins with ~")
+        return state
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what the file and its bases say, comments and order aside."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+
+
+def load_rig_file(path: str | Path) -> RigFile:
+    """Read and validate a rig file; the bare name of a rig that haploop ships is found as well.
+
+    A file with `base = "NAME"` only states its differences from another rig file (a path beside it,
+    or the bare name of a shipped rig). A file that holds nothing but `[simulation]` is the
+    simulated rig with another plant. Settings of instruments are validated by their drivers, where
+    these are installed.
+    Raises ConfigurationError, which names the file, the line, the key, and what was expected.
+    """
+    raw, places = _raw(Path(path), ())
+    where = partial(place, places)
+    file = validate(RigFile, raw, where)
+    drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
+    for role in ROLES:
+        device = getattr(file, role)
+        if device is not None and device.driver in drivers:
+            driver = drivers[device.driver].load()
+            validate(driver.Settings, device.settings, where, (role,))
+    for index, fault in enumerate(file.simulation.faults):
+        validate_kind(fault_kinds(), fault, where, ("simulation", "faults", index))
+    return file
+
+
+def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
+    """A file merged over its bases, and the positions of the keys in each of them, its own first."""
+    if path in above:
+        raise ConfigurationError(
+            f"{above[-1]}: the base {path} is itself based on this file: use another base."
+        )
+    text = _read(path)
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
+    places = (str(path), key_lines(text))
+    _read_calibration(raw, path)
+    base = "simulated" if set(raw) == {"simulation"} else raw.pop("base", None)
+    if base is None:
+        return raw, [places]
+    if not isinstance(base, str):
+        raise ConfigurationError(f"{path}: base must be the name of another rig file (found {base!r}).")
+    beside = path.parent / base
+    below, others = _raw(beside if beside.is_file() else Path(base), (*above, path))
+    return _merged(below, raw), [places, *others]
+
+
+def _read_calibration(raw: dict[str, Any], path: Path) -> None:
+    """Read the `.cal` file that `[sensors.force] calibration` names, beside the rig file."""
+    sensors = raw.get("sensors")
+    force = sensors.get("force") if isinstance(sensors, dict) else None
+    if not isinstance(force, dict) or "calibration" not in force:
+        return
+    if "matrix" in force or not isinstance(force["calibration"], str):
+        raise ConfigurationError(
+            f"{path}: sensors.force takes either matrix or calibration (the name of a .cal file)."
+        )
+    found = read_ati_cal(path.parent / force["calibration"])
+    force |= {"matrix": found.matrix, "ratings": found.ratings, "gauge_range": found.gauge_range}
+    force["serial"] = found.serial
+
+
+def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Merge `own` over `base`, table by table; a table with another driver replaces the base's."""
+    both = {
+        key: _merged(base[key], value)
+        for key, value in own.items()
+        if isinstance(value, dict)
+        and isinstance(base.get(key), dict)
+        and value.get("driver") in (None, base[key].get("driver"))
+    }
+    return {**base, **own, **both}
+
+
+def validate(
+    model: type[Model], raw: object, source: str | Callable[[Location], str], above: Location = ()
+) -> Model:
+    """Validate `raw` as a `model`; the first error becomes a ConfigurationError of one sentence.
+
+    `source` is the origin of the values, or a function that returns it for a key; `above` is the location
+    of `raw` within it.
+    """
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        # Report a misspelt key before the key that is missing because of it.
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+        place = source if isinstance(source, str) else source((*above, *first["loc"]))
+        raise ConfigurationError(_sentence(first, model, place, above)) from None
+
+
+def validate_kind(
+    kinds: Mapping[str, type[Model]],
+    raw: Mapping[str, Any],
+    source: str | Callable[[Location], str],
+    above: Location = (),
+) -> Model:
+    """As `validate`, with the model that the key `kind` selects among `kinds`."""
+    kind = str(raw.get("kind"))
+    if kind not in kinds:
+        near = difflib.get_close_matches(kind, kinds, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"the kinds are {', '.join(sorted(kinds))}."
+        place = source if isinstance(source, str) else source((*above, "kind"))
+        raise ConfigurationError(f"{place}: unknown fault kind {kind!r}; {hint}")
+    return validate(kinds[kind], raw, source, above)
+
+
+def fault_kinds() -> Mapping[str, type[BaseModel]]:
+    """The settings of each kind of fault of the installed plant."""
+    (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
+    kinds: Mapping[str, type[BaseModel]] = entry.load().fault_kinds
+    return kinds
+
+
+def _read(path: Path) -> str:
+    if path.suffix == "" and path.name == str(path) and not path.exists():
+        return _shipped(path.name)
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigurationError(
+            f"There is no rig file {path}: use an existing file, or a shipped rig ({', '.join(_names())})."
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"The rig file {path} cannot be read: {error}.") from None
+
+
+def _names() -> list[str]:
+    return sorted(p.name[:-5] for p in resources.files("haploop.rigs").iterdir() if p.name.endswith(".toml"))
+
+
+def _shipped(name: str) -> str:
+    if name not in _names():
+        raise ConfigurationError(
+            f"There is no rig {name!r}: use a rig file, or a shipped rig ({', '.join(_names())})."
+        )
+    return (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Location) -> str:
+    key = ".".join(str(part) for part in (*above, *first["loc"]))
+    if first["type"] == "extra_forbidden":
+        known = _keys_at(model, first["loc"][:-1])
+        near = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(sorted(known))}."
+        return f"{place}: unknown key {key!r}; {hint}"
+    if first["type"] == "missing":
+        return f"{place}: the key {key!r} is missing."
+    if first["type"] == "value_error":
+        # A validator of haploop, whose sentence is complete.
+        return f"{place}: {key or 'the file'}: {first['ctx']['error']}."
+    message = first["msg"][:1].lower() + first["msg"][1:]
+    return f"{place}: {key or 'the file'}: {message} (found {first['input']!r})."
+
+
+def _keys_at(kind: Any, location: Location) -> list[str]:
+    """The keys of the table at `location` below a model or another annotation."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        if not location:
+            return list(kind.model_fields)
+        field = kind.model_fields.get(str(location[0]))
+        return _keys_at(field.annotation, location[1:]) if field else []
+    # A mapping or a sequence takes one step down, a union none.
+    step = int(get_origin(kind) in (dict, tuple, list))
+    return [key for inner in get_args(kind) for key in _keys_at(inner, location[step:])]

@@ -1,0 +1,130 @@
+"""NI cards: what they say of themselves, and which of them has which part in a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+from nidaqmx.constants import ProductCategory
+
+from haploop.instruments.daq.ni_errors import translated, understood
+from haploop.instruments.daq.ni_sessions import Sessions
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+
+__all__ = ["Card", "Plan", "believed", "device_of", "find_cards"]
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a card says of itself."""
+
+    name: str
+    product: str
+    serial: int
+    simulated: bool
+    home: str
+    """Whose clocks its tasks run on: the card's own, or the chassis of a module."""
+    simultaneous: bool
+
+
+def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: str | None) -> dict[str, Card]:
+    """The cards of these names; `products` says what each must be, where that is known.
+
+    Raises InstrumentError when one is not there, and ConfigurationError when one is another product.
+    """
+    cards = {}
+    for name, wanted in products.items():
+        with understood(name), translated(name, server):
+            system = sessions.system()
+            present = system.devices.device_names
+            found = next((p for p in present if p.lower() == name.lower()), None)
+            if found is None:
+                raise InstrumentError(
+                    f"There is no NI device {name!r}; the system lists "
+                    f"{', '.join(present) or 'none at all'}. Check its name in NI MAX."
+                )
+            cards[name] = _card(system.devices[found], name)
+        if wanted and wanted != cards[name].product:
+            raise ConfigurationError(
+                f"{name} is a {cards[name].product}, and the rig file says {wanted}: correct devices "
+                "in [daq], or the device's name in NI MAX."
+            )
+    return cards
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The tasks of a stream: (whose clock, channel names), the master's first."""
+
+    inputs: tuple[tuple[str, tuple[str, ...]], ...]
+    output: str | None
+    cards: Mapping[str, Card]
+
+    @classmethod
+    def of(cls, channels: Mapping[str, str], outputs: Mapping[str, str], cards: Mapping[str, Card]) -> Self:
+        """Which card is master, and which task has which of the channels and outputs, given by terminal.
+
+        Raises ConfigurationError for outputs of several cards.
+        """
+        homes: dict[str, list[str]] = {}
+        for name, terminal in channels.items():
+            homes.setdefault(cards[device_of(terminal)].home, []).append(name)
+        playing = {cards[device_of(terminal)].home for terminal in outputs.values()}
+        if len(playing) > 1:
+            raise ConfigurationError(
+                f"The outputs {', '.join(outputs)} lie on several cards: one card must play them together."
+            )
+        preferred = next(iter(playing), None)
+        master = preferred if preferred in homes else next(iter(homes))
+        order = [master, *(home for home in homes if home != master)]
+        return cls(tuple((home, tuple(homes[home])) for home in order), preferred, cards)
+
+    @property
+    def master(self) -> str:
+        """Whose sample clock all run on."""
+        return self.inputs[0][0]
+
+    def delays(self, task: Any) -> list[float]:
+        """When each channel of a task is converted after the clock's edge (s), in the task's order."""
+        before: dict[str, int] = {}
+        delays = []
+        for channel in task.ai_channels:
+            name = device_of(channel.physical_channel.name)
+            card = next((card for key, card in self.cards.items() if key.lower() == name.lower()), None)
+            if card is None:
+                raise InstrumentError(f"A task has a channel of {name!r}, which it was not given: try again.")
+            index = before[name] = before.get(name, -1) + 1
+            interval = 0.0
+            if index and not card.simultaneous:
+                timing = task.timing if card.home == card.name else task.timing[card.name]
+                interval = 1 / believed(card.name, "convert rate (Hz)", float(timing.ai_conv_rate), 1.0, 1e9)
+            delays.append(index * interval)
+        return delays
+
+
+def believed(device: str, what: str, value: float, low: float, high: float) -> float:
+    """A figure that a card gives of itself. Raises InstrumentError outside `low` to `high`."""
+    if not low <= value <= high:
+        raise InstrumentError(
+            f"{device} says that its {what} is {value:g}, which cannot be: restart the driver or the device "
+            "server."
+        )
+    return value
+
+
+def device_of(terminal: str) -> str:
+    """The card of a terminal such as `Dev1/ai0`."""
+    return terminal.partition("/")[0]
+
+
+def _card(device: Any, name: str) -> Card:
+    module = device.product_category == ProductCategory.C_SERIES_MODULE
+    return Card(
+        name=name,
+        product=str(device.product_type),
+        serial=int(device.serial_num),
+        simulated=bool(device.is_simulated),
+        home=str(device.compact_daq_chassis_device.name) if module else name,
+        simultaneous=bool(device.ai_simultaneous_sampling_supported),
+    )

@@ -1,0 +1,113 @@
+"""NI-DAQmx tasks of this computer's driver, or of a device server that outlives its clients.
+
+The driver clears the tasks of a program that ends, however it ends. A device server keeps them, and
+their cards reserved with them (-50103). So tasks on a server have names, by which the next program on
+the same computer finds and clears what a killed one has left: the rig's lock says that it has ended.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any, Self
+
+import grpc
+import nidaqmx
+from nidaqmx import GrpcSessionOptions
+from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.errors import DaqError
+from nidaqmx.errors import Error as NiError
+from nidaqmx.grpc_session_options import SessionInitializationBehavior
+from nidaqmx.system import System
+
+from haploop.instruments.errors import InstrumentError
+
+__all__ = ["Sessions"]
+
+# Of an answer that it cannot take apart grpc prints a traceback, besides raising what is caught here.
+logging.getLogger("grpc").addHandler(logging.NullHandler())
+
+_CONNECT = 10.0
+"""Seconds that a device server may take to answer."""
+_SILENCE = 15.0
+"""Seconds in which a device server must have answered a call; a read waits for its block as well."""
+
+
+class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
+    """nidaqmx sets no deadline on its calls: a server that falls silent would be waited for ever."""
+
+    def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+        return continuation(details._replace(timeout=_SILENCE), request)
+
+
+class Sessions:
+    """Makes tasks on the device server at the other end of `channel`, or here when it is None."""
+
+    def __init__(self, channel: grpc.Channel | None) -> None:
+        self._channel = channel
+
+    @classmethod
+    def at(cls, server: str | None) -> Self:
+        """Of the device server at host:port, or of this computer. Raises InstrumentError for silence."""
+        if server is None:
+            return cls(None)
+        plain = grpc.insecure_channel(
+            server, options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
+        )
+        channel = grpc.intercept_channel(plain, _Deadline())
+        try:
+            grpc.channel_ready_future(plain).result(timeout=_CONNECT)
+        except grpc.FutureTimeoutError:
+            channel.close()
+            raise InstrumentError(
+                f"No NI device server answers at {server}: start it, or correct server in [daq]."
+            ) from None
+        return cls(channel)
+
+    def system(self) -> System:
+        """What knows the devices."""
+        return System.local() if self._channel is None else System.remote(self._options(""))
+
+    def task(self, purpose: str) -> Any:
+        """A new task; a context that clears it. Of one purpose there is one task at a time."""
+        if self._channel is None:
+            return nidaqmx.Task()
+        try:
+            return self._new(_name(purpose))
+        except DaqError as error:
+            if error.error_type is not DAQmxErrors.DUPLICATE_TASK:
+                raise
+        # The answer to an earlier call was lost, and so was the task that it had made.
+        self.clear_left([purpose])
+        return self._new(_name(purpose))
+
+    def clear_left(self, purposes: Iterable[str]) -> None:
+        """Clear the tasks of these purposes that another program has left on the server."""
+        if self._channel is None:
+            return
+        for name in map(_name, purposes):
+            # Refused where there is none, as there should be.
+            with suppress(NiError):
+                behaviour = SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
+                nidaqmx.Task(name, grpc_options=self._options(name, behaviour)).close()
+
+    def close(self) -> None:
+        """Let go of the server. May be called again."""
+        if self._channel is not None:
+            self._channel.close()
+
+    def _new(self, name: str) -> Any:
+        behaviour = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
+        return nidaqmx.Task(name, grpc_options=self._options(name, behaviour))
+
+    def _options(
+        self, name: str, behaviour: SessionInitializationBehavior = SessionInitializationBehavior.AUTO
+    ) -> GrpcSessionOptions:
+        return GrpcSessionOptions(self._channel, name, initialization_behavior=behaviour)
+
+
+def _name(purpose: str) -> str:
+    # Another computer's tasks are its own: its lock is not seen here.
+    return f"haploop on {socket.gethostname()}: {purpose}"

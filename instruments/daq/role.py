@@ -1,0 +1,166 @@
+"""The DAQ role: named channels sampled on one clock, and waveforms played on the same clock."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self, final
+
+import numpy as np
+
+from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.instruments.interlock import Interlocked
+
+__all__ = ["Block", "Capture", "Daq", "Stream"]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Consecutive samples of all streamed channels.
+
+    `first` is the index of the first sample since the stream began: time is the sample index.
+    `volts` is (channels, samples). `overload` is (channels,): a sample stood at the end of the
+    converter's range, so that its true value is not known.
+    """
+
+    first: int
+    volts: FloatArray
+    overload: BoolArray
+
+    @property
+    def end(self) -> int:
+        """Index of the sample that follows this block."""
+        return self.first + int(self.volts.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A finite acquisition, whole.
+
+    `volts` is (channels, samples), `delays` and `overload` are (channels,) as in `Stream` and `Block`.
+    """
+
+    channels: tuple[str, ...]
+    rate_hz: float
+    volts: FloatArray
+    delays: FloatArray
+    overload: BoolArray
+
+
+class Stream(ABC):
+    """A running acquisition: iterate over its blocks, leave its context to stop it.
+
+    Iteration ends after a finite stream's last sample. The context manager's exit stops the
+    acquisition and every waveform that it plays, and leaves all outputs at zero volts.
+    """
+
+    channels: tuple[str, ...]
+    """Names of the channels, in the order of a block's rows."""
+    rate_hz: float
+    """The sample rate that the hardware really runs at."""
+    delays: FloatArray
+    """(channels,) s: when a channel is sampled after sample 0's clock edge (a multiplexed card
+    samples its channels one after the other)."""
+    full_scale: FloatArray
+    """(channels,) V: the input range, as +- full scale."""
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Block]:
+        """Blocks in order, without a gap.
+
+        Raises InstrumentError when a sample was lost or the card did not deliver in time: a lost
+        sample is never silence.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Stop acquiring and playing, outputs to zero. May be called again."""
+
+    def capture(self, each: Callable[[Block], object] = lambda _block: None) -> Capture:
+        """All blocks of a finite stream as one; `each` is called with every block as it comes.
+
+        Raises InstrumentError, as iterating does.
+        """
+        blocks: list[Block] = []
+        for block in self:
+            blocks.append(block)
+            each(block)
+        return Capture(
+            self.channels,
+            self.rate_hz,
+            np.concatenate([b.volts for b in blocks], axis=1),
+            self.delays,
+            np.any([b.overload for b in blocks], axis=0),
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Daq(Interlocked, ABC):
+    """One or several cards that share a sample clock.
+
+    Safe state: nothing plays, every output holds zero volts. Opening a Daq changes no output. A
+    driver writes `_stream`; it is reached through `stream` alone, within what the rig's limiter authorises.
+    """
+
+    identity: str
+    """Product names and serial numbers, as the cards themselves report them."""
+    simulated = False
+    """Whether a card says of itself that it is a simulated one."""
+
+    @final
+    def stream(
+        self,
+        channels: Sequence[str],
+        rate_hz: float,
+        block: int,
+        samples: int | None = None,
+        play: Mapping[str, FloatArray] | None = None,
+    ) -> Stream:
+        """Start to acquire `channels` at `rate_hz`, `block` samples at a time.
+
+        `samples` makes the stream finite; None runs until it is closed. `play` gives for named
+        outputs one waveform each ((samples,) V at the output terminal, all of one length), begun
+        on the sample clock edge of sample 0 and updated at `rate_hz`; after its last sample an
+        output holds that sample's value until the stream is closed.
+
+        Raises ConfigurationError for an unknown channel or output, or a rate that the card cannot
+        run; LimitError for a waveform that is not finite, outside the output's range, or that
+        the rig's limiter has not authorised (see `Rig.excite`); InstrumentError when the card refuses.
+        """
+        for output, volts in (play or {}).items():
+            self._interlock.authorise(output, volts, rate_hz)
+        return self._stream(channels, rate_hz, block, samples, play)
+
+    @abstractmethod
+    def _stream(
+        self,
+        channels: Sequence[str],
+        rate_hz: float,
+        block: int,
+        samples: int | None,
+        play: Mapping[str, FloatArray] | None,
+    ) -> Stream:
+        """See `stream`: what the driver does for it."""
+
+    def clear_left(self) -> None:
+        """Let go of what a program that was killed has left in the cards, if anything can stay there.
+
+        For whoever holds the hardware's lock, and so knows that no living program uses it.
+        """
+
+    @abstractmethod
+    def zero(self) -> None:
+        """Write zero volts to every output. Idempotent. Raises InstrumentError."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the cards without changing an output. May be called again."""

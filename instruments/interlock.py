@@ -1,0 +1,64 @@
+"""The interlock at every output: an instrument puts out only what a limiter has authorised.
+
+A role's public method is a final template that asks the interlock and then calls the driver's own,
+underscored method. A driver cannot replace the template, and without a rig its interlock refuses.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.errors import LimitError
+from haploop.instruments.sweep import Sweep
+
+__all__ = ["Interlock", "Interlocked"]
+
+
+class Interlock(Protocol):
+    """A role asks it before any action that can put volts on a patch."""
+
+    def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
+        """Allow `volts` ((samples,) V at the output, at `rate_hz`). Raises LimitError."""
+
+    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+        """Allow a generator to be set to a sweep (V at the output), or to start it. Raises LimitError."""
+
+    def authorise_patches(self, patches: frozenset[str]) -> None:
+        """Allow a relay to connect patches. Raises LimitError."""
+
+
+class _NoRig:
+    """The interlock of a driver that belongs to no rig: it refuses volts, and lets a relay switch."""
+
+    def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
+        raise _no_limits(output)
+
+    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+        raise _no_limits(output)
+
+    def authorise_patches(self, patches: frozenset[str]) -> None:
+        pass
+
+
+class Interlocked:
+    """Base of the roles that have an interlock. A subclass that replaces a final method is a TypeError."""
+
+    _interlock: Interlock = _NoRig()
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        for name in vars(cls):
+            for base in cls.__mro__[1:]:
+                if getattr(vars(base).get(name), "__final__", False):
+                    raise TypeError(
+                        f"{cls.__name__} replaces {base.__name__}.{name}, which holds what is played to the "
+                        f"rig's limits: write _{name} instead."
+                    )
+
+
+def _no_limits(output: str) -> LimitError:
+    return LimitError(
+        f"Nothing is played on {output!r} without a rig's limits: open the rig with open_rig, and play "
+        "with its excite or sweep."
+    )

@@ -1,0 +1,27 @@
+"""The person at the rig: the role, a console, and nobody."""
+
+from haploop.instruments.operator.role import (
+    Aim,
+    ConfirmSettings,
+    Consent,
+    Operator,
+    Place,
+    Press,
+    Ready,
+    Remove,
+    Request,
+    Rest,
+)
+
+__all__ = [
+    "Aim",
+    "ConfirmSettings",
+    "Consent",
+    "Operator",
+    "Place",
+    "Press",
+    "Ready",
+    "Remove",
+    "Request",
+    "Rest",
+]

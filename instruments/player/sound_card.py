@@ -1,0 +1,255 @@
+"""A sound card's line output by PortAudio, the paper's own way to the amplifier (optional: sounddevice).
+
+Its output is AC-coupled, and its volume is the operating system's, which nothing here can read
+(hardware.md, section 10). So volts at full scale are declared, from a loop-back calibration; a
+waveform is refused rather than clipped; and an underflow is a failed play, never a silent gap.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from typing import Annotated, Any, Literal, Protocol, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.fft import irfft, next_fast_len, rfft
+
+from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.clock import Clock
+from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments.player.role import Player
+
+__all__ = ["Audio", "AudioStream", "SoundCard", "at_rate"]
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+_MEAN = 0.01
+"""Largest mean over the peak: an AC-coupled output takes the mean away, as a slow sag."""
+_LEAD = 0.05
+"""Seconds of silence first, in which a card that was asleep lets go of its mute (estimate)."""
+_GUARD = 0.02
+"""Seconds of silence after a waveform, so that resampling rings there and not into its begin."""
+
+
+class AudioStream(Protocol):
+    """What is used of `sounddevice.OutputStream`."""
+
+    def start(self) -> object:
+        """Begin to call back for samples."""
+
+    def close(self, ignore_errors: bool) -> object:
+        """Stop at once, drop samples that wait, and let go of the device."""
+
+
+class Audio(Protocol):
+    """What is used of the module `sounddevice`: the seam at which the twin stands in."""
+
+    CallbackStop: type[Exception]
+    CallbackAbort: type[Exception]
+    PortAudioError: type[Exception]
+
+    @property
+    def OutputStream(self) -> Callable[..., AudioStream]:  # noqa: N802  as sounddevice calls it
+        """Opens a device; its keyword arguments are the driver's own."""
+
+    def query_devices(self, device: int | str | None, kind: str) -> Any:
+        """The device's name and abilities, as a mapping."""
+
+
+class SoundCard(Player):
+    """See `Player`. Resamples to the card's rate by FFT, which is exact for what is band-limited."""
+
+    class Settings(BaseModel):
+        """The `[player]` table of a rig file."""
+
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+        output: str
+        """Name of the amplifier input that its output is wired to."""
+        volts_per_full_scale: Positive
+        """V peak at the output for digital full scale: measure it, at the volume that is then kept."""
+        highest: Positive = 1.0
+        """V peak that it may ever put out: 50 V at a patch behind a gain of 50."""
+        device: int | str = ""
+        """Number or part of the name, as sounddevice lists it; empty for the system's default."""
+        channel: Literal[1, 2] = 1
+        """Left or right; the other one stays silent."""
+        rate_hz: Positive = 48_000.0
+        """What the card runs at by itself: another rate is resampled by nobody knows whom."""
+        high_pass_hz: Annotated[float, Field(ge=0, le=20)] = 5.0
+        """Corner of its AC coupling; an estimate, which every play corrects (hardware.md, section 10)."""
+        room: Annotated[float, Field(gt=0, le=5)] = 0.5
+        """Seconds at most until the first sample comes out."""
+
+    def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
+        """Ask what device this is; nothing is opened. Raises InstrumentError."""
+        self.audio = audio
+        self.output = settings.output
+        self.room = settings.room + _LEAD
+        self._settings = settings
+        self._device = None if settings.device == "" else settings.device
+        self._stream: AudioStream | None = None
+        try:
+            self.identity = str(audio.query_devices(self._device, "output")["name"])
+        except (audio.PortAudioError, ValueError) as error:
+            raise InstrumentError(
+                f"There is no sound output {settings.device or 'by default'!r} ({error}): plug the card in, "
+                "or set 'device' in [player] to one that `python -m sounddevice` lists."
+            ) from None
+        self.declared = (
+            f"{self.identity}: is its volume where full scale was measured to be "
+            f"{settings.volts_per_full_scale:g} V peak, and are its effects and other programs' sounds off?"
+        )
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the output."""
+        return (f"sound output {settings.device or 'by default'}",)
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """Find the device. Raises ConfigurationError without sounddevice, InstrumentError."""
+        try:
+            audio: Any = importlib.import_module("sounddevice")
+        except (ImportError, OSError) as error:
+            # Without PortAudio itself, importing sounddevice is an OSError.
+            raise ConfigurationError(
+                f"A sound card is played through sounddevice and PortAudio, which do not load ({error}): "
+                "pip install haploop[sound], and on Linux the distribution's PortAudio."
+            ) from None
+        return cls(settings, clock, audio)
+
+    @contextmanager
+    def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:
+        samples = self._samples(volts, rate_hz)
+        self.stop()
+        playing = _Playing(samples, self._settings.channel - 1, self.audio)
+        try:
+            self._stream = self.audio.OutputStream(
+                samplerate=self._settings.rate_hz,
+                device=self._device,
+                channels=2,
+                dtype="float32",
+                latency="high",
+                callback=playing.fill,
+                finished_callback=playing.finish,
+            )
+            self._stream.start()
+        except (self.audio.PortAudioError, ValueError) as error:
+            self.stop()
+            raise InstrumentError(
+                f"{self.identity} cannot play at {self._settings.rate_hz:g} samples/s ({error}): close other "
+                "programs that use it, or set 'rate_hz' in [player] to what it runs at."
+            ) from None
+        try:
+            yield
+            problem = playing.problem
+        finally:
+            self.stop()
+        if problem:
+            raise InstrumentError(f"{self.identity} {problem}; what was measured is not used.")
+
+    def rendered(self, volts: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
+        """See `Player.rendered`; before the coupling, whose sag the drive's monitor is there to see."""
+        full_scale, own_hz = self._settings.volts_per_full_scale, self._settings.rate_hz
+        return full_scale * self._samples(volts, rate_hz), own_hz
+
+    def response(self, frequencies: FloatArray) -> ComplexArray:
+        """See `Player.response`: one real zero at 0 Hz, one real pole."""
+        if not self._settings.high_pass_hz:
+            return np.ones(len(frequencies), dtype=np.complex128)
+        f = 1j * frequencies
+        return np.asarray(f / (f + self._settings.high_pass_hz))
+
+    def stop(self) -> None:
+        """See `Player.stop`."""
+        stream, self._stream = self._stream, None
+        if stream is None:
+            return
+        try:
+            stream.close(ignore_errors=False)
+        except self.audio.PortAudioError as error:
+            raise InstrumentError(f"{self.identity} was not told to stop ({error}): unplug it.") from None
+
+    def close(self) -> None:
+        """See `Player.close`."""
+        self.stop()
+
+    def _samples(self, volts: FloatArray, rate_hz: float) -> FloatArray:
+        """(samples,) of full scale at the card's rate."""
+        settings = self._settings
+        if not len(volts) or not np.all(np.isfinite(volts)):
+            raise LimitError(f"A waveform for {self.identity} must have samples, and each must be finite.")
+        most = min(settings.highest, settings.volts_per_full_scale)
+        resampled = at_rate(volts, rate_hz, settings.rate_hz)
+        peak = max(float(np.abs(volts).max()), float(np.abs(resampled).max()))
+        # One part in 10^6 is what resampling rounds.
+        if peak > most * (1 + 1e-6):
+            raise LimitError(
+                f"A waveform of {peak:.4g} V peak was refused: {self.identity} may put out {most:g} V "
+                "('highest' and 'volts_per_full_scale' in [player])."
+            )
+        mean = float(volts.mean())
+        if abs(mean) > _MEAN * peak:
+            raise LimitError(
+                f"A waveform with a mean of {mean:.2g} V at a peak of {peak:.2g} V was refused: a sound "
+                "card's output is AC-coupled, so take the mean off."
+            )
+        lead = np.zeros(round(_LEAD * settings.rate_hz))
+        scaled = np.clip(resampled / settings.volts_per_full_scale, -1.0, 1.0)
+        return np.concatenate([lead, scaled])
+
+
+class _Playing:
+    """One waveform on its way out; PortAudio's thread calls `fill` and `finish`."""
+
+    def __init__(self, samples: FloatArray, channel: int, audio: Audio) -> None:
+        self._samples = samples.astype(np.float32)
+        self._channel = channel
+        self._audio = audio
+        self._next = 0
+        self._underflow = False
+        self._finished = False
+
+    @property
+    def problem(self) -> str | None:
+        """Why this was not a whole play; None when it was."""
+        if self._underflow:
+            return "ran out of samples (an underflow): close other programs, and try again"
+        if self._next < len(self._samples) or not self._finished:
+            done = min(self._next / len(self._samples), 1.0)
+            return (
+                f"had not played to the end when recording ended (it had asked for {done:.0%}): is it still "
+                "plugged in, and is 'room' in [player] long enough?"
+            )
+        return None
+
+    def fill(self, outdata: Any, frames: int, time: object, status: Any) -> None:
+        """PortAudio wants `frames` more samples: outdata is (frames, channels)."""
+        outdata[:] = 0
+        if status.output_underflow:
+            self._underflow = True
+            raise self._audio.CallbackAbort
+        part = self._samples[self._next : self._next + frames]
+        outdata[: len(part), self._channel] = part
+        self._next += frames
+        if self._next >= len(self._samples):
+            raise self._audio.CallbackStop
+
+    def finish(self) -> None:
+        """PortAudio has put the last sample out."""
+        self._finished = True
+
+
+def at_rate(volts: FloatArray, rate_hz: float, wanted_hz: float) -> FloatArray:
+    """A waveform ((samples,), at rest at both ends) at another rate, by FFT; `_GUARD` s longer."""
+    ratio = Fraction(wanted_hz / rate_hz).limit_denominator(10_000)
+    blocks = -(-(len(volts) + round(_GUARD * rate_hz)) // ratio.denominator)
+    blocks = next_fast_len(blocks, real=True)
+    before, after = blocks * ratio.denominator, blocks * ratio.numerator
+    spectrum = rfft(volts, before)[: after // 2 + 1]
+    longer = irfft(spectrum, after) * (after / before)
+    return np.asarray(longer[: round((len(volts) / rate_hz + _GUARD) * wanted_hz)])

@@ -1,0 +1,6 @@
+"""Relay boxes: the role, what all boards have in common, and the drivers."""
+
+from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState
+from haploop.instruments.relay.role import Relay
+
+__all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "Relay"]

@@ -1,0 +1,55 @@
+"""The relay role: which patches the amplifier's output reaches."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection
+from typing import final
+
+from haploop.instruments.interlock import Interlocked
+
+__all__ = ["Relay"]
+
+
+class Relay(Interlocked, ABC):
+    """A relay box between the amplifier and the patches.
+
+    Safe state: every channel open. Opening the driver changes no channel. Switch only while the
+    drive is at zero: a charged patch that is switched clicks. A driver writes `_connect`; it is
+    reached through `connect` alone, and while a drive is played it only opens.
+    """
+
+    identity: str
+    patches: tuple[str, ...]
+    """Names of the patches that it can connect."""
+    rating: float
+    """Highest voltage (V peak) that its channels may switch."""
+    dead_man: float
+    """Seconds after which the box opens by itself unless `connect` or `renew` is called."""
+
+    @final
+    def connect(self, patches: Collection[str]) -> None:
+        """Connect exactly these patches, all others open, and read that back.
+
+        Returns when the contacts have settled. Raises ConfigurationError for an unknown patch,
+        LimitError while the rig plays a drive that is not for these patches, InstrumentError when
+        the box does not answer or reads back anything else.
+        """
+        self._interlock.authorise_patches(frozenset(patches))
+        self._connect(patches)
+
+    @abstractmethod
+    def _connect(self, patches: Collection[str]) -> None:
+        """See `connect`: what the driver does for it."""
+
+    @abstractmethod
+    def connected(self) -> frozenset[str]:
+        """The patches that the box itself reports as connected."""
+
+    @abstractmethod
+    def renew(self) -> None:
+        """Put the dead-man time off again; does nothing when no patch is connected."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the box without changing a channel. May be called again."""

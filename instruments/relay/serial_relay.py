@@ -1,0 +1,175 @@
+"""Relay boards on a serial port that speak the ASCII protocol of Numato's USB relay modules.
+
+A command ends with a carriage return; the board echoes it, answers on a line of its own, and ends
+with the prompt `>`. `relay on X` and `relay off X` answer nothing, `relay read X` answers `on` or
+`off`, `ver` the firmware; X is 0 to 9, then A to V. (Found in public programs for these modules;
+the 2- and 4-channel ones lack `readall` and `writeall`, so neither is used.)
+
+Such a board cannot open by itself: its `dead_man` is infinite, and a program that is killed leaves
+its channels as they are. Prefer a box with a pulse timer where a patch may not stay connected.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from typing import Annotated, Self
+
+import serial
+from pydantic import Field
+
+from haploop.instruments.clock import Clock
+from haploop.instruments.driver import one_name
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState
+
+__all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
+
+DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUV"
+"""How the board numbers its channels."""
+PROMPT = b">"
+_LONGEST_ANSWER = 256
+
+
+def answer_in(received: bytes, command: str) -> str:
+    """The answer to `command` in what has been received since it was sent, up to the prompt.
+
+    Raises ValueError for anything but the echo of the command, at most one line, and the prompt.
+    """
+    text = received.decode("ascii", "replace")
+    found = re.fullmatch(rf"[\r\n]*{re.escape(command)}[\r\n]+(?:([ -~]*)[\r\n]+)?>", text)
+    if found is None:
+        raise ValueError(repr(text[:60]))
+    return found[1] or ""
+
+
+class SerialRelay(ChannelRelay):
+    """See `Relay` and `ChannelRelay`."""
+
+    class Settings(BoardSettings):
+        """The `[relay]` table of a rig file."""
+
+        patches: Annotated[dict[str, Annotated[int, Field(ge=0, lt=len(DIGITS))]], Field(min_length=1)]
+        """The channel, from 0 on as the board counts, that each patch is wired to."""
+        port: str
+        """Serial port (`COM5`), or the address of one that is served elsewhere (`socket://HOST:PORT`)."""
+        baud: Annotated[int, Field(gt=0)] = 19200
+        """A board with USB of its own takes any."""
+        timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
+        """Seconds in which the board must have answered a command completely."""
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the port."""
+        return (one_name(settings.port),)
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """Open the port and ask for the firmware and the state of each channel; none is changed.
+
+        Raises ConfigurationError for what cannot be a port, InstrumentError when there is no such
+        port or it does not answer as such a board does.
+        """
+        board = _Board(settings)
+        try:
+            board.states()
+        except BaseException:
+            board.release()
+            raise
+        return cls(settings, clock, board)
+
+
+class _Board:
+    """A `RelayBoard`. The port is opened anew after an error, so that no late answer is mistaken."""
+
+    dead_man = math.inf
+
+    def __init__(self, settings: SerialRelay.Settings) -> None:
+        self.identity = f"The relay board at {settings.port}"
+        self._settings = settings
+        self._channels: Collection[int] = settings.patches.values()
+        self._port: serial.SerialBase | None = None
+        version = self._ask("ver")
+        if not version:
+            raise self._wrong("ver", "nothing")
+        self.identity = f"{self.identity} (firmware {version})"
+
+    def states(self) -> Mapping[int, ChannelState]:
+        return {channel: ChannelState(closed=self._read(channel)) for channel in self._channels}
+
+    def open_channel(self, channel: int) -> None:
+        self._switch(f"relay off {DIGITS[channel]}")
+
+    def close_channel(self, channel: int) -> None:
+        self._switch(f"relay on {DIGITS[channel]}")
+
+    def release(self) -> None:
+        port, self._port = self._port, None
+        if port is None:
+            return
+        # pyserial forgets to close a socket whose far end has already gone.
+        link = getattr(port, "_socket", None)
+        with suppress(OSError):
+            port.close()
+        if link is not None:
+            link.close()
+
+    def _read(self, channel: int) -> bool:
+        command = f"relay read {DIGITS[channel]}"
+        answer = self._ask(command)
+        if answer not in ("on", "off"):
+            raise self._wrong(command, repr(answer))
+        return answer == "on"
+
+    def _switch(self, command: str) -> None:
+        answer = self._ask(command)
+        if answer:
+            raise self._wrong(command, repr(answer))
+
+    def _ask(self, command: str) -> str:
+        try:
+            if self._port is None:
+                self._port = self._opened()
+                # An empty command ends whatever another program has left half sent.
+                self._exchange(self._port, "")
+            return answer_in(self._exchange(self._port, command), command)
+        except TimeoutError:
+            self.release()
+            raise InstrumentError(
+                f"{self.identity} did not answer {command!r} within {self._settings.timeout:g} s: "
+                "is it switched on, and is that its port?"
+            ) from None
+        except OSError as error:  # what pyserial raises is one
+            self.release()
+            raise InstrumentError(
+                f"{self.identity} cannot be talked to ({error}): plug it in, or correct 'port' in [relay]."
+            ) from None
+        except ValueError as error:
+            self.release()
+            raise self._wrong(command, str(error)) from None
+
+    def _opened(self) -> serial.SerialBase:
+        s = self._settings
+        try:
+            return serial.serial_for_url(s.port, baudrate=s.baud, timeout=s.timeout, write_timeout=s.timeout)
+        except ValueError as error:
+            raise ConfigurationError(f"'port' in [relay] cannot be {s.port!r}: {error}.") from None
+
+    def _exchange(self, port: serial.SerialBase, command: str) -> bytes:
+        """What comes back up to the prompt. However it drips in, at most two time-outs pass."""
+        port.reset_input_buffer()
+        port.write(f"{command}\r".encode("ascii"))
+        received: bytes = port.read_until(PROMPT, _LONGEST_ANSWER)
+        if not received:
+            raise TimeoutError
+        if not received.endswith(PROMPT):
+            raise ValueError(f"{received[:60].decode('ascii', 'replace')!r} and no prompt")
+        return received
+
+    def _wrong(self, command: str, answer: str) -> InstrumentError:
+        return InstrumentError(
+            f"{self.identity} answered {command!r} with {answer}, which no such board does: "
+            "check the port, its baud rate, and the channels in [relay]."
+        )

@@ -1,0 +1,286 @@
+"""Yocto-MaxiCoupler behind a VirtualHub or YoctoHub, over the hub's REST interface.
+
+The vendor's libraries report success for a command that the hub answered with 404, and one of them
+hangs for ever when the hub dies (hardware.md, section 4c), so this is a client of our own: each
+request has a hard deadline, and no reply is believed until the state has been read back. A hub
+that asks for a password is not supported.
+
+The dead-man is the box's own pulse timer, which each renewal starts again; `maxTimeOnStateB` is
+the second, outer bound, which no renewal is relied on to put off (hardware.md, section 4b).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+from collections.abc import Collection, Mapping
+from http.client import HTTPException, HTTPResponse
+from io import BufferedReader, RawIOBase
+from typing import Annotated, Any, Self, TypeVar, cast
+from urllib.parse import urlencode, urlsplit
+
+from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
+
+from haploop.instruments.clock import Clock, RealClock
+from haploop.instruments.driver import one_name
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState, read_back
+
+__all__ = ["Yocto"]
+
+CHANNELS = 8
+_PRODUCT = "Yocto-MaxiCoupler"
+_PORT = 4444
+_SERIAL = r"^[A-Za-z0-9]{1,12}-[A-Za-z0-9]{1,12}$"
+_LONGEST_REPLY = 1 << 20
+"""Bytes; a module describes itself in a few thousand."""
+
+
+def _address(hub: str) -> str:
+    parts = urlsplit(hub)
+    if parts.scheme != "http" or not parts.hostname or parts.path.strip("/") or parts.query:
+        raise ValueError("give the hub as http://HOST:PORT")
+    if parts.username:
+        raise ValueError("a hub with a password is not supported; switch its password off")
+    host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+    return f"http://{host}:{parts.port or _PORT}"
+
+
+class Yocto(ChannelRelay):
+    """See `Relay` and `ChannelRelay`."""
+
+    class Settings(BoardSettings):
+        """The `[relay]` table of a rig file."""
+
+        patches: Annotated[
+            dict[str, Annotated[int, Field(ge=1, le=CHANNELS)]], Field(min_length=1, max_length=CHANNELS)
+        ]
+        """The channel, 1 to 8, that each patch is wired to."""
+        hub: Annotated[str, AfterValidator(_address)] = f"http://127.0.0.1:{_PORT}"
+        serial: Annotated[str, Field(pattern=_SERIAL)] | None = None
+        """Serial number; without it, the only Yocto-MaxiCoupler that the hub has."""
+        rating: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 48.0
+        """V, DC, of the V2; the V1's was not found (hardware.md, section 4)."""
+        dead_man: Annotated[float, Field(ge=0.1, le=60)] = 2.0
+        """Seconds after which the box opens by itself unless renewed."""
+        longest: Annotated[float, Field(gt=0, le=3600)] = 120.0
+        """Seconds after which the box opens a channel even when it is renewed."""
+        timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
+        """Seconds in which the hub must have answered a request completely."""
+
+        @model_validator(mode="after")
+        def _ordered(self) -> Self:
+            if self.longest < self.dead_man:
+                raise ValueError("longest must not be less than dead_man")
+            return self
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the box."""
+        return (f"{one_name(settings.hub)} {settings.serial or 'its only box'}",)
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """Find the box, check its identity and set its outer time limit; no channel is changed.
+
+        Raises ConfigurationError when the hub has no such box, or several and no `serial` is
+        given; InstrumentError when the hub does not answer as a hub does.
+        """
+        board = _Board(settings)
+        channels = settings.patches.values()
+        board.limit_time(channels, settings.longest)
+        read_back(lambda: board.limit_complaint(channels, settings.longest), clock, settings.settle)
+        return cls(settings, clock, board)
+
+
+class _Board:
+    """A `RelayBoard`: one module on a hub."""
+
+    def __init__(self, settings: Yocto.Settings) -> None:
+        self.dead_man = settings.dead_man
+        self.identity = f"The {_PRODUCT} at {settings.hub}"
+        self._hub = _Hub(settings.hub, settings.timeout)
+        serial = settings.serial or self._only_one()
+        self._root = f"/bySerial/{serial}"
+        module = self._checked(_Module, self._tree().get("module"))
+        if module.serial != serial:
+            raise InstrumentError(
+                f"The hub {settings.hub} answered for {module.serial} when asked for {serial}: restart it."
+            )
+        self.identity = f"{module.product} {serial}"
+
+    def states(self) -> Mapping[int, ChannelState]:
+        return {
+            channel: ChannelState(
+                closed=relay.state == 1,
+                remaining=relay.pulse / 1000 if relay.pulse else math.inf,
+            )
+            for channel, relay in self._relays().items()
+        }
+
+    def open_channel(self, channel: int) -> None:
+        self._set(channel, "state", 0)
+
+    def close_channel(self, channel: int) -> None:
+        self._set(channel, "pulseTimer", _ms(self.dead_man))
+
+    def limit_time(self, channels: Collection[int], longest: float) -> None:
+        for channel in channels:
+            self._set(channel, "maxTimeOnStateB", _ms(longest))
+
+    def limit_complaint(self, channels: Collection[int], longest: float) -> str:
+        """A sentence about a channel that has not taken its time limit; empty when all have."""
+        relays = self._relays()
+        for channel in channels:
+            if channel not in relays:
+                return f"{self.identity} has no channel {channel}: correct 'patches' in [relay]."
+            if relays[channel].longest != _ms(longest):
+                return (
+                    f"{self.identity}: channel {channel} was given a time limit of {_ms(longest)} ms "
+                    f"but reads {relays[channel].longest}: update the firmware of the box."
+                )
+        return ""
+
+    def release(self) -> None:
+        """Each request has a connection of its own: there is none to let go of."""
+
+    def _only_one(self) -> str:
+        tree = self._hub.json("/api.json")
+        listed = self._checked(_Listing, tree.get("services")).modules
+        boxes = [m for m in listed if m.product.startswith(_PRODUCT)]
+        if len(boxes) == 1:
+            return boxes[0].serial
+        found = ", ".join(f"{m.product} {m.serial}" for m in listed) or "nothing"
+        raise ConfigurationError(
+            f"The hub {self._hub.url} has {len(boxes) or 'no'} {_PRODUCT}{'s' * (len(boxes) > 1)} "
+            f"(it lists {found}): "
+            + ("name one by 'serial' in [relay]." if boxes else "plug it in, or correct 'hub' in [relay].")
+        )
+
+    def _set(self, channel: int, attribute: str, value: int) -> None:
+        query = urlencode({"scr": "", "ctx": f"relay{channel}", attribute: value})
+        self._hub.get(f"{self._root}/api?{query}")
+
+    def _relays(self) -> dict[int, _Function]:
+        tree = self._tree()
+        names = {channel: f"relay{channel}" for channel in range(1, CHANNELS + 1)}
+        return {c: self._checked(_Function, tree[name]) for c, name in names.items() if name in tree}
+
+    def _tree(self) -> dict[str, Any]:
+        return self._hub.json(f"{self._root}/api.json")
+
+    def _checked(self, kind: type[_Reply], value: object) -> _Reply:
+        try:
+            return kind.model_validate(value, strict=True)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(map(str, first["loc"])) or "its answer"
+            raise InstrumentError(
+                f"{self.identity} sent an answer that cannot be right: {key}: {first['msg']} "
+                f"(found {str(first['input'])[:60]!r})."
+            ) from None
+
+
+def _ms(seconds: float) -> int:
+    return round(seconds * 1000)
+
+
+class _Module(BaseModel):
+    serial: Annotated[str, Field(alias="serialNumber", pattern=_SERIAL)]
+    product: Annotated[str, Field(alias="productName", max_length=80)]
+
+
+class _Listing(BaseModel):
+    modules: Annotated[list[_Module], Field(alias="whitePages", strict=False)]
+
+
+class _Function(BaseModel):
+    """One relay: state 0 is A, open and idle; 1 is B. Times in ms."""
+
+    state: Annotated[int, Field(ge=0, le=1)]
+    pulse: Annotated[int, Field(alias="pulseTimer", ge=0, lt=1 << 32)]
+    longest: Annotated[int, Field(alias="maxTimeOnStateB", ge=0, lt=1 << 32)]
+
+
+_Reply = TypeVar("_Reply", bound=BaseModel)
+
+
+class _Hub:
+    """A client for one hub: a connection and a deadline for each request."""
+
+    def __init__(self, url: str, timeout: float) -> None:
+        self.url = url
+        self._timeout = timeout
+        self._host = urlsplit(url).netloc
+
+    def json(self, path: str) -> dict[str, Any]:
+        """The JSON object at a path. Raises InstrumentError."""
+        body = self.get(path)
+        try:
+            tree = json.loads(body)
+        except (ValueError, RecursionError):
+            raise InstrumentError(
+                f"The hub {self.url} sent something else than whole JSON for {path} "
+                f"({len(body)} bytes): is it a VirtualHub?"
+            ) from None
+        if not isinstance(tree, dict):
+            raise InstrumentError(f"The hub {self.url} sent no JSON object for {path}: is it a VirtualHub?")
+        return tree
+
+    def get(self, path: str) -> bytes:
+        """The body of the answer, complete within the deadline. Raises InstrumentError."""
+        parts = urlsplit(self.url)
+        request = f"GET {path} HTTP/1.1\r\nHost: {self._host}\r\nConnection: close\r\n\r\n"
+        clock = RealClock()
+        deadline = clock.now() + self._timeout
+        try:
+            with socket.create_connection((parts.hostname, parts.port), self._timeout) as link:
+                link.sendall(request.encode("ascii"))
+                reader = cast(socket.socket, _Deadlined(link, clock, deadline))
+                with HTTPResponse(reader) as response:
+                    response.begin()
+                    status, body = response.status, response.read(_LONGEST_REPLY)
+        except TimeoutError:
+            raise InstrumentError(
+                f"The hub {self.url} did not answer within {self._timeout:g} s: is it running?"
+            ) from None
+        except (OSError, HTTPException, ValueError) as error:
+            # What the hub said may stand in it, whatever that is.
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise InstrumentError(
+                f"The hub {self.url} cannot be talked to ({reason}): "
+                "start VirtualHub, or correct 'hub' in [relay]."
+            ) from None
+        if status == 401:
+            raise InstrumentError(
+                f"The hub {self.url} asks for a password, which is not supported: switch it off."
+            )
+        if status != 200:
+            raise InstrumentError(
+                f"The hub {self.url} answered {path} with status {status}: is the module plugged in?"
+            )
+        return body
+
+
+class _Deadlined(RawIOBase):
+    """Bytes from a socket until a deadline, however slowly they drip in."""
+
+    def __init__(self, link: socket.socket, clock: Clock, deadline: float) -> None:
+        self._link = link
+        self._clock = clock
+        self._deadline = deadline
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        left = self._deadline - self._clock.now()
+        if left <= 0:
+            raise TimeoutError
+        self._link.settimeout(left)
+        return self._link.recv_into(buffer)
+
+    def makefile(self, mode: str) -> BufferedReader:
+        """All that HTTPResponse asks of a socket."""
+        return BufferedReader(self)

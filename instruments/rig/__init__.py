@@ -1,0 +1,7 @@
+"""A rig: all instruments of a rig file, opened together."""
+
+from haploop.instruments.rig.opening import hardware, open_rig
+from haploop.instruments.rig.rig import Rig
+from haploop.instruments.rig.schema import rig_schema
+
+__all__ = ["Rig", "hardware", "open_rig", "rig_schema"]

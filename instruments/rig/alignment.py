@@ -1,0 +1,189 @@
+"""A recording brought to the clock of the drive that a free-running player played during it.
+
+Where player and DAQ share no clock, the measured drive tells when the play began and how fast the
+player's clock runs. Both are fitted to the commanded drive, together with what may bias them: its
+gain and the corner of the player's AC coupling. Then every channel is evaluated at the drive's own
+instants, by a Fourier series, so that whatever shifts a fraction of a sample loses nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import fft, ifft, irfft, next_fast_len, rfft, rfftfreq
+from scipy.signal import correlate
+
+from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.daq import Capture
+from haploop.instruments.errors import InstrumentError
+
+__all__ = ["Aligned", "Timing", "align", "find"]
+
+_LEAST = 0.5
+"""Correlation of measured and commanded drive below which the one does not show the other."""
+_MOST_DRIFT = 500e-6
+"""Crystals differ by 10 to 100 ppm (estimate; hardware.md, section 10): more is a wrong rate."""
+_GOOD = 0.3
+"""Misfit of a drive that has been found: no other clock is tried."""
+_DRIFT = 500e-6
+"""Crystals differ by 10 to 100 ppm (estimate; hardware.md, section 10): more is a wrong rate."""
+_PART = 0.5
+"""Seconds of drive whose place is found by themselves, to start with."""
+_NEAR = 0.02
+"""Seconds by which such a part may be displaced."""
+_DRIFT = 1e-4
+_CORNER = 5.0
+"""What a drift may well be, and the coupling's corner (Hz) be wrong by: a drive of one tone can tell
+neither from a delay."""
+_MODEL = 1e-3
+"""Share of the drive by which the measured one may differ for reasons that the fit does not know."""
+_STEPS = 3
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When a drive was played, seen from the DAQ's clock."""
+
+    begin: float
+    """Seconds from the DAQ's first sample to the drive's first at the patch."""
+    drift: float
+    """By how much the player's clock is faster than the DAQ's."""
+    gain: float
+    """Measured volts per commanded volt."""
+    misfit: float
+    """Rms of what the measured drive has beside the commanded one, over its own rms."""
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned(Capture):
+    """A capture on the drive's clock: sample 0 is the drive's first, as with a DAQ's own output."""
+
+    timing: Timing
+
+
+def align(capture: Capture, timing: Timing, samples: int) -> Aligned:
+    """The first `samples` of every channel on the drive's clock. Delays of channels stay as they are."""
+    start, step = timing.begin * capture.rate_hz, 1 / (1 + timing.drift)
+    volts = np.array([_at(row, start, step, samples) for row in capture.volts])
+    return Aligned(capture.channels, capture.rate_hz, volts, capture.delays, capture.overload, timing)
+
+
+def find(
+    measured: FloatArray,
+    drive: FloatArray,
+    rate_hz: float,
+    delay: float,
+    response: Callable[[FloatArray], ComplexArray],
+) -> Timing:
+    """When and how fast `drive` was played, from what was `measured` of it, both (samples,) V.
+
+    `delay` is the monitor channel's (see `Stream.delays`), `response` what the player passes at
+    given frequencies (Hz), as far as it is known. Raises InstrumentError when the drive is not to
+    be seen, stands upside down, or the clocks differ by more than crystals do.
+    """
+    length = next_fast_len(len(measured) + len(drive), real=True)
+    measured = measured - measured.mean()
+    D = rfft(drive, length) * response(np.asarray(rfftfreq(length, 1 / rate_hz)))
+    expected = np.asarray(irfft(D, length)[: len(drive)])
+
+    # Only the drive's band is fitted, at as few samples as hold it.
+    power = np.cumsum(np.abs(D) ** 2)
+    band = int(np.searchsorted(power, 0.9999 * power[-1]))
+    short = min(next_fast_len(max(4 * band, 256), real=True), length)
+    rate = short / length * rate_hz
+    f = np.arange(short // 2 + 1) * rate_hz / length
+    t = np.arange(int(len(drive) / rate_hz * rate)) / rate
+
+    def cropped(spectrum: ComplexArray) -> FloatArray:
+        return np.asarray(irfft(spectrum[: len(f)], short) * (short / length))
+
+    heard = cropped(np.asarray(rfft(measured, length)))
+    d, slope, sag = (
+        cropped(D[: len(f)] * factor)[: len(t)] for factor in (1.0, 2j * np.pi * f, -1 / (1j * f + _CORNER))
+    )
+    # To first order: gain x (drive - late x slope + fast x t x slope + corner x sag).
+    basis = np.stack([d, slope, t * slope, sag], axis=1)
+    prior = _MODEL * float(np.linalg.norm(d)) / np.array([_DRIFT, _CORNER])
+    rows = np.vstack([basis, [[0.0, 0.0, prior[0], 0.0], [0.0, 0.0, 0.0, prior[1]]]])
+
+    def fitted(begin: float, drift: float) -> Timing:
+        gain = 0.0
+        for _ in range(_STEPS):
+            seen = _at(heard, begin * rate, 1 / (1 + drift), len(t))
+            gain = gain or float(np.dot(d, seen) / np.dot(d, d))
+            found = np.linalg.lstsq(rows, np.append(seen, [-prior[0] * gain * drift, 0.0]), rcond=None)[0]
+            gain = float(found[0])
+            begin -= float(found[1]) / gain if gain else 0.0
+            drift += float(found[2]) / gain if gain else 0.0
+        size = float(np.linalg.norm(seen))
+        misfit = float(np.linalg.norm(seen - basis @ found)) / size if size else 1.0
+        return Timing(begin + delay, drift, gain, misfit)
+
+    # A clock that drifts much smears the correlation by which the begin is found: then others are tried,
+    # half a period apart at the drive's highest frequency and end.
+    finest = length / (2 * band * len(drive))
+    fits = []
+    for number in range(2 * int(_MOST_DRIFT / finest) + 3):
+        drift = finest * ((number + 1) // 2) * (-1) ** number
+        moved = measured if not number else _at(measured, 0.0, 1 / (1 + drift), len(measured))
+        fits.append(fitted(_place(moved, expected) / rate_hz / (1 + drift), drift))
+        if fits[-1].misfit < _GOOD:
+            break
+    best = min(fits, key=lambda timing: timing.misfit)
+    _refuse(best)
+    return best
+
+
+def _refuse(timing: Timing) -> None:
+    correlation = float(np.sqrt(max(0.0, 1 - timing.misfit**2)))
+    if not correlation >= _LEAST:
+        raise InstrumentError(
+            f"The drive monitor does not show the drive that was played (correlation {correlation:.2f}): "
+            "check the player's cable and volume, the amplifier, the relay, the monitor, 'room' in [player]."
+        )
+    if timing.gain < 0:
+        raise InstrumentError(
+            "The drive monitor shows the drive upside down: swap the wires at the player's output, or of the "
+            "monitor's divider."
+        )
+    if not abs(timing.drift) <= _MOST_DRIFT:
+        raise InstrumentError(
+            f"The player's clock differs from the DAQ's by {timing.drift * 1e6:.0f} ppm, and crystals differ "
+            "by 100 at most: is its rate resampled by the operating system? Set 'rate_hz' to what it runs at."
+        )
+
+
+def _place(measured: FloatArray, expected: FloatArray) -> float:
+    """The sample at which the drive, or its mirror image, is most likely to begin."""
+    found = np.abs(correlate(measured, expected, mode="valid", method="fft"))
+    before, peak, after = found[:-2], found[1:-1], found[2:]
+    tops = np.flatnonzero((peak >= before) & (peak > after) & (peak > 0.9 * found.max(initial=0.0)))
+    if not len(tops):
+        return float(found.argmax())
+    # A tone's tops are nearly alike: how high they are is seen between the samples only.
+    slope, bend = (after - before)[tops] / 2, (after - 2 * peak + before)[tops]
+    best = int((peak[tops] - slope**2 / (2 * bend)).argmax())
+    return float(tops[best] + 1 - slope[best] / bend[best])
+
+
+def _at(signal: FloatArray, start: float, step: float, count: int) -> FloatArray:
+    """A periodic band-limited signal at `start + k * step` (samples), k < count.
+
+    Its Fourier series is summed by Bluestein's convolution (IEEE Trans. Audio Electroacoust. 18,
+    1970, p. 451), with n k = (n^2 + k^2 - (k - n)^2) / 2.
+    """
+    samples = len(signal)
+    lines = samples // 2 + 1
+    X = rfft(signal) * np.exp(2j * np.pi * start / samples * np.arange(lines))
+    X[1 : (samples + 1) // 2] *= 2
+    turn = np.pi * step / samples
+    n = np.arange(max(lines, count), dtype=np.float64)
+    chirp = np.exp(1j * np.remainder(turn * n**2, 2 * np.pi))
+    length = next_fast_len(lines + count - 1)
+    kernel = np.zeros(length, dtype=np.complex128)
+    kernel[:count] = np.conj(chirp[:count])
+    kernel[length - lines + 1 :] = np.conj(chirp[1:lines][::-1])
+    summed = ifft(fft(X * chirp[:lines], length) * fft(kernel))[:count]
+    return np.asarray((chirp[:count] * summed).real / samples)

@@ -1,0 +1,104 @@
+"""Opening a rig: its file's drivers, their twins, or the drivers at their wires."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from haploop.instruments.clock import RealClock
+from haploop.instruments.config import Device, RigFile, SimulationSettings, load_rig_file, validate
+from haploop.instruments.daq import Daq
+from haploop.instruments.driver import Driver, Mode, Simulation, hardware_of
+from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.rig.rig import Rig
+from haploop.instruments.rig.roles import ROLES
+from haploop.instruments.safety import hold
+
+__all__ = ["hardware", "open_rig", "simulated_file"]
+
+
+def open_rig(
+    rig: str | Path | RigFile, simulate: Mode | None = None, simulation: Mapping[str, Any] | None = None
+) -> Rig:
+    """Open every instrument of a rig; use it as a context.
+
+    `rig` is a rig file's path, the bare name of a rig that haploop ships, or a loaded file.
+    `simulate` replaces every driver by its twin, or keeps the drivers and points them at their
+    wires; None takes what the file says, which for a lab's rig is the hardware. `simulation`
+    overrides keys of the file's `[simulation]` table. Connecting changes no output. Hardware is
+    locked while it is open: no other program, and no other rig of this one, can open it.
+
+    Raises ConfigurationError, and InstrumentError when an instrument is not there or in use.
+    """
+    file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
+    mode = simulate or file.simulate
+    world: Simulation | None = None
+    if mode is not None:
+        file = simulated_file(file, simulation or {})
+        (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
+        world = entry.load()(file)
+    pieces = hardware(file, mode)
+    opened = Rig(file, world.clock if world else RealClock(), world, mode, pieces)
+    try:
+        opened.holding(closing(world) if world else hold(pieces, f"The rig {file.name!r}"))
+        _connect(opened)
+    except BaseException:
+        opened.close()
+        raise
+    return opened
+
+
+def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
+    """Names of a rig's hardware, for its lock and its lockouts. A simulated world is one piece."""
+    if mode is not None:
+        return frozenset({f"the simulated rig {file.name}, {file.digest}"})
+    return frozenset().union(
+        *(
+            hardware_of(
+                device.driver, driver, validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
+            )
+            for role, device, driver in _drivers(file)
+        )
+    )
+
+
+def simulated_file(file: RigFile, changes: Mapping[str, Any]) -> RigFile:
+    """A rig file with keys of its `[simulation]` table changed."""
+    plant = {**file.simulation.model_dump(), **changes}
+    settings = validate(SimulationSettings, plant, f"[simulation] of {file.name}")
+    return file.model_copy(update={"simulation": settings})
+
+
+def _connect(rig: Rig) -> None:
+    """Open each instrument that the rig file names."""
+    for role, device, driver in _drivers(rig.file):
+        if rig.simulation and rig.mode:
+            instrument = rig.simulation.instrument(role, device, driver, rig.mode)
+        else:
+            settings = validate(driver.Settings, device.settings, f"[{role}] of {rig.name}")
+            instrument = driver.open(settings, rig.clock)
+        if not isinstance(instrument, ROLES[role]):
+            raise ConfigurationError(f"The driver {device.driver!r} is not for the role {role!r}.")
+        rig.adopt(role, instrument)
+        if isinstance(instrument, Daq) and not rig.simulation:
+            # The lock says that no living program of this computer's has it.
+            instrument.clear_left()
+    rig.complete()
+
+
+def _drivers(file: RigFile) -> Iterator[tuple[str, Device, Driver]]:
+    """Each role that a rig file has, its table, and the driver that the table names."""
+    drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
+    for role in ROLES:
+        device: Device | None = getattr(file, role)
+        if device is None:
+            continue
+        if device.driver not in drivers:
+            raise ConfigurationError(
+                f"The rig {file.name!r} asks for the {role} driver {device.driver!r}; "
+                f"installed drivers are {', '.join(sorted(drivers))}."
+            )
+        yield role, device, drivers[device.driver].load()

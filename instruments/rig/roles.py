@@ -1,0 +1,127 @@
+"""The instruments of a rig, each by its role."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeVar
+
+from haploop.instruments.amplifier import Amplifier
+from haploop.instruments.config import RigFile, TableSettings
+from haploop.instruments.daq import Daq
+from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.generator import Generator
+from haploop.instruments.operator import Operator
+from haploop.instruments.player import Player
+from haploop.instruments.relay import Relay
+from haploop.instruments.sensors import Divider, Sensors
+from haploop.instruments.vibrometer import Vibrometer
+
+__all__ = ["ROLES", "Instruments"]
+
+Role = TypeVar("Role")
+
+ROLES: dict[str, type[Any]] = {
+    "daq": Daq,
+    "amplifier": Amplifier,
+    "relay": Relay,
+    "vibrometer": Vibrometer,
+    "generator": Generator,
+    "player": Player,
+    "operator": Operator,
+}
+"""The roles of a rig file's tables, in the order that they are opened in."""
+
+
+class Instruments:
+    """What a rig file describes, opened. A part that the rig has not is a ConfigurationError."""
+
+    def __init__(self, file: RigFile) -> None:
+        self.file = file
+        self._roles: dict[str, Any] = {}
+
+    @property
+    def name(self) -> str:
+        """The rig's name, from its file."""
+        return self.file.name
+
+    @property
+    def sensors(self) -> Sensors:
+        """The rig's sensors."""
+        return self.file.sensors
+
+    @property
+    def table(self) -> TableSettings:
+        """The touch table. Raises ConfigurationError for a rig that has none."""
+        if self.file.table is None:
+            raise ConfigurationError(f"The rig {self.name!r} has no [table]; this step needs one.")
+        return self.file.table
+
+    @property
+    def daq(self) -> Daq:
+        """The DAQ."""
+        return self._role(Daq)
+
+    @property
+    def amplifier(self) -> Amplifier:
+        """The amplifier. Raises ConfigurationError for a rig that has none."""
+        return self._role(Amplifier)
+
+    @property
+    def relay(self) -> Relay:
+        """The relay. Raises ConfigurationError for a rig that has none."""
+        return self._role(Relay)
+
+    @property
+    def vibrometer(self) -> Vibrometer:
+        """The vibrometer. Raises ConfigurationError for a rig that has none."""
+        return self._role(Vibrometer)
+
+    @property
+    def generator(self) -> Generator:
+        """The generator. Raises ConfigurationError for a rig that has none."""
+        return self._role(Generator)
+
+    @property
+    def player(self) -> Player:
+        """The player. Raises ConfigurationError for a rig that has none."""
+        return self._role(Player)
+
+    @property
+    def operator(self) -> Operator:
+        """The person at the rig, or their twin."""
+        return self._role(Operator)
+
+    def monitor(self, patch: str) -> str:
+        """The channel that measures the volts at a patch. Raises ConfigurationError without one."""
+        divider, patches = self.sensors.drive, self.table.patches
+        if divider is None:
+            raise ConfigurationError(
+                f"The rig {self.name!r} has no [sensors.drive]; a drive is always measured, never assumed."
+            )
+        if len(divider.channels) == 1:
+            return divider.channels[0]
+        if len(divider.channels) != len(patches) or patch not in patches:
+            raise ConfigurationError(
+                f"[sensors.drive] of the rig {self.name!r} has {len(divider.channels)} channels, and patch "
+                f"{patch!r} is looked for among {', '.join(patches)}: give one channel, or one for each "
+                "patch."
+            )
+        return divider.channels[patches.index(patch)]
+
+    def _monitor(self) -> Divider:
+        if self.file.sensors.drive is None:
+            raise ConfigurationError(
+                f"The rig {self.name!r} has a player and no [sensors.drive]: what a player plays is known "
+                "only by what is measured of it, so wire the drive to a channel of the DAQ."
+            )
+        return self.file.sensors.drive
+
+    def _wired(self, role: Literal["player", "generator"]) -> bool:
+        """Whether that is what feeds the amplifier."""
+        return role in self._roles and self._roles[role].output == self.amplifier.input
+
+    def _role(self, kind: type[Role]) -> Role:
+        name = kind.__name__.lower()
+        instrument = self._roles.get(name)
+        if not isinstance(instrument, kind):
+            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one.")
+        return instrument

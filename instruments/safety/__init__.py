@@ -1,0 +1,28 @@
+"""What keeps volts within limits and brings a rig to its safe state."""
+
+from haploop.instruments.safety.abort_monitor import AbortMonitor, trip
+from haploop.instruments.safety.audit import Audit, entries, now_utc, state_folder, who
+from haploop.instruments.safety.deadline import exit_within
+from haploop.instruments.safety.limiter import Limiter, combined
+from haploop.instruments.safety.lock import hold, reserve
+from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of
+from haploop.instruments.safety.safe_state import SafeState
+
+__all__ = [
+    "AbortMonitor",
+    "Audit",
+    "Limiter",
+    "Lockout",
+    "SafeState",
+    "clear_lockout",
+    "combined",
+    "entries",
+    "exit_within",
+    "hold",
+    "lockout_of",
+    "now_utc",
+    "reserve",
+    "state_folder",
+    "trip",
+    "who",
+]

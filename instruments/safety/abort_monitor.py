@@ -1,0 +1,150 @@
+"""The abort monitor: tests the patch's volts, the surface's velocity and the force in every block of a play.
+
+The first two are tested as measured. The force is taken relative to the play's first block, because a
+sensor at rest shows its own offset and the weight on it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.config import AbortLimits
+from haploop.instruments.daq import Block
+from haploop.instruments.errors import InstrumentError, LimitError
+from haploop.instruments.limits import Limits
+from haploop.instruments.safety.audit import Audit, now_utc, who
+from haploop.instruments.safety.lockout import Lockout, set_lockout
+from haploop.instruments.sensors import Sensors
+from haploop.instruments.vibrometer import Vibrometer
+
+__all__ = ["AbortMonitor", "trip"]
+
+_EXCESS = 1.1
+"""Measured volts over the limit at which a play is stopped: beyond the drive monitor's noise and error."""
+_KEPT = 10
+"""Blocks up to a trip that are kept."""
+_FZ = 2
+"""Row of the normal force among a force sensor's quantities."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Quantity:
+    """One monitored quantity: `violation` takes (channels, samples) V and returns a message, or ""."""
+
+    name: str
+    channels: tuple[str, ...]
+    violation: Callable[[FloatArray], str]
+
+
+class AbortMonitor:
+    """Tests every block of one play. `tripped` is why the play was stopped; None when it was not."""
+
+    def __init__(
+        self, abort: AbortLimits, sensors: Sensors, vibrometer: Vibrometer | None, limits: Limits
+    ) -> None:
+        self.tripped: str | None = None
+        self._quantities: list[_Quantity] = []
+        self._blocks: deque[Block] = deque(maxlen=_KEPT)
+        drive, force = sensors.drive, sensors.force
+        if drive is not None:
+            self._quantities.append(
+                _Quantity("the drive", drive.channels, lambda v: _volts(drive.to_si(v), abort.drive, limits))
+            )
+        most = abort.velocity
+        if vibrometer is not None and most is not None:
+            scale = vibrometer.scale
+            self._quantities.append(
+                _Quantity("the velocity", (vibrometer.channel,), lambda v: _beyond(scale * v[0], most, "m/s"))
+            )
+        newton = abort.force
+        if force is not None and newton is not None:
+            rest: list[float] = []
+
+            def pressed(volts: FloatArray) -> str:
+                normal = force.to_si(volts)[_FZ]
+                if not rest:
+                    rest.append(float(np.median(normal)))
+                return _beyond(normal - rest[0], newton, "N")
+
+            self._quantities.append(_Quantity("the force", force.channels, pressed))
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that must be recorded for the test."""
+        return tuple(dict.fromkeys(channel for quantity in self._quantities for channel in quantity.channels))
+
+    def check(self, block: Block, recorded: tuple[str, ...]) -> None:
+        """Test a block whose rows are `recorded`. Raises InstrumentError on a trip."""
+        self._blocks.append(block)
+        for quantity in self._quantities:
+            rows = [recorded.index(channel) for channel in quantity.channels]
+            found = quantity.violation(block.volts[rows])
+            if not found and quantity.name != "the drive" and block.overload[rows].any():
+                found = f"{quantity.name} stood at the end of its channel's range"
+            if found:
+                self.tripped = f"{found[0].upper()}{found[1:]}"
+                raise InstrumentError(
+                    f"{self.tripped.rstrip('.')}. The play was stopped. Check the amplifier's gain, a "
+                    "player's volume and 'volts_per_full_scale', and [abort]; then `haploop reset` clears "
+                    "the lockout."
+                )
+
+    def samples(self) -> tuple[int, FloatArray]:
+        """Index of the first sample, and (channels, samples) V, of the blocks up to a trip."""
+        return self._blocks[0].first, np.concatenate([block.volts for block in self._blocks], axis=1)
+
+
+def trip(
+    audit: Audit, hardware: Collection[str], monitor: AbortMonitor, recorded: Collection[str], rate_hz: float
+) -> Lockout | None:
+    """Lock the rig out, save the samples and log the trip: each even when the others fail.
+
+    Returns the lockout when it could not be written to disk; the caller must then hold it in memory.
+    """
+    now, person = now_utc(), who()
+    first, volts = monitor.samples()
+    path = audit.folder / "trips" / f"{now:%Y%m%dT%H%M%S.%f}-{person['pid']}.npz"
+    by = f"{person['user']} on {person['host']}, process {person['pid']} ({person['command']})"
+    lockout = Lockout(now.isoformat(timespec="seconds"), str(monitor.tripped), by, str(path))
+    unsaved: Lockout | None = lockout
+    with suppress(OSError):
+        set_lockout(audit.folder, hardware, lockout)
+        unsaved = None
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        channels = np.array(list(recorded))
+        np.savez(path, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=lockout.why)
+    audit.note_at_last("tripped", why=lockout.why, samples=lockout.samples)
+    return unsaved
+
+
+def _volts(measured: FloatArray, most: float | None, limits: Limits) -> str:
+    """The first violation in (drive monitors, samples) V, or ""."""
+    for own in measured:
+        if most is not None:
+            found = _beyond(own, most, "V")
+            if found:
+                return f"The patch got {found}"
+            continue
+        try:
+            limits.check_measured(own, _EXCESS)
+        except LimitError as error:
+            return str(error)
+    return ""
+
+
+def _beyond(measured: FloatArray, most: float, unit: str) -> str:
+    size = np.abs(measured)
+    # NaN counts as beyond the limit.
+    beyond = np.flatnonzero(~(size <= most))
+    if not len(beyond):
+        return ""
+    worst = float(size[beyond].max())
+    quantity = {"V": "", "m/s": "the surface moved at ", "N": "the finger was pressed with "}[unit]
+    return f"{quantity}{worst:.4g} {unit}, and [abort] allows {most:g} {unit}"

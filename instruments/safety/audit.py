@@ -1,0 +1,124 @@
+"""The audit log: what was connected, played, tripped and activated, by whom, one JSON object a line.
+
+A log is a file a month that is only ever appended to. A line is one write to the operating system,
+which keeps it when the program is killed; on hardware it is on the disk before anything is played.
+"""
+
+from __future__ import annotations
+
+import getpass
+import json
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from haploop.instruments.config import RigFile
+from haploop.instruments.errors import ConfigurationError, DataError
+
+__all__ = ["Audit", "entries", "now_utc", "state_folder", "who"]
+
+_LONGEST = 200
+"""Characters of a command line that are kept."""
+
+
+def now_utc() -> datetime:
+    """The wall clock: for people, never for a measurement."""
+    return datetime.now(UTC)
+
+
+class Audit:
+    """The log of an open rig. `note` may be called from any thread."""
+
+    def __init__(
+        self, file: RigFile, folder: Path, simulated: bool, wall: Callable[[], datetime] = now_utc
+    ) -> None:
+        self.folder = folder
+        """The rig's state folder."""
+        self._wall = wall
+        self._durable = not simulated
+        self._about = {
+            "rig": file.name,
+            "rig_sha256": file.digest,
+            "simulated": simulated,
+            **who(),
+            "version": metadata.version("haploop"),
+        }
+
+    def note(self, kind: str, **fields: Any) -> None:
+        """Append a line. `fields` are JSON's own types. Raises DataError when it cannot be kept."""
+        now = self._wall()
+        time = now.isoformat(timespec="milliseconds")
+        line = json.dumps({"time": time, "kind": kind, **fields, **self._about})
+        path = self.folder / f"log-{now:%Y-%m}.jsonl"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            log = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+            try:
+                os.write(log, f"{line}\n".encode())
+                if self._durable:
+                    os.fsync(log)
+            finally:
+                os.close(log)
+        except OSError as error:
+            raise DataError(
+                f"The audit log {path} cannot be written ({error.strerror}), and nothing is played without "
+                "it: free disk space, or set HAPLOOP_STATE to a writable folder."
+            ) from None
+
+    def note_at_last(self, kind: str, **fields: Any) -> None:
+        """As `note`, but ignore a failure to write: for the way to the safe state."""
+        with suppress(DataError):
+            self.note(kind, **fields)
+
+
+def entries(folder: Path) -> Iterator[Mapping[str, Any]]:
+    """Every entry of a folder's logs, oldest first. A torn line is skipped."""
+    for path in sorted(folder.glob("log-*.jsonl")):
+        with path.open(encoding="utf-8", errors="replace") as lines:
+            for line in lines:
+                with suppress(ValueError):
+                    entry = json.loads(line)
+                    if isinstance(entry, dict):
+                        yield entry
+
+
+def who() -> dict[str, object]:
+    """Who runs this program: user, host, process and command."""
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        user = "unknown"
+    command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]) if sys.argv else "python"
+    return {"user": user, "host": platform.node(), "pid": os.getpid(), "command": command[:_LONGEST]}
+
+
+def state_folder(file: RigFile, simulated: bool) -> Path:
+    """Where a rig's log and lockouts are: HAPLOOP_STATE, else `state` of its file, else the user's own.
+
+    Simulated rigs have a folder of their own; where the user's cannot be written (on a build machine,
+    say), theirs is in the folder for temporary files. Raises ConfigurationError.
+    """
+    given = os.environ.get("HAPLOOP_STATE") or file.state
+    try:
+        folder = Path(given) if given else platformdirs.user_state_path("haploop")
+        folder = folder.expanduser().absolute() / ("simulated" if simulated else "rigs")
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(13, "permission denied")
+    except (OSError, RuntimeError) as error:
+        if simulated and not given:
+            return Path(tempfile.gettempdir()) / f"haploop-state-{who()['user']}" / "simulated"
+        raise ConfigurationError(
+            f"haploop keeps its audit log in {given or 'the user state folder'}, which cannot "
+            f"be written ({error}): set HAPLOOP_STATE to a writable folder."
+        ) from None
+    return folder

@@ -1,0 +1,65 @@
+"""Deadlines on the way to the safe state: a step that hangs must not keep the others from being taken."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, contextmanager
+from typing import TypeVar
+
+from haploop.instruments.errors import InstrumentError
+
+__all__ = ["exit_within", "run_within"]
+
+Value = TypeVar("Value")
+
+DEADLINE = 5.0
+"""Real seconds that one step may take: by then a relay box that cannot be reached has opened by itself."""
+
+
+def run_within(what: str, action: Callable[[], object]) -> None:
+    """Run `action`, and raise its error; raise TimeoutError when it has not ended within `DEADLINE`.
+
+    It runs in a thread of its own, which is abandoned when it hangs.
+    """
+    outcome: Future[object] = Future()
+
+    def run() -> None:
+        try:
+            outcome.set_result(action())
+        except BaseException as error:
+            outcome.set_exception(error)
+
+    thread = threading.Thread(target=run, name=what, daemon=True)
+    try:
+        thread.start()
+    except RuntimeError:
+        # The interpreter is shutting down and starts no thread any more: run it without a deadline.
+        run()
+    else:
+        thread.join(DEADLINE)
+    if not outcome.done():
+        raise TimeoutError(f"{what} hangs: it had not ended after {DEADLINE:g} s.")
+    outcome.result()
+
+
+@contextmanager
+def exit_within(what: str, context: AbstractContextManager[Value]) -> Iterator[Value]:
+    """Enter `context`; its exit is an InstrumentError when it has not ended within `DEADLINE`."""
+    value = context.__enter__()
+    try:
+        yield value
+    except BaseException as error:
+        raised = error
+        _exit(what, lambda: context.__exit__(type(raised), raised, raised.__traceback__))
+        raise
+    else:
+        _exit(what, lambda: context.__exit__(None, None, None))
+
+
+def _exit(what: str, leave: Callable[[], object]) -> None:
+    try:
+        run_within(what, leave)
+    except TimeoutError as error:
+        raise InstrumentError(str(error)) from None

@@ -1,0 +1,286 @@
+"""The one limiter of a rig: between every waveform and every output, in volts at the patch.
+
+It is the interlock of every instrument of the rig. A drive is checked once, whole, before anything is
+written; then exactly that drive, and nothing else, is authorised while its permit lasts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from haploop.instruments.amplifier import Amplifier
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.clock import Clock
+from haploop.instruments.errors import LimitError
+from haploop.instruments.generator import Sweep
+from haploop.instruments.limits import Limits, sounding
+from haploop.instruments.safety.audit import Audit
+from haploop.instruments.safety.lockout import Lockout, lockout_of
+
+__all__ = ["Limiter", "Ratings", "combined"]
+
+Ratings = Mapping[str, Limits]
+"""Limits by whose they are: the amplifier's, the relay's, a patch's, the rig file's own."""
+
+Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
+"""See `Player.rendered`."""
+_MINUTE = 60.0
+"""Seconds over which a duty is taken."""
+_FINE = 64
+"""Samples per period at which a sweep is looked at: its extremes are then seen to 0.2 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Permit:
+    """The drives authorised now. `volts` is (samples,) V at each output; a sweep's are V there too."""
+
+    patches: frozenset[str]
+    rate_hz: float
+    volts: Mapping[str, FloatArray]
+    sweeps: Mapping[str, Sweep]
+
+
+def combined(ratings: Ratings) -> Limits:
+    """The strictest of all ratings."""
+    return reduce(Limits.within, ratings.values())
+
+
+class Limiter:
+    """See `haploop.instruments.interlock.Interlock`. Safe to ask from any thread; one permit lasts at a time.
+
+    It knows no rig: every instrument of the rig knows it, and a rig that is closed would otherwise stay
+    in memory with all that was in it.
+    """
+
+    def __init__(self, clock: Clock, audit: Audit, hardware: Collection[str]) -> None:
+        self.unsaved_lockout: Lockout | None = None
+        """A lockout that could not be written to disk: it lasts while the rig is open."""
+        self._clock = clock
+        self._audit = audit
+        self._hardware = hardware
+        self._lock = threading.Lock()
+        self._permit: _Permit | None = None
+        self._playing: set[str] = set()
+        """Outputs that have begun: each begins once, for to begin again is to break off."""
+        self._played: deque[tuple[float, float]] = deque()
+
+    @property
+    def lockout(self) -> Lockout | None:
+        """The lockout that refuses every drive until `haploop reset`; None without one."""
+        return self.unsaved_lockout or lockout_of(self._audit.folder, self._hardware)
+
+    # Called by the rig
+
+    @contextmanager
+    def permit(
+        self,
+        drives: Mapping[str, FloatArray],
+        rate_hz: float,
+        patches: Collection[str],
+        amplifier: Amplifier,
+        ratings: Callable[[int], Ratings],
+        rendered: Rendered | None = None,
+    ) -> Iterator[dict[str, FloatArray]]:
+        """While the context lasts each drive ((samples,) V at the patch) may be played on its output.
+
+        One drive is for all patches in parallel; several are for a patch each. `ratings` gives the
+        limits for a number of patches in parallel. `rendered` gives the waveform that an output makes
+        of a drive when it does not play it sample by sample. Yields each drive as (samples,) V at its
+        output. Raises LimitError before anything is written.
+        """
+        held_to = ratings(len(patches) if len(drives) == 1 else 1)
+        own = {output: np.array(drive) for output, drive in drives.items()}
+        with self._refusals_noted():
+            for drive in own.values():
+                self._check(drive, rate_hz, held_to)
+            if len({len(drive) for drive in own.values()}) > 1:
+                raise LimitError("Drives that are played at once must be of one length.")
+            spans = [sounding(drive) for drive in own.values() if drive.any()]
+            seconds = (max(s for _, s in spans) - min(f for f, _ in spans)) / rate_hz if spans else 0.0
+            self._check_duty(seconds, held_to)
+            volts = {output: amplifier.to_input(drive) for output, drive in own.items()}
+            if rendered is not None:
+                gain = 1 / float(amplifier.to_input(np.ones(1))[0])
+                # It rings before and after the drive, so its ends and its length are not checked.
+                free = {"max_end": np.inf, "max_offset": np.inf, "max_duration": np.inf}
+                for at_output in volts.values():
+                    made, made_hz = rendered(at_output, rate_hz)
+                    self._check(gain * made, made_hz, held_to, **free)
+        peak = max(float(np.abs(drive).max()) for drive in own.values())
+        digest = hashlib.sha256(b"".join(drive.tobytes() for drive in own.values())).hexdigest()
+        permit = _Permit(frozenset(patches), rate_hz, volts, {})
+        output = ", ".join(own)
+        with self._lasting(permit, seconds, output=output, peak=peak, rate_hz=rate_hz, sha256=digest):
+            yield volts
+
+    @contextmanager
+    def permit_sweep(
+        self,
+        output: str,
+        sweep: Sweep,
+        rest: float,
+        patches: Collection[str],
+        amplifier: Amplifier,
+        ratings: Callable[[int], Ratings],
+    ) -> Iterator[Sweep]:
+        """While the context lasts a generator at `output` may sweep; V peak at the patch in `sweep`.
+
+        Gives it with the volts at that output. `rest` seconds after the sweep it goes on at most
+        until it is switched off. Raises LimitError, and then nothing was set.
+        """
+        held_to = ratings(len(patches))
+        with self._refusals_noted():
+            rate_hz = _FINE * sweep.stop_hz
+            t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
+            pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
+            volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
+            # A generator cannot fade its sweep out, nor remove its mean: only the part up to its last
+            # whole half wave is checked.
+            crossed = np.flatnonzero(np.diff(np.signbit(volts)))
+            whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
+            self._check(whole, rate_hz, held_to, longer=rest, max_end=np.inf, max_offset=np.inf)
+            self._check_duty(sweep.duration + rest, held_to)
+        peak = float(amplifier.to_input(np.array([sweep.amplitude]))[0])
+        at_output = replace(sweep, amplitude=peak)
+        permit = _Permit(frozenset(patches), 0.0, {}, {output: at_output})
+        with self._lasting(
+            permit,
+            sweep.duration + rest,
+            output=output,
+            peak=sweep.amplitude,
+            sweep_hz=(sweep.start_hz, sweep.stop_hz),
+        ):
+            yield at_output
+
+    # Called by the instruments
+
+    def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
+        """See `Interlock.authorise`: the permitted waveform, with silence after it, once, and no other."""
+        permit = self._current(output)
+        allowed = permit.volts.get(output)
+        if (
+            allowed is None
+            or output in self._playing
+            or rate_hz != permit.rate_hz
+            or not np.array_equal(volts[: len(allowed)], allowed)
+            or np.any(volts[len(allowed) :])
+        ):
+            raise self._not_authorised(output)
+        self._playing.add(output)
+
+    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+        """See `Interlock.authorise_sweep`: the permitted sweep, once, and no other."""
+        if self._current(output).sweeps.get(output) != sweep or output in self._playing:
+            raise self._not_authorised(output)
+        if starts:
+            self._playing.add(output)
+
+    def authorise_patches(self, patches: frozenset[str]) -> None:
+        """See `Interlock.authorise_patches`. Opening is always allowed."""
+        permit = self._permit
+        if not patches:
+            return
+        if permit is not None and (self._playing or not patches <= permit.patches):
+            raise LimitError(
+                f"The relay was not switched to {', '.join(sorted(patches))}: a drive is being played into "
+                f"{', '.join(sorted(permit.patches))}, and until it has ended the relay only opens."
+            )
+        self._audit.note("connected", patches=sorted(patches))
+
+    def _current(self, output: str) -> _Permit:
+        permit = self._permit
+        if permit is None:
+            raise self._not_authorised(output)
+        return permit
+
+    def _not_authorised(self, output: str) -> LimitError:
+        error = LimitError(
+            f"Nothing was played on {output!r}: a rig plays only what its limiter has authorised, so play it "
+            "with rig.excite or rig.sweep."
+        )
+        self._audit.note("refused", why=str(error))
+        return error
+
+    # Checks
+
+    def _check(
+        self, drive: FloatArray, rate_hz: float, ratings: Ratings, longer: float = 0.0, **waived: float
+    ) -> None:
+        lockout = self.lockout
+        if lockout is not None:
+            raise LimitError(lockout.sentence)
+        strictest = combined(ratings)
+        try:
+            left = {"max_duration": strictest.max_duration - longer, **waived}
+            replace(strictest, **left).check(drive, rate_hz)
+        except LimitError as error:
+            # The owner of the limit is looked up only for the message.
+            for whose, rating in ratings.items():
+                own = {
+                    "max_duration": rating.max_duration - longer,
+                    **waived,
+                    "capacitance": strictest.capacitance,
+                }
+                try:
+                    replace(rating, **own).check(drive, rate_hz, whose)
+                except LimitError as named:
+                    if str(named).removesuffix(f"{whose}.") == str(error).removesuffix("the rig."):
+                        raise named from None
+            raise
+
+    def _check_duty(self, seconds: float, ratings: Ratings) -> None:
+        """Refuse a drive that would exceed the duty in the minute that ends with it."""
+        duty, now = combined(ratings).duty, self._clock.now()
+        begin = now + seconds - _MINUTE
+        while self._played and self._played[0][1] <= now - _MINUTE:
+            self._played.popleft()
+        before = [(max(start, begin), stop) for start, stop in self._played if stop > begin]
+        excess = sum(stop - start for start, stop in before) + min(seconds, _MINUTE) - duty * _MINUTE
+        if excess <= 1e-9 * _MINUTE:
+            return
+        sentence = (
+            f"The drive would make {duty * _MINUTE + excess:.3g} s of a minute in which something is played, "
+            f"{excess:.3g} s beyond the {duty * _MINUTE:.3g} s that 'duty' in [limits] allows"
+        )
+        for start, stop in before:
+            left = min(stop - start, excess)
+            excess -= left
+            if excess <= 0:
+                raise LimitError(f"{sentence}: wait {start + left - begin:.3g} s.")
+        raise LimitError(f"{sentence}: play a shorter one.")
+
+    @contextmanager
+    def _refusals_noted(self) -> Iterator[None]:
+        try:
+            yield
+        except LimitError as error:
+            self._audit.note("refused", why=str(error))
+            raise
+
+    @contextmanager
+    def _lasting(self, permit: _Permit, seconds: float, **about: object) -> Iterator[None]:
+        with self._lock:
+            if self._permit is not None:
+                raise LimitError("A drive is being played: wait until it has ended before the next one.")
+            self._permit = permit
+        begun = self._clock.now()
+        try:
+            self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
+            yield
+        except BaseException as error:
+            if self._playing:
+                self._audit.note_at_last("stopped", why=f"{type(error).__name__}: {error}".rstrip(": "))
+            raise
+        finally:
+            now = self._clock.now()
+            self._played.append((max(begun, now - seconds), now))
+            self._permit = None
+            self._playing.clear()

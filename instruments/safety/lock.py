@@ -1,0 +1,126 @@
+"""One program at a time on a piece of hardware: a lock that dies with its holder."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+from haploop.instruments.errors import InstrumentError
+from haploop.instruments.safety.audit import who
+
+__all__ = ["InUse", "hold", "reserve"]
+
+_BEYOND = 1 << 30
+"""The byte that is locked: past the holder's name, which others must be able to read."""
+
+_reserved: set[str] = set()
+_held: set[str] = set()
+
+
+class InUse(InstrumentError):  # noqa: N818
+    """Another program has the rig."""
+
+
+@contextmanager
+def reserve(hardware: Collection[str], what: str) -> Iterator[None]:
+    """Keep every other program off these pieces of hardware while this context lasts.
+
+    This program's rigs may open them, one after the other. `what` begins the error message.
+    Raises InUse, which names the holder.
+    """
+    with ExitStack() as stack:
+        for piece in sorted(set(hardware) - _reserved):
+            stack.enter_context(_locked(piece, what))
+            _reserved.add(piece)
+            stack.callback(_reserved.discard, piece)
+        yield
+
+
+@contextmanager
+def hold(hardware: Collection[str], what: str) -> Iterator[None]:
+    """Keep everybody else off these pieces of hardware: other programs, and this one's other rigs.
+
+    The operating system releases a lock when its holder ends, however it ends; a crash leaves only
+    an unlocked file. Raises InUse, which names the holder.
+    """
+    with ExitStack() as stack:
+        for piece in sorted(set(hardware)):
+            if piece in _held:
+                raise InUse(f"{what} is open in this program already ({piece}): close it first.")
+        stack.enter_context(reserve(hardware, what))
+        _held.update(hardware)
+        stack.callback(_held.difference_update, hardware)
+        yield
+
+
+@contextmanager
+def _locked(piece: str, what: str) -> Iterator[None]:
+    path = _file_for(piece)
+    try:
+        descriptor = _opened(path)
+    except OSError as error:
+        raise InstrumentError(
+            f"The lock of {piece} cannot be opened ({error}): does another user hold it?"
+        ) from None
+    try:
+        if not _taken(descriptor):
+            name = os.read(descriptor, 800).decode("utf-8", "replace").strip()
+            raise InUse(
+                f"{what} is in use ({piece}) by {name or 'another program'}: wait until it has ended, or "
+                "end it."
+            )
+        person = who()
+        holder = f"process {person['pid']} ({person['command']}) of {person['user']} on {person['host']}"
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, holder.encode())
+        yield
+    finally:
+        # Closing lets go of the lock. The file stays: removing it would let a third program lock
+        # a new one while a second one waits for this one.
+        os.close(descriptor)
+
+
+def _opened(path: Path) -> int:
+    # Linux lets nobody create what another user has created in a shared folder, not even to open it.
+    try:
+        return os.open(path, os.O_RDWR)
+    except FileNotFoundError:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        with suppress(OSError):
+            path.chmod(0o666)
+        return descriptor
+
+
+def _file_for(piece: str) -> Path:
+    # In the folder for temporary files, which on Linux every user of this computer shares.
+    return Path(tempfile.gettempdir()) / f"haploop-{hashlib.sha256(piece.encode()).hexdigest()[:16]}.lock"
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _taken(descriptor: int) -> bool:
+        os.lseek(descriptor, _BEYOND, os.SEEK_SET)
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        finally:
+            os.lseek(descriptor, 0, os.SEEK_SET)
+        return True
+
+else:
+    import fcntl
+
+    def _taken(descriptor: int) -> bool:
+        # Not lockf: that one is let go of when any file of the same name is closed.
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True

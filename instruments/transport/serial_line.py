@@ -1,0 +1,60 @@
+"""Lines of text over a serial port."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import serial
+
+from haploop.instruments.transport.text_line import Port, TextLine
+
+__all__ = ["SerialLine"]
+
+_POLL = 0.02
+"""Seconds of one wait of pyserial's, which cannot be given another while it is open."""
+
+
+class SerialLine(TextLine):
+    """See `TextLine`. `port` is a device's name (COM3) or any URL of pyserial's (socket://HOST:PORT)."""
+
+    def __init__(self, name: str, port: str, baud: int, timeout: float) -> None:
+        def connect() -> Port:
+            try:
+                return _SerialPort(
+                    serial.serial_for_url(port, baudrate=baud, timeout=_POLL, write_timeout=timeout)
+                )
+            except (serial.SerialException, OSError, ValueError) as error:
+                raise ConnectionError(
+                    f"{error}; correct 'port', plug it in, or close the program that uses it"
+                ) from None
+
+        super().__init__(f"{name} at {port}", connect, "its 'port' and 'baud'", timeout)
+
+
+class _SerialPort(Port):
+    def __init__(self, port: Any) -> None:
+        self._port = port
+
+    def send(self, data: bytes) -> None:
+        try:
+            self._port.reset_input_buffer()
+            self._port.write(data)
+        except (serial.SerialException, OSError) as error:
+            raise ConnectionError(str(error)) from None
+
+    def receive(self, wait: float) -> bytes:
+        try:
+            return bytes(self._port.read(1))
+        except (serial.SerialException, OSError) as error:
+            raise ConnectionError(str(error)) from None
+
+    def close(self) -> None:
+        # pyserial waits 0.3 s after closing a socket, and leaves it open when the far end went first.
+        link = getattr(self._port, "_socket", None)
+        if link is not None:
+            self._port.is_open = False
+            link.close()
+            return
+        with suppress(serial.SerialException, OSError):
+            self._port.close()

@@ -1,0 +1,128 @@
+"""Lines of text to and from an instrument, each with a hard deadline, whatever carries the bytes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Protocol
+
+from haploop.instruments.clock import Clock, RealClock
+from haploop.instruments.errors import InstrumentError
+
+__all__ = ["Line", "Port", "TextLine"]
+
+_LONGEST = 4096
+"""Bytes of a reply before it is no reply any more."""
+
+
+class Line(Protocol):
+    """A connection that carries lines of ASCII text."""
+
+    def send(self, text: str) -> None:
+        """Send one line. Raises InstrumentError."""
+
+    def receive(self, asked: str) -> str:
+        """The next line without its end; `asked` is the command that it answers, for the sentence.
+
+        Raises InstrumentError when no whole line of ASCII has come within the deadline.
+        """
+
+    def close(self) -> None:
+        """Let go of the connection. May be called again."""
+
+
+class Port(ABC):
+    """Bytes to and from one instrument. Each method raises ConnectionError, with the reason."""
+
+    @abstractmethod
+    def send(self, data: bytes) -> None:
+        """Drop what has come and was not asked for, then send."""
+
+    @abstractmethod
+    def receive(self, wait: float) -> bytes:
+        """One byte or more, or nothing when nothing has come within `wait` seconds."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go, whatever state it is in; raises nothing."""
+
+
+class TextLine:
+    """See `Line`. `connect` opens the port when it is first needed.
+
+    After a failure the port is closed and the next line opens it again, so that a late reply is
+    not taken for the answer to a later question, and an instrument that comes back is found.
+    `settings` names what may be set wrong at either end ("'port' and 'baud'"), for the sentence.
+    """
+
+    def __init__(self, name: str, connect: Callable[[], Port], settings: str, timeout: float) -> None:
+        self._name = name
+        self._connect = connect
+        self._settings = settings
+        self._timeout = timeout
+        self._clock: Clock = RealClock()
+        self._port: Port | None = None
+
+    def send(self, text: str) -> None:
+        """See `Line.send`."""
+        port = self._opened()
+        try:
+            port.send(text.encode("ascii") + b"\n")
+        except ConnectionError as error:
+            raise self._failed(f"cannot be sent {text!r} ({error}): check its cable and power") from None
+
+    def receive(self, asked: str) -> str:
+        """See `Line.receive`."""
+        port = self._opened()
+        deadline = self._clock.now() + self._timeout
+        reply = b""
+        while not reply.endswith(b"\n"):
+            left = deadline - self._clock.now()
+            if left <= 0:
+                raise self._failed(self._late(asked, reply))
+            if len(reply) > _LONGEST:
+                raise self._failed(
+                    f"answered {asked!r} with {_LONGEST} bytes and no end: check {self._settings}"
+                )
+            try:
+                reply += port.receive(left)
+            except ConnectionError as error:
+                raise self._failed(f"was lost after {asked!r} ({error}): check its cable and power") from None
+        try:
+            text = reply.decode("ascii").strip()
+        except UnicodeDecodeError:
+            text = ""
+        if not text.isprintable() or not text:
+            raise self._failed(
+                f"answered {asked!r} with {reply[:60]!r}, which is no text: check {self._settings}"
+            )
+        return text
+
+    def close(self) -> None:
+        """See `Line.close`."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+    def _opened(self) -> Port:
+        if self._port is None:
+            try:
+                self._port = self._connect()
+            except ConnectionError as error:
+                raise InstrumentError(f"{self._name} cannot be opened ({error}).") from None
+        return self._port
+
+    def _failed(self, sentence: str) -> InstrumentError:
+        self.close()
+        return InstrumentError(f"{self._name} {sentence}.")
+
+    def _late(self, asked: str, reply: bytes) -> str:
+        within = f"within {self._timeout:g} s"
+        if not reply:
+            return f"did not answer {asked!r} {within}: is it switched on, and is {self._settings} right?"
+        if reply.endswith(b"\r"):
+            return (
+                f"answered {asked!r} with {reply[-60:]!r}, which ends in a carriage return, not in a "
+                "line feed: set its terminator to LF"
+            )
+        return f"answered {asked!r} with {reply[-60:]!r} and no line end {within}: check its terminator"

@@ -1,0 +1,64 @@
+"""Lines of text over VISA: USB, GPIB, VXI-11, or a raw socket."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import pyvisa
+from pyvisa.constants import StatusCode
+
+from haploop.instruments.transport.text_line import Port, TextLine
+
+__all__ = ["VisaLine"]
+
+
+class VisaLine(TextLine):
+    """See `TextLine`. `resource` is a VISA name, `library` the VISA library: empty for the machine's own."""
+
+    def __init__(self, name: str, resource: str, library: str, timeout: float) -> None:
+        def connect() -> Port:
+            # The manager is shared by the whole process and stays: closing it would close every session.
+            try:
+                session: Any = pyvisa.ResourceManager(library).open_resource(
+                    resource, open_timeout=round(1e3 * timeout)
+                )
+                session.timeout = 1e3 * timeout
+                session.read_termination = session.write_termination = "\n"
+            except Exception as error:  # pyvisa-py raises bare Exceptions too
+                reason = " ".join(str(error).split())
+                raise ConnectionError(
+                    f"{reason}; correct 'resource', switch it on, or install a VISA library (pyvisa-py)"
+                ) from None
+            return _Session(session)
+
+        super().__init__(f"{name} at {resource}", connect, "its 'resource'", timeout)
+
+
+class _Session(Port):
+    def __init__(self, session: Any) -> None:
+        self._session = session
+
+    def send(self, data: bytes) -> None:
+        try:
+            self._session.write_raw(data)
+        except (pyvisa.Error, OSError) as error:
+            raise ConnectionError(str(error)) from None
+
+    def receive(self, wait: float) -> bytes:
+        try:
+            self._session.timeout = max(1.0, 1e3 * wait)
+            if self._session.resource_class == "SOCKET":
+                # Byte by byte, so that a wrong terminator shows what has come.
+                return bytes(self._session.read_bytes(1))
+            return bytes(self._session.read_raw())
+        except pyvisa.VisaIOError as error:
+            if error.error_code == StatusCode.error_timeout:
+                return b""
+            raise ConnectionError(str(error)) from None
+        except (pyvisa.Error, OSError) as error:
+            raise ConnectionError(str(error)) from None
+
+    def close(self) -> None:
+        with suppress(pyvisa.Error, OSError):
+            self._session.close()

@@ -1,0 +1,208 @@
+"""Polytec OFV-5000 vibrometer controller over its serial port.
+
+Its range is read, never assumed: the data's scale depends on it. Commands are those that public
+code drives (hardware.md, section 5b); which decoder has which index differs from site to site.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from haploop.instruments.clock import Clock
+from haploop.instruments.driver import one_name
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.transport import Line, SerialLine
+from haploop.instruments.vibrometer.ofv5000_codec import (
+    Command,
+    duration_of,
+    frequency_of,
+    is_command,
+    level_of,
+    scale_of,
+    scale_text,
+)
+from haploop.instruments.vibrometer.role import Vibrometer
+
+__all__ = ["Ofv5000"]
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Value = TypeVar("Value")
+
+_NAME = "OFV-5000"
+_ECHOES = 8
+"""Commands that may come back before the answer, when the interface's echo is on."""
+_LOOK = 0.5
+"""Seconds between two looks at a search for the focus."""
+
+
+class Ofv5000(Vibrometer):
+    """See `Vibrometer`."""
+
+    class Settings(BaseModel):
+        """The `[vibrometer]` table of a rig file."""
+
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+        port: Annotated[str, Field(min_length=1)]
+        """Serial port (COM3, /dev/ttyUSB0), or a URL of pyserial's (socket://HOST:PORT)."""
+        channel: str
+        """Name of the DAQ channel that its output is wired to."""
+        scale: Positive
+        """m/s per V that the decoder is set to: 0.005 is its range `5mm/s/V`."""
+        decoder: Annotated[str, Field(pattern=r"^VeloDec,\d$")] = "VeloDec,0"
+        """The velocity decoder whose output is wired (VD-08 is often VeloDec,0 and VD-09 VeloDec,1)."""
+        full_scale: Positive = 10.0
+        """V at the output at full range (estimate)."""
+        bandwidth_hz: Positive | None = None
+        """For a decoder that reports no highest frequency; else the lower of both holds."""
+        baud: Annotated[int, Field(gt=0)] = 115200
+        timeout: Annotated[float, Field(gt=0, le=60)] = 2.0
+        """Seconds in which a command must have been answered completely."""
+        focus_timeout: Positive = 30.0
+        """Seconds that a search for the focus may take."""
+
+    def __init__(self, settings: Settings, clock: Clock, line: Line) -> None:
+        """Read what the controller at the other end of `line` is set to. Raises as `open` does."""
+        self._settings = settings
+        self._clock = clock
+        self._line = line
+        self.channel = settings.channel
+        self.declared = None
+        self.identity = self._identity()
+        self.delay = self._get("SignalDelay", duration_of)
+        self.bandwidth_hz = self._bandwidth()
+        self._take(self._get("Range", scale_of))
+
+    @classmethod
+    def connect(cls, settings: Settings, clock: Clock) -> Self:
+        """As `open`, but take the range that the controller is set to, whatever the rig file says."""
+        line = SerialLine(_NAME, settings.port, settings.baud, settings.timeout)
+        try:
+            return cls(settings, clock, line)
+        except BaseException:
+            line.close()
+            raise
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`: the port."""
+        return (one_name(settings.port),)
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """Connect, read every setting and change none.
+
+        Raises ConfigurationError when the controller is set to another range than the rig file
+        says, InstrumentError when it does not answer as an OFV-5000 does.
+        """
+        opened = cls.connect(settings, clock)
+        try:
+            opened.check_range()
+        except BaseException:
+            opened.close()
+            raise
+        return opened
+
+    def check_range(self) -> None:
+        """Read the range again. Raises ConfigurationError when it is not the rig file's."""
+        self._take(self._get("Range", scale_of))
+        wanted = self._settings.scale
+        if not math.isclose(self.scale, wanted, rel_tol=1e-3):
+            raise ConfigurationError(
+                f"{self.identity}: {self._settings.decoder} is set to the range "
+                f"{scale_text(self.scale)}, but the rig file says {scale_text(wanted)}: "
+                "set the range, or correct 'scale' in [vibrometer]."
+            )
+
+    def set_range(self, scale: float) -> None:
+        """Switch the decoder to the range of `scale` (m/s per V), and read that back.
+
+        Raises InstrumentError when it reads back another: the decoder has no such range.
+        """
+        self._send(Command("Set", self._settings.decoder, "Range", scale_text(scale)))
+        self._take(self._get("Range", scale_of))
+        if not math.isclose(self.scale, scale, rel_tol=1e-3):
+            raise InstrumentError(
+                f"{self.identity}: {self._settings.decoder} was given the range "
+                f"{scale_text(scale)} but reads {scale_text(self.scale)}: "
+                "choose a range that it has."
+            )
+
+    def signal_level(self) -> float:
+        """See `Vibrometer.signal_level`."""
+        return self._value(Command("Get", "SignalLevel,0", "Value"), level_of)
+
+    def autofocus(self) -> None:
+        """Search the whole span for the focus, and return when it is found.
+
+        Raises InstrumentError when it is not found within the time that the settings allow.
+        """
+        head = "SensorHead,0"
+        self._send(Command("Set", head, "AutoFocusSpan", "Full"))
+        self._send(Command("Set", head, "AutoFocus", "Search"))
+        deadline = self._clock.now() + self._settings.focus_timeout
+        while self._ask(Command("Get", head, "AutoFocusResult")) != "Found":
+            if self._clock.now() >= deadline:
+                raise InstrumentError(
+                    f"{self.identity} found no focus within {self._settings.focus_timeout:g} s: "
+                    "aim the laser at the table and look at its signal level."
+                )
+            self._clock.sleep(_LOOK)
+
+    def close(self) -> None:
+        """See `Vibrometer.close`."""
+        self._line.close()
+
+    def _identity(self) -> str:
+        command = Command("GetDevInfo", "Controller,0", "Name")
+        name = self._ask(command)
+        if not name.startswith(_NAME):
+            raise InstrumentError(
+                f"What is at {self._settings.port} calls itself {name[:60]!r} in answer to "
+                f"'{command}', not {_NAME}: correct 'port' in [vibrometer]."
+            )
+        return name
+
+    def _bandwidth(self) -> float:
+        reported, declared = self._get("MaxFreq", frequency_of), self._settings.bandwidth_hz
+        known = [f for f in (reported, declared) if f is not None]
+        if not known:
+            raise ConfigurationError(
+                f"{self.identity}: {self._settings.decoder} reports no highest frequency: "
+                "give 'bandwidth_hz' in [vibrometer]."
+            )
+        return min(known)
+
+    def _take(self, scale: float) -> None:
+        self.scale = scale
+        self.range = scale * self._settings.full_scale
+
+    def _get(self, attribute: str, parse: Callable[[str], Value]) -> Value:
+        return self._value(Command("Get", self._settings.decoder, attribute), parse)
+
+    def _value(self, command: Command, parse: Callable[[str], Value]) -> Value:
+        reply = self._ask(command)
+        try:
+            return parse(reply)
+        except ValueError as error:
+            raise InstrumentError(
+                f"{_NAME} at {self._settings.port} answered '{command}' with {reply[:60]!r}, which is "
+                f"{error}: check the decoder's index and the serial cable."
+            ) from None
+
+    def _ask(self, command: Command) -> str:
+        self._send(command)
+        for _ in range(_ECHOES):
+            reply = self._line.receive(str(command))
+            if not is_command(reply):
+                return reply
+        raise InstrumentError(
+            f"{_NAME} at {self._settings.port} only sends commands back: is a loop-back plugged in?"
+        )
+
+    def _send(self, command: Command) -> None:
+        self._line.send(str(command))

@@ -1,0 +1,46 @@
+"""The vibrometer role: a laser's velocity output, and what it does to the signal."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.sensors import low_pass
+
+__all__ = ["Vibrometer"]
+
+
+class Vibrometer(ABC):
+    """A single-point laser vibrometer with an analog velocity output. It has no unsafe state."""
+
+    identity: str
+    channel: str
+    """Name of the DAQ channel that its output is wired to."""
+    range: float
+    """Full scale (m/s)."""
+    scale: float
+    """m/s per V at its output."""
+    bandwidth_hz: float
+    delay: float
+    """Seconds by which the output is late."""
+    declared: str | None
+    """Settings that only a person can check, as a sentence to confirm; None when they are read back."""
+
+    @abstractmethod
+    def signal_level(self) -> float | None:
+        """How much light comes back, 0 to 1; None where the product does not report it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the instrument. May be called again."""
+
+    def to_velocity(self, volts: FloatArray) -> FloatArray:
+        """Volts at the output to m/s, of any shape."""
+        return volts * self.scale
+
+    def response(self, frequencies: FloatArray) -> ComplexArray:
+        """The output's pole and delay at `frequencies` (Hz)."""
+        late = np.exp(-2j * np.pi * frequencies * self.delay)
+        return np.asarray(low_pass(frequencies, self.bandwidth_hz) * late)

@@ -1,0 +1,51 @@
+"""The converters that twin and wire share, so that both give the same samples."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.mocks.daq.products import Product, code_width
+
+__all__ = ["convert", "noise_of", "put_out"]
+
+
+def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:
+    """The noise of a device's `acquisition`-th start (from 0) on a plant with `seed`.
+
+    A generator per acquisition: what was read, or left unread, before does not change it.
+    """
+    return np.random.default_rng([seed, zlib.crc32(device.encode()), acquisition])
+
+
+def convert(
+    volts: FloatArray, full_scale: FloatArray, product: Product, noise: np.random.Generator
+) -> tuple[FloatArray, BoolArray]:
+    """The volts that a card reports for true `volts` at its terminals, and which channels were overloaded.
+
+    `volts` is (channels, samples), at each channel's own times of conversion and in the order in
+    which the card converts them; `full_scale` is (channels,), +- V. Returns volts of the same
+    shape, and (channels,): a sample stood at an end of the range. The noise is drawn sample by
+    sample, so that it does not depend on how the samples are cut into blocks.
+    """
+    channels, samples = volts.shape
+    width = code_width(product, full_scale)[:, np.newaxis]
+    # In units of codes; noise is proportional to the range, so it is the same in every channel.
+    codes = noise.standard_normal((samples, channels)).T
+    codes *= product.ai_noise / 10.0 * 2.0 ** (product.ai_bits - 1)
+    codes += volts / width
+    np.rint(codes, out=codes)
+    end = 2.0 ** (product.ai_bits - 1) - 1
+    np.clip(codes, -end - 1, end, out=codes)
+    overload = (np.abs(codes) >= end).any(axis=1)
+    codes *= width
+    return np.ascontiguousarray(codes), np.asarray(overload)
+
+
+def put_out(volts: FloatArray, product: Product) -> FloatArray:
+    """`volts` (of any shape) as a card's output puts them out: rounded to its codes, and clipped."""
+    end = 2.0 ** (product.ao_bits - 1)
+    width = product.ao_range / end
+    return np.asarray(np.clip(np.rint(volts / width), -end, end - 1) * width)

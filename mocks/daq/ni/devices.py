@@ -1,0 +1,210 @@
+"""The devices of a simulated NI system, their terminals by name, and NI MAX exports that list them."""
+
+from __future__ import annotations
+
+import configparser
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from nidaqmx.utils import unflatten_channel_string
+
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.scales import Scale, scale_from_export
+from haploop.mocks.daq.products import PRODUCTS, Product
+
+__all__ = ["Inventory", "NiDevice", "devices_from_ini"]
+
+_TERMINAL = re.compile(
+    r"(ai|ao|di|do|te\d)/(SampleClock|SampleClockTimebase|StartTrigger|ReferenceTrigger|PauseTrigger"
+    r"|ConvertClock|ConvertClockTimebase|HoldCompleteEvent|HoldComplete)"
+    r"|(PFI|APFI|RTSI|PXI_Trig|ao|ai)\d+|Ctr\d+(InternalOutput|Gate|Source|Aux|A|B|Z|SampleClock|ArmStartTrigger)"
+    r"|ChangeDetectionEvent|AnalogComparisonEvent|OnboardClock|\w*MHzTimebase|100kHzTimebase|13MHz\w*"
+    r"|10MHzRefClock|PXI_Clk10|PXIe_Clk100|MasterTimebase|FrequencyOutput|WatchdogExpiredEvent",
+)
+
+
+@dataclass(frozen=True)
+class NiDevice:
+    """One card, module or chassis as the NI system lists it."""
+
+    name: str
+    product: Product
+    serial: int = 0
+    simulated: bool = True
+    """What the driver says of it; every device here is simulated, whatever a program is told."""
+    chassis: str | None = None
+    slot: int = 0
+    number: int = 0
+    """Product number; 0 takes the product's."""
+
+    @property
+    def ai(self) -> list[str]:
+        """Names of the analog inputs."""
+        return [f"{self.name}/ai{i}" for i in range(max(self.product.ai_single_ended, self._differential))]
+
+    @property
+    def ao(self) -> list[str]:
+        """Names of the analog outputs."""
+        return [f"{self.name}/ao{i}" for i in range(self.product.ao_channels)]
+
+    @property
+    def ports(self) -> list[str]:
+        """Names of the digital ports."""
+        return [f"{self.name}/port{p}" for p in range(len(self.product.ports))]
+
+    @property
+    def lines(self) -> list[str]:
+        """Names of the digital lines."""
+        return [f"{self.name}/port{p}/line{i}" for p, n in enumerate(self.product.ports) for i in range(n)]
+
+    @property
+    def counters(self) -> list[str]:
+        """Names of the counters; a chassis keeps its own for its modules."""
+        mark = "_" if self.product.slots else ""
+        return [f"{self.name}/{mark}ctr{i}" for i in range(self.product.counters)]
+
+    def ai_is_differential_only(self) -> bool:
+        """Whether no input can be read against ground."""
+        return not self.product.ai_single_ended
+
+    def ai_takes_differential(self, channel: int) -> bool:
+        """Whether input `channel` is the positive half of a pair (in banks of 16: 0 to 7, 16 to 23)."""
+        return self.ai_is_differential_only() or channel % 16 < 8
+
+    @property
+    def _differential(self) -> int:
+        return 0 if self.product.ai_single_ended else self.product.ai_differential
+
+
+@dataclass(frozen=True)
+class Inventory:
+    """Every device of the system, by name."""
+
+    devices: Mapping[str, NiDevice]
+    left_out: tuple[str, ...] = field(default=())
+    """Sentences about devices of an export that cannot be simulated."""
+    scales: Mapping[str, Scale] = field(default_factory=dict)
+    """Custom scales that the system keeps, by name."""
+
+    @staticmethod
+    def of(devices: Iterable[NiDevice]) -> Inventory:
+        """An inventory of `devices`."""
+        return Inventory({device.name: device for device in devices})
+
+    def device(self, name: str) -> NiDevice:
+        """The device called `name`, without regard to case, as the driver does."""
+        for device in self.devices.values():
+            if device.name.lower() == name.strip().lower():
+                return device
+        raise DaqmxError(
+            DAQmxErrors.INVALID_DEVICE_ID,
+            f"Device identifier is invalid: there is no device {name.strip()!r}.\n\n"
+            f"Device Specified: {name.strip()}",
+        )
+
+    def modules(self, chassis: str) -> list[NiDevice]:
+        """Modules of a chassis in the order of their slots."""
+        return sorted((d for d in self.devices.values() if d.chassis == chassis), key=lambda d: d.slot)
+
+    def resolve(self, text: str) -> Iterator[tuple[NiDevice, str]]:
+        """Each physical channel that `text` lists, as (device, name without the device).
+
+        Lists and ranges are as the driver takes them: "Dev1/ai0:3, Dev1/ai7", "Dev1/port0".
+        """
+        names = unflatten_channel_string(text)
+        if not names:
+            raise DaqmxError(DAQmxErrors.PHYSICAL_CHANNEL_NOT_SPECIFIED, "No physical channel is named.")
+        for name in names:
+            head, _, tail = name.strip().lstrip("/").partition("/")
+            device = self.device(head)
+            tail = tail.lower()
+            if not tail or not self._exists(device, tail):
+                raise DaqmxError(
+                    DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST,
+                    f"Physical channel specified does not exist on this device: {name!r} "
+                    f"({device.product.name}).",
+                )
+            yield device, tail
+
+    def terminal(
+        self,
+        device: NiDevice,
+        text: str,
+        wrong: DAQmxErrors = DAQmxErrors.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING,
+    ) -> str:
+        """The full name of a terminal, "/Dev1/PFI0", from whatever form a program gave it in.
+
+        Raises DaqmxError with the code `wrong` for what is no terminal.
+        """
+        if text.startswith("/"):
+            head, _, tail = text[1:].partition("/")
+            if head.lower() in {name.lower() for name in self.devices} and _TERMINAL.fullmatch(tail):
+                return f"/{self.device(head).name}/{tail}"
+        elif _TERMINAL.fullmatch(text):
+            return f"/{device.name}/{text}"
+        elif text in (*device.ai, *device.lines):
+            return text
+        raise DaqmxError(
+            wrong, f"Specified route cannot be satisfied, because the terminal {text!r} is not valid."
+        )
+
+    def routed(self, source: NiDevice, target: NiDevice) -> bool:
+        """Whether a signal of `source` reaches `target` without a cable."""
+        homes = {d.chassis or d.name for d in (source, target)}
+        return len(homes) == 1
+
+    def written(self, device: NiDevice, text: str) -> str:
+        """A terminal as the driver reports what a program set: a full name is not looked up until it is used.
+
+        Raises DaqmxError for a short name that is no terminal of `device`.
+        """
+        return text if text.startswith("/") else self.terminal(device, text)
+
+    @staticmethod
+    def _exists(device: NiDevice, tail: str) -> bool:
+        own = (*device.ai, *device.ao, *device.lines, *device.ports, *device.counters)
+        inner = tuple(f"_ao{i}_vs_aognd" for i in range(device.product.ao_channels))
+        inner += ("_boardtempsensor_vs_aignd",) if device.product.family == "X Series" else ()
+        return f"{device.name}/{tail}" in own or tail in inner
+
+
+def devices_from_ini(text: str) -> Inventory:
+    """The devices that a text export of NI MAX lists; products that are not known are left out."""
+    export = configparser.ConfigParser(interpolation=None, strict=False, delimiters=("=",))
+    export.optionxform = str  # type: ignore[method-assign,assignment]
+    export.read_string(text)
+    devices: dict[str, NiDevice] = {}
+    left_out: list[str] = []
+    for section in export.sections():
+        kind, _, name = section.partition(" ")
+        if kind not in ("DAQmxDevice", "DAQmxCDAQChassis", "DAQmxCDAQModule"):
+            continue
+        entry = export[section]
+        product = PRODUCTS.get(entry.get("ProductType", ""))
+        if product is None:
+            left_out.append(f"{name} ({entry.get('ProductType', 'no product')}) is not known and left out.")
+            continue
+        devices[name] = NiDevice(
+            name=name,
+            product=product,
+            serial=int(entry.get("DevSerialNum") or "0", 0),
+            simulated=entry.get("DevIsSimulated", "1").strip() == "1",
+            chassis=entry.get("CompactDAQ.ChassisDevName"),
+            slot=int(entry.get("CompactDAQ.SlotNum") or "0", 0),
+            number=int(entry.get("ProductNum") or "0", 0),
+        )
+    for device in [d for d in devices.values() if d.chassis and d.chassis not in devices]:
+        left_out.append(f"{device.name} is left out, because its chassis {device.chassis} is.")
+        del devices[device.name]
+    return Inventory(devices, tuple(left_out), _scales(export))
+
+
+def _scales(export: configparser.ConfigParser) -> dict[str, Scale]:
+    scales = {}
+    for section in export.sections():
+        kind, _, name = section.partition(" ")
+        scale = scale_from_export(export[section]) if kind == "DAQmxScale" else None
+        if scale is not None:
+            scales[name] = scale
+    return scales

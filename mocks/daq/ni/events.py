@@ -1,0 +1,159 @@
+"""Event streams: every N samples, done, and signals, as they happen on the system's clock."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+from nidaqmx.constants import EveryNSamplesEventType
+
+from haploop.mocks.daq.ni import channels
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.system import NiSystem
+from haploop.mocks.daq.ni.tasks import Task
+
+__all__ = ["Events"]
+
+_POLL = 0.02
+"""Seconds of real time between looks at the clock while an event is expected, at most."""
+
+
+@dataclass
+class _Listener:
+    """One registered event of one task."""
+
+    task: Task
+    kind: str
+    every: int
+    reply: Callable[[], Any]
+    stream: queue.SimpleQueue[Any] = field(default_factory=queue.SimpleQueue)
+    acquisition: int = 0
+    sent: int = 0
+
+
+class Events:
+    """All registered events, and the thread that fires them."""
+
+    def __init__(self, system: NiSystem) -> None:
+        self._system = system
+        self._listeners: dict[tuple[str, str], _Listener] = {}
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name="NI wire events", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End every stream."""
+        with self._system.lock:
+            self._closing = True
+            for listener in self._listeners.values():
+                listener.stream.put(None)
+            self._listeners.clear()
+            self._system.changed.notify_all()
+        self._thread.join()
+
+    def forget(self, task: Task) -> None:
+        """End the streams of a task that is cleared."""
+        for key in [key for key, listener in self._listeners.items() if listener.task is task]:
+            self._listeners.pop(key).stream.put(None)
+
+    # The calls; with the system's lock held
+
+    def register(self, name: str, request: Any) -> _Listener:
+        """Register what the call `name` asks for. Raises DaqmxError."""
+        task = self._system.task(request.task.name)
+        if name == "RegisterDoneEvent":
+            return self._add(
+                _Listener(task, "done", 0, pb.RegisterDoneEventResponse),
+                DAQmxErrors.DONE_EVENT_ALREADY_REGISTERED,
+            )
+        if name == "RegisterSignalEvent":
+            signal = channels.field(request, "signal_id")
+            return self._add(
+                _Listener(task, "signal", 1, lambda: pb.RegisterSignalEventResponse(signal_id=signal)),
+                DAQmxErrors.SIGNAL_EVENT_ALREADY_REGISTERED,
+            )
+        type_ = channels.field(request, "every_n_samples_event_type")
+        acquired = type_ == EveryNSamplesEventType.ACQUIRED_INTO_BUFFER.value
+        if acquired != task.is_input:
+            raise DaqmxError(
+                DAQmxErrors.EVERY_N_SAMPLES_ACQ_INTO_BUFFER_EVENT_NOT_SUPPORTED_BY_DEVICE
+                if acquired
+                else DAQmxErrors.EVERY_N_SAMPS_TRANSFERRED_FROM_BUFFER_EVENT_NOT_SUPPORTED_BY_DEVICE,
+                f"This every N samples event is not supported by the channels of {task.name!r}.",
+            )
+
+        def reply() -> Any:
+            return pb.RegisterEveryNSamplesEventResponse(
+                every_n_samples_event_type_raw=type_, n_samples=request.n_samples
+            )
+
+        return self._add(
+            _Listener(task, "samples", request.n_samples, reply),
+            DAQmxErrors.EVERY_N_SAMPS_ACQ_INTO_BUFFER_EVENT_ALREADY_REGISTERED
+            if acquired
+            else DAQmxErrors.EVERY_N_SAMPS_TRANSFERRED_FROM_BUFFER_EVENT_ALREADY_REGISTERED,
+        )
+
+    def unregister(self, name: str, request: Any) -> None:
+        """Undo a registration; nothing happens where there is none."""
+        kind = {
+            "UnregisterDoneEvent": "done",
+            "UnregisterSignalEvent": "signal",
+            "UnregisterEveryNSamplesEvent": "samples",
+        }[name]
+        listener = self._listeners.pop((request.task.name, kind), None)
+        if listener is not None:
+            listener.stream.put(None)
+
+    def stream(self, listener: _Listener, alive: Callable[[], bool]) -> Iterator[Any]:
+        """Replies as the event happens, until it is unregistered or the client is gone."""
+        while alive():
+            try:
+                reply = listener.stream.get(timeout=0.5)
+            except queue.Empty:
+                continue
+            if reply is None:
+                return
+            yield reply
+        with self._system.lock:
+            key = (listener.task.name, listener.kind)
+            if self._listeners.get(key) is listener:
+                del self._listeners[key]
+
+    def _add(self, listener: _Listener, taken: DAQmxErrors) -> _Listener:
+        key = (listener.task.name, listener.kind)
+        if key in self._listeners:
+            raise DaqmxError(taken, f"This event is already registered for {listener.task.name!r}.")
+        listener.acquisition = listener.task.starts
+        self._listeners[key] = listener
+        self._system.changed.notify_all()
+        return listener
+
+    # Firing
+
+    def _run(self) -> None:
+        with self._system.lock:
+            while not self._closing:
+                expected = False
+                for listener in self._listeners.values():
+                    expected |= self._fire(listener)
+                self._system.changed.wait(_POLL if expected else None)
+
+    def _fire(self, listener: _Listener) -> bool:
+        """Send what has happened since; True when more is to come in the running acquisition."""
+        task = listener.task
+        if not task.running or not task.timed:
+            return False
+        if listener.acquisition != task.starts:
+            listener.acquisition, listener.sent = task.starts, 0
+        now = self._system.clock.now()
+        done = task.done(now)
+        happened = int(done) if listener.kind == "done" else task.count(now) // max(1, listener.every)
+        for _ in range(happened - listener.sent):
+            listener.stream.put(listener.reply())
+        listener.sent = max(listener.sent, happened)
+        return not done

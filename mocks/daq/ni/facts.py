@@ -1,0 +1,196 @@
+"""What the driver reports of devices, their terminals and the system: the same whatever runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nidaqmx import constants as c
+
+from haploop.mocks.daq.ni.devices import Inventory, NiDevice
+from haploop.mocks.daq.ni.system import NiSystem
+
+__all__ = ["CHANNEL_FACTS", "DEVICE_FACTS", "SYSTEM_FACTS"]
+
+_BUS = {
+    "E Series": c.BusType.PCI,
+    "X Series": c.BusType.PCIE,
+    "Digital I/O": c.BusType.PCIE,
+    "C Series": c.BusType.COMPACT_DAQ,
+    "CompactDAQ Chassis": c.BusType.USB,
+}
+_CATEGORY = {
+    "E Series": c.ProductCategory.E_SERIES_DAQ,
+    "X Series": c.ProductCategory.X_SERIES_DAQ,
+    "Digital I/O": c.ProductCategory.DIGITAL_IO,
+    "C Series": c.ProductCategory.C_SERIES_MODULE,
+    "CompactDAQ Chassis": c.ProductCategory.COMPACT_DAQ_CHASSIS,
+}
+_VOLTAGE_INPUTS = (
+    c.UsageTypeAI.VOLTAGE,
+    c.UsageTypeAI.CURRENT,
+    c.UsageTypeAI.RESISTANCE,
+    c.UsageTypeAI.TEMPERATURE_RTD,
+    c.UsageTypeAI.TEMPERATURE_THERMOCOUPLE,
+    c.UsageTypeAI.VOLTAGE_CUSTOM_WITH_EXCITATION,
+)
+_TRIGGERS = {"E Series": 0b1110, "X Series": 0b1110, "C Series": 0b1110}
+"""Bits: 2 pause, 4 reference, 8 start, 32 arm start."""
+
+
+def _ranges(values: tuple[float, ...]) -> list[float]:
+    return [end for value in sorted(values) for end in (-value, value)]
+
+
+def _names(names: list[str]) -> str:
+    return ", ".join(names)
+
+
+def _terminals(device: NiDevice) -> list[str]:
+    product = device.product
+    kinds = [k for k, n in (("ai", device.ai), ("ao", device.ao)) if n]
+    kinds += ["di", "do"] if product.ports and product.family != "E Series" else []
+    own = [f"PFI{i}" for i in range(16 if len(product.ports) > 1 else 10)] if not device.chassis else []
+    own += [f"{kind}/{signal}" for kind in kinds for signal in ("SampleClock", "StartTrigger")]
+    own += [f"Ctr{i}InternalOutput" for i in range(product.counters)]
+    return [f"/{device.name}/{name}" for name in own]
+
+
+_SLOWEST_HZ = 100e6 / 2**32
+"""A 100 MHz timebase divided by a 32 bit counter."""
+_SAMPLE_MODES = [c.AcquisitionType.FINITE.value, c.AcquisitionType.CONTINUOUS.value]
+
+DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
+    "PRODUCT_TYPE": lambda i, d: d.product.name,
+    "PRODUCT_NUM": lambda i, d: d.number or d.product.number,
+    "PRODUCT_CATEGORY": lambda i, d: _CATEGORY[d.product.family].value,
+    "SERIAL_NUM": lambda i, d: d.serial,
+    "IS_SIMULATED": lambda i, d: d.simulated,
+    "BUS_TYPE": lambda i, d: (
+        (c.BusType.TCPIP if d.product.name in ("cDAQ-9185", "cDAQ-9189") else _BUS[d.product.family]).value
+    ),
+    "PCI_BUS_NUM": lambda i, d: 0,
+    "PCI_DEV_NUM": lambda i, d: 0,
+    "AI_PHYSICAL_CHANS": lambda i, d: _names(d.ai),
+    "AO_PHYSICAL_CHANS": lambda i, d: _names(d.ao),
+    "DI_LINES": lambda i, d: _names(d.lines),
+    "DI_PORTS": lambda i, d: _names(d.ports),
+    "DO_LINES": lambda i, d: _names(d.lines),
+    "DO_PORTS": lambda i, d: _names(d.ports),
+    "CI_PHYSICAL_CHANS": lambda i, d: _names(d.counters),
+    "CO_PHYSICAL_CHANS": lambda i, d: _names(d.counters),
+    "TERMINALS": lambda i, d: _names(_terminals(d)),
+    "CHASSIS_MODULE_DEV_NAMES": lambda i, d: _names([m.name for m in i.modules(d.name)]),
+    "COMPACT_DAQ_CHASSIS_DEV_NAME": lambda i, d: d.chassis or "",
+    "COMPACT_DAQ_SLOT_NUM": lambda i, d: d.slot,
+    "ACCESSORY_PRODUCT_TYPES": lambda i, d: "",
+    "ACCESSORY_PRODUCT_NUMS": lambda i, d: [],
+    "ACCESSORY_SERIAL_NUMS": lambda i, d: [],
+    "ANLG_TRIG_SUPPORTED": lambda i, d: d.product.name == "PCIe-6363",
+    "DIG_TRIG_SUPPORTED": lambda i, d: True,
+    "TIME_TRIG_SUPPORTED": lambda i, d: d.product.name in ("cDAQ-9185", "cDAQ-9189"),
+    "TEDS_HWTEDS_SUPPORTED": lambda i, d: False,
+    "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": lambda i, d: d.product.ai_simultaneous,
+    "AI_MAX_SINGLE_CHAN_RATE": lambda i, d: d.product.ai_rate_single_hz,
+    "AI_MAX_MULTI_CHAN_RATE": lambda i, d: d.product.ai_rate_hz,
+    "AI_MIN_RATE": lambda i, d: _SLOWEST_HZ,
+    "AO_MAX_RATE": lambda i, d: d.product.ao_rate_hz,
+    "AO_MIN_RATE": lambda i, d: _SLOWEST_HZ,
+    "DI_MAX_RATE": lambda i, d: 10e6,
+    "DO_MAX_RATE": lambda i, d: 10e6,
+    "AO_SAMP_CLK_SUPPORTED": lambda i, d: bool(d.product.ao_channels),
+    "CI_SAMP_CLK_SUPPORTED": lambda i, d: d.product.family == "X Series",
+    "CO_SAMP_CLK_SUPPORTED": lambda i, d: d.product.family == "X Series",
+    "CI_MAX_SIZE": lambda i, d: d.product.counter_bits,
+    "CO_MAX_SIZE": lambda i, d: d.product.counter_bits,
+    "CI_MAX_TIMEBASE": lambda i, d: 100e6,
+    "CO_MAX_TIMEBASE": lambda i, d: 100e6,
+    "NUM_DMA_CHANS": lambda i, d: 8,
+    "AI_VOLTAGE_RNGS": lambda i, d: _ranges(d.product.ai_ranges),
+    "AI_CURRENT_RNGS": lambda i, d: [],
+    "AI_FREQ_RNGS": lambda i, d: [],
+    "AI_GAINS": lambda i, d: [],
+    "AI_BRIDGE_RNGS": lambda i, d: [],
+    "AI_CHARGE_RNGS": lambda i, d: [],
+    "AI_RESISTANCE_RNGS": lambda i, d: [],
+    "AO_VOLTAGE_RNGS": lambda i, d: _ranges((d.product.ao_range,)) if d.product.ao_channels else [],
+    "AO_CURRENT_RNGS": lambda i, d: [],
+    "AO_GAINS": lambda i, d: [],
+    "AI_COUPLINGS": lambda i, d: 2 if d.ai else 0,
+    "AI_TRIG_USAGE": lambda i, d: _TRIGGERS.get(d.product.family, 0) if d.ai else 0,
+    "AO_TRIG_USAGE": lambda i, d: 0b1010 if d.ao else 0,
+    "DI_TRIG_USAGE": lambda i, d: 0b1110 if d.product.ports else 0,
+    "DO_TRIG_USAGE": lambda i, d: 0b1010 if d.product.ports else 0,
+    "CI_TRIG_USAGE": lambda i, d: 0b101010 if d.counters else 0,
+    "CO_TRIG_USAGE": lambda i, d: 0b1010 if d.counters else 0,
+    "AI_SUPPORTED_MEAS_TYPES": lambda i, d: [m.value for m in _VOLTAGE_INPUTS] if d.ai else [],
+    "AO_SUPPORTED_OUTPUT_TYPES": lambda i, d: [c.UsageTypeAO.VOLTAGE.value] if d.ao else [],
+    "CI_SUPPORTED_MEAS_TYPES": lambda i, d: [],
+    "CO_SUPPORTED_OUTPUT_TYPES": lambda i, d: (
+        [c.UsageTypeCO.PULSE_FREQUENCY.value, c.UsageTypeCO.PULSE_TIME.value] if d.counters else []
+    ),
+    "AI_SAMP_MODES": lambda i, d: _SAMPLE_MODES if d.ai else [],
+    "AO_SAMP_MODES": lambda i, d: _SAMPLE_MODES if d.ao else [],
+    "CI_SAMP_MODES": lambda i, d: [],
+    "CO_SAMP_MODES": lambda i, d: _SAMPLE_MODES if d.counters else [],
+    "AI_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.ai else 0,
+    "AO_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.ao else 0,
+    "DI_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.product.ports else 0,
+    "DO_NUM_SAMP_TIMING_ENGINES": lambda i, d: 1 if d.product.ports else 0,
+    "NUM_TIMESTAMP_ENGINES": lambda i, d: 0,
+    "AI_DIG_FLTR_TYPES": lambda i, d: [],
+    "AI_DIG_FLTR_LOWPASS_CUTOFF_FREQ_DISCRETE_VALS": lambda i, d: [],
+    "AI_DIG_FLTR_LOWPASS_CUTOFF_FREQ_RANGE_VALS": lambda i, d: [],
+    "AI_LOWPASS_CUTOFF_FREQ_DISCRETE_VALS": lambda i, d: [],
+    "AI_LOWPASS_CUTOFF_FREQ_RANGE_VALS": lambda i, d: [],
+    "AI_CURRENT_INT_EXCIT_DISCRETE_VALS": lambda i, d: [],
+    "AI_VOLTAGE_INT_EXCIT_DISCRETE_VALS": lambda i, d: [],
+    "AI_VOLTAGE_INT_EXCIT_RANGE_VALS": lambda i, d: [],
+}
+SYSTEM_FACTS: dict[str, Callable[[NiSystem], Any]] = {
+    # From 24.5 on, clients ask for internal properties (seen in nidaqmx 1.7).
+    "NIDAQ_MAJOR_VERSION": lambda s: 24,
+    "NIDAQ_MINOR_VERSION": lambda s: 0,
+    "NIDAQ_UPDATE_VERSION": lambda s: 0,
+    "DEV_NAMES": lambda s: _names(list(s.inventory.devices)),
+    "GLOBAL_CHANS": lambda s: "",
+    "SCALES": lambda s: _names(list(s.scales)),
+    "TASKS": lambda s: _names(list(s.saved_tasks)),
+}
+
+
+def _term_configs(device: NiDevice, tail: str) -> int:
+    rse, nrse, differential = 1, 2, 4
+    if device.ai_is_differential_only() or tail.startswith("_"):
+        return differential
+    pair = device.ai_takes_differential(int(tail.removeprefix("ai")))
+    return rse | nrse | (differential if pair else 0)
+
+
+def _port_width(device: NiDevice, tail: str) -> int:
+    return int(device.product.ports[int(tail.partition("/")[0].removeprefix("port"))])
+
+
+def _clocked(device: NiDevice, tail: str) -> bool:
+    return device.product.family != "E Series" and tail.startswith("port0")
+
+
+CHANNEL_FACTS: dict[str, Callable[[NiDevice, str], Any]] = {
+    "PHYSICAL_CHAN_AI_TERM_CFGS": _term_configs,
+    "PHYSICAL_CHAN_AO_TERM_CFGS": lambda d, p: 1,
+    "PHYSICAL_CHAN_AI_SUPPORTED_MEAS_TYPES": lambda d, p: [m.value for m in _VOLTAGE_INPUTS],
+    "PHYSICAL_CHAN_AO_SUPPORTED_OUTPUT_TYPES": lambda d, p: [c.UsageTypeAO.VOLTAGE.value],
+    "PHYSICAL_CHAN_CI_SUPPORTED_MEAS_TYPES": lambda d, p: [],
+    "PHYSICAL_CHAN_CO_SUPPORTED_OUTPUT_TYPES": lambda d, p: [
+        c.UsageTypeCO.PULSE_FREQUENCY.value,
+        c.UsageTypeCO.PULSE_TIME.value,
+    ],
+    "PHYSICAL_CHAN_AI_INPUT_SRCS": lambda d, p: "",
+    "PHYSICAL_CHAN_DI_PORT_WIDTH": _port_width,
+    "PHYSICAL_CHAN_DO_PORT_WIDTH": _port_width,
+    "PHYSICAL_CHAN_DI_SAMP_CLK_SUPPORTED": _clocked,
+    "PHYSICAL_CHAN_DO_SAMP_CLK_SUPPORTED": _clocked,
+    "PHYSICAL_CHAN_DI_CHANGE_DETECT_SUPPORTED": lambda d, p: d.product.family != "E Series",
+    "PHYSICAL_CHAN_DI_SAMP_MODES": lambda d, p: _SAMPLE_MODES if _clocked(d, p) else [],
+    "PHYSICAL_CHAN_DO_SAMP_MODES": lambda d, p: _SAMPLE_MODES if _clocked(d, p) else [],
+}

@@ -1,0 +1,132 @@
+"""What input terminals see: the plant where one is wired, else what NI's simulated devices show."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from nidaqmx.constants import Edge
+
+from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.mocks.daq.converter import convert
+from haploop.mocks.daq.ni.system import NiSystem
+from haploop.mocks.daq.ni.tasks import Channel, Chunk, Task
+
+__all__ = ["acquire", "samples"]
+
+_SINE_PERIOD = 100
+"""Samples per period of the sine that an undriven analog input shows."""
+_SINE_PART, _SINE_NOISE = 0.6, 0.02
+"""Of half the channel's range; together less than all of it, so that the sine never clips."""
+
+
+def samples(system: NiSystem, task: Task, first: int, count: int) -> Any:
+    """Samples [first, first + count) of a clocked input that are whole: volts, or line states.
+
+    Returns (channels, count) float64 V, or (lines, count) bool. They are made in order and once,
+    so that noise does not depend on how a program cuts its reads, and kept as long as the
+    program's buffer would keep them.
+    """
+    if first + count > task.made:
+        chunk = Chunk(task.made, _make(system, task, task.made, first + count - task.made))
+        task.made = first + count
+        task.chunks.append(chunk)
+    oldest = task.made - max(task.buffer_size, count)
+    while len(task.chunks) > 1 and task.chunks[1].first <= min(oldest, first):
+        task.chunks.popleft()
+    parts = [
+        chunk.samples[:, max(0, first - chunk.first) : first + count - chunk.first]
+        for chunk in task.chunks
+        if chunk.first < first + count and chunk.first + chunk.samples.shape[1] > first
+    ]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+
+
+def acquire(system: NiSystem, task: Task, count: int) -> Any:
+    """`count` samples now, taken by software. Shapes as in `samples`."""
+    now = system.clock.now()
+    first = task.on_demand
+    if task.is_input:
+        task.on_demand += count
+    times = np.full(count, now)
+    index = np.arange(first, first + count)
+    if task.kind in ("di", "do"):
+        return _lines(system, task, times, index)
+    volts, driven = _volts(system, task, [times] * len(task.channels), index)
+    noise = {d.name: np.random.default_rng([system.seed, 1, first]) for d in task.devices}
+    return _converted(task, volts, driven, noise)
+
+
+def _make(system: NiSystem, task: Task, first: int, count: int) -> Any:
+    index = np.arange(first, first + count)
+    clock = task.clock
+    assert clock.start is not None, "samples exist only after the start"
+    edges = clock.start + (task.offset + index) / clock.rate_hz
+    if (
+        task.shares is not None
+        and task.setting("Timing", "SAMP_CLK_ACTIVE_EDGE", Edge.RISING.value) == Edge.FALLING.value
+    ):
+        edges = edges + 0.5 / clock.rate_hz
+    now = system.clock.now()
+    if task.kind == "di":
+        return _lines(system, task, np.minimum(edges, now), index)
+    times = [np.minimum(edges + task.delay(i), now) for i in range(len(task.channels))]
+    volts, driven = _volts(system, task, times, index)
+    return _converted(task, volts, driven, task.noise)
+
+
+def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) -> tuple[FloatArray, BoolArray]:
+    """True volts at the terminals, and which of them something drives."""
+    volts = np.empty((len(task.channels), len(index)))
+    driven = np.ones(len(task.channels), dtype=np.bool_)
+    for row, channel in enumerate(task.channels):
+        name = channel.physical[0]
+        node = system.wiring.get(f"{channel.device.name}/{name}")
+        if name.startswith("_ao"):
+            output = f"{channel.device.name}/{name[1:].split('_')[0]}"
+            volts[row] = system.outputs[output].at(times[row])
+        elif node is not None and system.nodes is not None:
+            volts[row] = system.nodes.read(node, times[row])
+        else:
+            driven[row] = False
+            volts[row] = _sine(channel, row, index)
+    return volts, driven
+
+
+def _sine(channel: Channel, row: int, index: Any) -> FloatArray:
+    low, high = channel.volts
+    middle, half = (high + low) / 2, (high - low) / 2
+    phase = 2 * np.pi * (index / _SINE_PERIOD + row / 8)
+    # Noise from the index alone: the same however a program cuts its reads.
+    noise = 2 * np.modf(np.abs(np.sin((index + 1) * 12.9898 + row * 78.233)) * 43758.5453)[0] - 1
+    return np.asarray(middle + half * (_SINE_PART * np.sin(phase) + _SINE_NOISE * noise))
+
+
+def _converted(
+    task: Task, volts: FloatArray, driven: BoolArray, noise: dict[str, np.random.Generator]
+) -> FloatArray:
+    result = np.empty_like(volts)
+    for device in task.devices:
+        rows = [i for i, channel in enumerate(task.channels) if channel.device == device]
+        full_scale = np.array([task.channels[i].full_scale for i in rows])
+        values, overload = convert(volts[rows], full_scale, device.product, noise[device.name])
+        result[rows] = values
+        over = overload & driven[rows]
+        task.overloaded += [task.channels[rows[i]].name for i in np.flatnonzero(over)]
+    for row in np.flatnonzero(~driven):
+        width = task.channels[row].width
+        result[row] = np.rint(volts[row] / width) * width
+    return result
+
+
+def _lines(system: NiSystem, task: Task, times: FloatArray, index: Any) -> BoolArray:
+    states = []
+    for channel in task.channels:
+        for line in channel.physical:
+            output = system.outputs[f"{channel.device.name}/{line}"]
+            if channel.device.simulated and not system.is_driven(channel.device, line):
+                # NI's simulated lines count in binary within each group of eight.
+                states.append((index >> (int(line.rsplit("line", 1)[1]) % 8)) & 1 == 1)
+            else:
+                states.append(output.at(times) > 0.5)
+    return np.array(states, dtype=np.bool_).reshape(-1, len(index))

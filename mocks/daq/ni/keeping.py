@@ -1,0 +1,231 @@
+"""What the NI system keeps beyond one run of one task: scales, saved tasks, watchdogs, power-up states."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+from nidaqmx.constants import PowerUpStates, WDTTaskAction
+from nidaqmx.utils import unflatten_channel_string
+
+from haploop.mocks.daq.ni.channels import field
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.scales import Scale, linear, mapped, polynomial, reverse_coefficients, tabulated
+from haploop.mocks.daq.ni.system import NiSystem
+from haploop.mocks.daq.ni.tasks import Channel, Task
+from haploop.mocks.daq.ni.watchdog import Watchdog
+
+__all__ = ["KEEPING", "read_kept", "write_kept"]
+
+Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
+
+_OVERWRITE, _EDITABLE, _DELETABLE = 1, 2, 4
+"""Bits of a request to save."""
+
+
+@dataclass(frozen=True)
+class SavedTask:
+    """A task as it was when a program saved it."""
+
+    channels: list[Channel]
+    settings: dict[tuple[str, str], Any]
+    values: dict[str, Any]
+
+
+def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
+    """Property `name` of the scale, saved task or watchdog that a request is about; None: there is none."""
+    if kind in ("Scale", "PersistedScale"):
+        return request.scale_name if name == "ACTIVE_SCALE" else _scale(system, request.scale_name).get(name)
+    if kind == "PersistedTask":
+        return request.task_name if name == "ACTIVE_TASK" else _saved(system, request.task_name).values[name]
+    watchdog = _watchdog(system, request)
+    if name == "HAS_EXPIRED":
+        return watchdog.expired(system.clock.now())
+    return watchdog.get(request.lines, name)
+
+
+def write_kept(system: NiSystem, kind: str, name: str, request: Any, value: Any) -> None:
+    """Set property `name` of a scale or watchdog; None resets the watchdog's."""
+    if kind == "Scale":
+        _scale(system, request.scale_name).set(name, value)
+        return
+    watchdog = _watchdog(system, request)
+    watchdog.values.pop((request.lines, name), None)
+    if value is not None:
+        watchdog.values[request.lines, name] = value
+
+
+# Scales
+
+
+def _scale(system: NiSystem, name: str) -> Scale:
+    if name not in system.scales:
+        raise DaqmxError(
+            DAQmxErrors.CUSTOM_SCALE_DOES_NOT_EXIST, f"Custom scale specified does not exist: {name!r}."
+        )
+    return system.scales[name]
+
+
+def _creating(make: Callable[[Any, dict[str, Any]], Scale]) -> Call:
+    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+        common = {"SCALED_UNITS": request.scaled_units}
+        if units := field(request, "pre_scaled_units"):
+            common["PRE_SCALED_UNITS"] = units
+        system.scales[request.name] = make(request, common)
+
+    return call
+
+
+def _reverse(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    r = request
+    found = reverse_coefficients(
+        list(r.forward_coeffs), r.min_val_x, r.max_val_x, r.num_points_to_compute, r.reverse_poly_order
+    )
+    return pb.CalculateReversePolyCoeffResponse(reverse_coeffs=found)
+
+
+# Saved tasks
+
+
+def _saved(system: NiSystem, name: str) -> SavedTask:
+    if name not in system.saved_tasks:
+        raise DaqmxError(
+            DAQmxErrors.TASK_NOT_IN_DATA_NEIGHBORHOOD, f"There is no saved task called {name!r}."
+        )
+    saved = system.saved_tasks[name]
+    assert isinstance(saved, SavedTask), "only saving puts tasks there"
+    return saved
+
+
+def _save(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    task = system.task(request.task.name)
+    name, options = request.save_as or task.name, int(request.options_raw)
+    if name in system.saved_tasks and not options & _OVERWRITE:
+        raise DaqmxError(
+            DAQmxErrors.CANT_SAVE_TASK_WITHOUT_REPLACE,
+            f"Task cannot be saved: there is a saved task called {name!r}, and it is not to be replaced.",
+        )
+    values = {
+        "AUTHOR": request.author,
+        "ALLOW_INTERACTIVE_EDITING": bool(options & _EDITABLE),
+        "ALLOW_INTERACTIVE_DELETION": bool(options & _DELETABLE),
+    }
+    system.saved_tasks[name] = SavedTask(_copies(task.channels), dict(task.settings), values)
+
+
+def _load(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    saved = _saved(system, request.session_name)
+    task, new = system.create_task(request.session_name)
+    if new:
+        task.channels, task.settings = _copies(saved.channels), dict(saved.settings)
+    reply = pb.LoadTaskResponse(new_session_initialized=new)
+    reply.task.name = task.name
+    return reply
+
+
+def _copies(channels: list[Channel]) -> list[Channel]:
+    """Channels of their own: what a program sets on one does not change the other."""
+    twins = [copy.copy(channel) for channel in channels]
+    for twin in twins:
+        twin.values = dict(twin.values)
+    return twins
+
+
+def _delete(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    _saved(system, request.task_name)
+    del system.saved_tasks[request.task_name]
+
+
+# Watchdogs
+
+
+def _watchdog(system: NiSystem, request: Any) -> Watchdog:
+    task: Task = system.task(request.task.name)
+    if task.watchdog is None:
+        raise DaqmxError(
+            DAQmxErrors.ACTION_NOT_SUPPORTED_TASK_NOT_WATCHDOG,
+            f"Task {task.name!r} is no watchdog timer task.",
+        )
+    return task.watchdog
+
+
+def _create_watchdog(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    system.inventory.device(request.device_name)
+    task, new = system.create_task(request.session_name)
+    if new:
+        task.watchdog = Watchdog({("", "TIMEOUT"): request.timeout})
+    reply = pb.CreateWatchdogTimerTaskExResponse(new_session_initialized=new)
+    reply.task.name = task.name
+    return reply
+
+
+def _control_watchdog(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    _watchdog(system, request).control(WDTTaskAction(field(request, "action")), system.clock.now())
+
+
+def _expiration(properties: dict[str, str]) -> Call:
+    """A call that says what outputs do when the timer expires: fields of its request by property."""
+
+    def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+        watchdog = _watchdog(system, request)
+        names = unflatten_channel_string(request.channel_names)
+        list(system.inventory.resolve(request.channel_names))
+        for name, of in properties.items():
+            for channel, value in zip(names, getattr(request, of), strict=True):
+                watchdog.values[channel, name] = value
+
+    return call
+
+
+# Power-up states
+
+
+def _lines(system: NiSystem, names: str) -> list[str]:
+    lines = []
+    for device, tail in system.inventory.resolve(names):
+        lines += [line for line in device.lines if f"{line}/".startswith(f"{device.name}/{tail}/")]
+    return lines
+
+
+def _set_power_up(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
+    for entry in request.power_up_states:
+        system.power_up.update(dict.fromkeys(_lines(system, entry.channel_names), entry.state))
+
+
+def _get_power_up(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
+    states = [
+        system.power_up.get(_lines(system, name)[0], PowerUpStates.TRISTATE.value)
+        for name in request.channel_name
+    ]
+    return pb.GetDigitalPowerUpStatesResponse(power_up_states=states)
+
+
+KEEPING: dict[str, Call] = {
+    "CreateLinScale": _creating(lambda r, common: linear(r.slope, r.y_intercept, **common)),
+    "CreateMapScale": _creating(
+        lambda r, common: mapped(r.prescaled_min, r.prescaled_max, r.scaled_min, r.scaled_max, **common)
+    ),
+    "CreatePolynomialScale": _creating(
+        lambda r, common: polynomial(list(r.forward_coeffs), list(r.reverse_coeffs), **common)
+    ),
+    "CreateTableScale": _creating(
+        lambda r, common: tabulated(list(r.prescaled_vals), list(r.scaled_vals), **common)
+    ),
+    "CalculateReversePolyCoeff": _reverse,
+    "SaveTask": _save,
+    "LoadTask": _load,
+    "DeleteSavedTask": _delete,
+    "CreateWatchdogTimerTaskEx": _create_watchdog,
+    "ControlWatchdogTask": _control_watchdog,
+    "CfgWatchdogDOExpirStates": _expiration({"DO_EXPIR_STATE": "expir_state_array"}),
+    "CfgWatchdogCOExpirStates": _expiration({"CO_EXPIR_STATE": "expir_state_array"}),
+    "CfgWatchdogAOExpirStates": _expiration(
+        {"AO_EXPIR_STATE": "expir_state_array", "AO_OUTPUT_TYPE": "output_type_array"}
+    ),
+    "SetDigitalPowerUpStates": _set_power_up,
+    "GetDigitalPowerUpStates": _get_power_up,
+}
+"""The calls of this module, by their names."""

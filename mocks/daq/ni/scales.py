@@ -1,0 +1,173 @@
+"""Custom scales: from volts at a terminal to the units that a program works in, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from nidaqmx.constants import ScaleType, UnitsPreScaled
+from numpy.polynomial.polynomial import polyfit, polyval
+
+from haploop.instruments.arrays import FloatArray
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+
+__all__ = [
+    "Scale",
+    "linear",
+    "mapped",
+    "polynomial",
+    "reverse_coefficients",
+    "scale_from_export",
+    "tabulated",
+]
+
+_OWN = {
+    "LIN": ScaleType.LINEAR,
+    "MAP": ScaleType.MAP_RANGES,
+    "POLY": ScaleType.POLYNOMIAL,
+    "TABLE": ScaleType.TABLE,
+}
+"""Which kind of scale has the properties whose names begin so."""
+_COMMON: dict[str, Any] = {
+    "DESCR": "",
+    "AUTHOR": "",
+    "SCALED_UNITS": "",
+    "PRE_SCALED_UNITS": UnitsPreScaled.VOLTS.value,
+    "ALLOW_INTERACTIVE_EDITING": True,
+    "ALLOW_INTERACTIVE_DELETION": True,
+}
+
+
+@dataclass
+class Scale:
+    """One custom scale, as NI-DAQmx keeps it: its kind, and its properties by NI's names."""
+
+    type: ScaleType
+    values: dict[str, Any]
+
+    def copy(self) -> Self:
+        """A scale of its own that begins alike."""
+        return replace(self, values=dict(self.values))
+
+    def get(self, name: str) -> Any:
+        """A property. Raises DaqmxError where this kind of scale has none such."""
+        if name == "TYPE":
+            return self.type.value
+        self._refuse_foreign(name)
+        return self.values[name] if name in self.values else _COMMON[name]
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a property. Raises DaqmxError where this kind of scale has none such."""
+        self._refuse_foreign(name)
+        self.values[name] = value
+
+    def to_units(self, volts: FloatArray) -> FloatArray:
+        """Volts of any shape in the scale's units."""
+        if self.type is ScaleType.POLYNOMIAL:
+            return np.asarray(polyval(volts, self.values["POLY_FORWARD_COEFF"]))
+        if self.type is ScaleType.TABLE:
+            return np.asarray(
+                np.interp(volts, self.values["TABLE_PRE_SCALED_VALS"], self.values["TABLE_SCALED_VALS"])
+            )
+        slope, intercept = self._line()
+        return np.asarray(slope * volts + intercept)
+
+    def to_volts(self, values: FloatArray) -> FloatArray:
+        """The reverse of `to_units`."""
+        if self.type is ScaleType.POLYNOMIAL:
+            return np.asarray(polyval(values, self.values["POLY_REVERSE_COEFF"]))
+        if self.type is ScaleType.TABLE:
+            pairs = sorted(
+                zip(self.values["TABLE_SCALED_VALS"], self.values["TABLE_PRE_SCALED_VALS"], strict=True)
+            )
+            return np.asarray(np.interp(values, [p[0] for p in pairs], [p[1] for p in pairs]))
+        slope, intercept = self._line()
+        return np.asarray((values - intercept) / slope)
+
+    def _line(self) -> tuple[float, float]:
+        v = self.values
+        if self.type is ScaleType.LINEAR:
+            return float(v["LIN_SLOPE"]), float(v["LIN_Y_INTERCEPT"])
+        slope = (v["MAP_SCALED_MAX"] - v["MAP_SCALED_MIN"]) / (
+            v["MAP_PRE_SCALED_MAX"] - v["MAP_PRE_SCALED_MIN"]
+        )
+        return float(slope), float(v["MAP_SCALED_MIN"] - slope * v["MAP_PRE_SCALED_MIN"])
+
+    def _refuse_foreign(self, name: str) -> None:
+        if _OWN.get(name.partition("_")[0], self.type) is not self.type:
+            raise DaqmxError(
+                DAQmxErrors.PROPERTY_NOT_SUPPORTED_FOR_SCALE_TYPE,
+                f"Specified property is not supported by this type of scale: {name} by a scale of type "
+                f"{self.type.name}.",
+            )
+
+
+def linear(slope: float, intercept: float, **common: Any) -> Scale:
+    """The scale `slope * volts + intercept`. Raises DaqmxError for a slope of zero."""
+    if slope == 0:
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE, "A linear scale needs a slope that is not zero."
+        )
+    return Scale(ScaleType.LINEAR, {"LIN_SLOPE": slope, "LIN_Y_INTERCEPT": intercept, **common})
+
+
+def mapped(low: float, high: float, to_low: float, to_high: float, **common: Any) -> Scale:
+    """The scale that takes `low` to `to_low` and `high` to `to_high`. Raises DaqmxError for no range."""
+    if low == high or to_low == to_high:
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE, "A map scale needs two different values each side."
+        )
+    names = ("MAP_PRE_SCALED_MIN", "MAP_PRE_SCALED_MAX", "MAP_SCALED_MIN", "MAP_SCALED_MAX")
+    return Scale(ScaleType.MAP_RANGES, dict(zip(names, (low, high, to_low, to_high), strict=True)) | common)
+
+
+def polynomial(forward: list[float], reverse: list[float], **common: Any) -> Scale:
+    """A polynomial each way: coefficients from the constant up."""
+    return Scale(
+        ScaleType.POLYNOMIAL, {"POLY_FORWARD_COEFF": forward, "POLY_REVERSE_COEFF": reverse, **common}
+    )
+
+
+def tabulated(before: list[float], after: list[float], **common: Any) -> Scale:
+    """Straight lines between pairs; `before` rises. Raises DaqmxError for tables that do not match."""
+    if len(before) != len(after) or len(before) < 2:
+        raise DaqmxError(
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+            f"A table scale needs pairs of values: there are {len(before)} before and {len(after)} after.",
+        )
+    return Scale(ScaleType.TABLE, {"TABLE_PRE_SCALED_VALS": before, "TABLE_SCALED_VALS": after, **common})
+
+
+def reverse_coefficients(
+    forward: list[float], low: float, high: float, points: int, order: int
+) -> list[float]:
+    """Coefficients of the polynomial of `order` that undoes `forward` best from `low` to `high`.
+
+    `order` -1 takes the order of `forward`; fewer than 1 `points` takes 1000.
+    """
+    x = np.linspace(low, high, points if points > 1 else 1000)
+    wanted = order if order >= 0 else len(forward) - 1
+    return [float(c) for c in polyfit(polyval(x, forward), x, wanted)]
+
+
+def scale_from_export(entry: Mapping[str, str]) -> Scale | None:
+    """A scale as a text export of NI MAX lists it, or None for a kind that is not known."""
+    common = {
+        "DESCR": entry.get("Descr", ""),
+        "AUTHOR": entry.get("Author", "").strip('"'),
+        "SCALED_UNITS": entry.get("ScaledUnits") or "",
+        "ALLOW_INTERACTIVE_EDITING": entry.get("AllowInteractiveEditing", "False") == "True",
+        "ALLOW_INTERACTIVE_DELETION": entry.get("AllowInteractiveDeletion", "False") == "True",
+    }
+    units = entry.get("PreScaledUnits", "Volts").replace(" ", "_").upper()
+    if units in UnitsPreScaled.__members__:
+        common["PRE_SCALED_UNITS"] = UnitsPreScaled[units].value
+    if entry.get("ScaleType") == "Linear":
+        return linear(float(entry["Lin.Slope"]), float(entry["Lin.YIntercept"]), **common)
+    if entry.get("ScaleType") == "Polynomial":
+        ways = (entry["Poly.ForwardCoeff"], entry["Poly.ReverseCoeff"])
+        forward, reverse = ([float(c) for c in way.split(",")] for way in ways)
+        return polynomial(forward, reverse, **common)
+    return None

@@ -1,0 +1,229 @@
+"""A simulated NI-DAQmx device server: NI's gRPC service, for the real `nidaqmx` package to talk to.
+
+`nidaqmx.Task(grpc_options=nidaqmx.GrpcSessionOptions(channel, ""))` and
+`nidaqmx.system.System.remote(...)` work against it as against NI's own server.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import Any, Self
+
+import grpc
+import numpy as np
+from google.protobuf import message_factory
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+
+from haploop.instruments.clock import Clock, RealClock
+from haploop.mocks.daq.ni import attributes
+from haploop.mocks.daq.ni.calls import CALLS
+from haploop.mocks.daq.ni.devices import Inventory, NiDevice
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.events import Events
+from haploop.mocks.daq.ni.system import NiSystem
+from haploop.mocks.plant.nodes import Nodes
+from haploop.mocks.transport.loopback import HOST
+
+__all__ = ["NiServer"]
+
+Corrupt = Callable[[str, bytes], bytes]
+"""What is sent instead of a reply: told the call's name and the reply."""
+
+_THREADS = 256
+"""Each event stream and each blocked read holds one."""
+_SERVICE = pb.DESCRIPTOR.services_by_name["NiDAQmx"]
+_SESSION_FILE = pb.CreateTaskResponse.DESCRIPTOR.fields_by_name["task"].message_type.file
+_SESSIONS = _SESSION_FILE.services_by_name["SessionUtilities"]
+
+
+class NiServer:
+    """The server; a context that stops it.
+
+    `devices` exist; `wiring` connects their terminals ("Dev2/ai4", "Dev2/ao0") to nodes of the
+    plant `nodes`. An analog input that is not wired shows a sine within its range, a digital one
+    counts. Cards without a declared RTSI cable (`rtsi`) share no clock. On a virtual clock a
+    blocking read moves time to when its samples exist; events fire as somebody's wait moves it.
+    """
+
+    def __init__(
+        self,
+        devices: Inventory | Iterable[NiDevice],
+        nodes: Nodes | None = None,
+        wiring: Mapping[str, str] | None = None,
+        clock: Clock | None = None,
+        port: int = 0,
+        rtsi: bool = False,
+        seed: int = 0,
+    ) -> None:
+        inventory = devices if isinstance(devices, Inventory) else Inventory.of(devices)
+        clock = clock or (nodes.clock if nodes is not None else RealClock())
+        self._system = NiSystem(inventory, clock, nodes, wiring or {}, rtsi, seed)
+        self._events = Events(self._system)
+        self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="NI wire")
+        options = [
+            ("grpc.so_reuseport", 0),
+            ("grpc.max_receive_message_length", -1),
+            ("grpc.max_send_message_length", -1),
+        ]
+        self._service = _Service(self._system, self._events)
+        self._server = grpc.server(self._pool, handlers=(self._service,), options=options)
+        self.port: int = self._server.add_insecure_port(f"{HOST}:{port}")
+        self.address = f"{HOST}:{self.port}"
+        self._server.start()
+
+    @property
+    def unserved(self) -> Counter[str]:
+        """Calls and properties that clients asked for and that this wire does not serve."""
+        return self._system.unserved
+
+    def inject(self, device: str, code: DAQmxErrors) -> None:
+        """Make the next read on `device` fail with `code`, as a fault does."""
+        with self._system.lock:
+            self._system.inject(device, code)
+
+    def corrupt(self, how: Corrupt) -> None:
+        """Replace every reply from now on by `how(call, reply)`: any bytes, protobuf or not."""
+        self._service.corrupt = how
+
+    def output(self, terminal: str) -> float:
+        """Volts (or 0 and 1) that an output terminal holds now."""
+        return float(self._system.outputs[terminal].at(np.array([self._system.clock.now()]))[0])
+
+    def close(self) -> None:
+        """Stop serving. Tasks are forgotten, outputs keep their value. May be called again."""
+        with self._system.lock:
+            for task in list(self._system.tasks.values()):
+                self._system.clear_task(task)
+        self._events.close()
+        self._server.stop(grace=0.2).wait()
+        self._pool.shutdown()
+
+    def wait(self) -> None:
+        """Serve until the process is told to end."""
+        self._server.wait_for_termination()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
+    """Finds the handler of a call by its name: most of NI's 451 calls differ in nothing else."""
+
+    def __init__(self, system: NiSystem, events: Events) -> None:
+        self.corrupt: Corrupt = lambda _call, reply: reply
+        self._system = system
+        self._events = events
+
+    def service(self, details: Any) -> Any:
+        _, service, name = details.method.split("/")
+        if service == _SERVICE.full_name and name in _SERVICE.methods_by_name:
+            return self._daqmx(name)
+        if service == _SESSIONS.full_name and name in _SESSIONS.methods_by_name:
+            return self._unary(_SESSIONS.methods_by_name[name], self._session(name))
+        return None
+
+    def _daqmx(self, name: str) -> Any:
+        method = _SERVICE.methods_by_name[name]
+        if name.startswith("Register"):
+            return grpc.unary_stream_rpc_method_handler(
+                lambda request, context: self._stream(name, request, context),
+                request_deserializer=message_factory.GetMessageClass(method.input_type).FromString,
+                response_serializer=lambda reply: reply.SerializeToString(),
+            )
+        reply = message_factory.GetMessageClass(method.output_type)
+        attribute = attributes.ATTRIBUTE_CALL.fullmatch(name)
+
+        def run(request: Any, alive: Callable[[], bool]) -> Any:
+            if attribute is not None:
+                answer = reply()
+                attributes.serve(self._system, attribute, request, answer)
+                return answer
+            if name.startswith("Unregister"):
+                self._events.unregister(name, request)
+                return reply()
+            if name == "ClearTask":
+                self._events.forget(self._system.task(request.task.name))
+            answer = CALLS[name](self._system, request, alive)
+            return reply() if answer is None else answer
+
+        served = attribute is not None or name in CALLS or name.startswith("Unregister")
+        return self._unary(method, self._guarded(run) if served else self._refuse(name))
+
+    def _unary(self, method: Any, handle: Callable[[Any, Any], Any]) -> Any:
+        def serialized(reply: Any) -> bytes:
+            return self.corrupt(method.name, reply if isinstance(reply, bytes) else reply.SerializeToString())
+
+        return grpc.unary_unary_rpc_method_handler(
+            handle,
+            request_deserializer=message_factory.GetMessageClass(method.input_type).FromString,
+            response_serializer=serialized,
+        )
+
+    def _guarded(self, run: Callable[[Any, Callable[[], bool]], Any]) -> Callable[[Any, Any], Any]:
+        def handle(request: Any, context: Any) -> Any:
+            try:
+                with self._system.lock:
+                    return run(request, context.is_active)
+            except DaqmxError as error:
+                _abort(context, error)
+
+        return handle
+
+    def _refuse(self, name: str) -> Callable[[Any, Any], Any]:
+        def handle(request: Any, context: Any) -> Any:
+            with self._system.lock:
+                self._system.unserved[name] += 1
+            context.abort(grpc.StatusCode.UNIMPLEMENTED, f"haploop's NI wire does not serve {name}.")
+
+        return handle
+
+    def _stream(self, name: str, request: Any, context: Any) -> Iterator[Any]:
+        try:
+            with self._system.lock:
+                listener = self._events.register(name, request)
+        except DaqmxError as error:
+            _abort(context, error)
+            return
+        # The client waits for this before it goes on, or hangs (measured).
+        context.send_initial_metadata(())
+        yield from self._events.stream(listener, context.is_active)
+
+    def _session(self, name: str) -> Callable[[Any, Any], Any]:
+        method = _SESSIONS.methods_by_name[name]
+        reply = message_factory.GetMessageClass(method.output_type)
+
+        def run(request: Any, alive: Callable[[], bool]) -> Any:
+            answer = reply()
+            if name == "ResetServer":
+                for task in list(self._system.tasks.values()):
+                    self._events.forget(task)
+                    self._system.clear_task(task)
+                answer.is_server_reset = True
+            elif name == "EnumerateDevices":
+                for device in self._system.inventory.devices.values():
+                    entry = answer.devices.add()
+                    entry.name, entry.model, entry.vendor = device.name, device.product.name, "haploop"
+                    entry.serial_number = f"{device.serial:X}"
+            return answer
+
+        if name in ("ResetServer", "EnumerateDevices"):
+            return self._guarded(run)
+        return self._refuse(name)
+
+
+def _abort(context: Any, error: DaqmxError) -> None:
+    metadata = [("ni-error", str(error.code))]
+    if error.read is not None:
+        metadata.append(("ni-samps-per-chan-read", str(error.read)))
+    if error.written is not None:
+        metadata.append(("ni-samps-per-chan-written", str(error.written)))
+    context.set_trailing_metadata(tuple(metadata))
+    context.abort(grpc.StatusCode.UNKNOWN, str(error))

@@ -1,0 +1,69 @@
+"""The wire as a program of its own, for any nidaqmx program to talk to, in real time."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.mocks.daq.ni.devices import Inventory, NiDevice, devices_from_ini
+from haploop.mocks.daq.ni.server import NiServer
+from haploop.mocks.daq.products import PRODUCTS
+from haploop.mocks.plant.nodes import Nodes
+
+__all__ = ["inventory_from_file", "inventory_of", "run"]
+
+
+def inventory_of(devices: Mapping[str, str]) -> Inventory:
+    """The devices that a rig file names: device name to product name.
+
+    Raises ConfigurationError for a product that is not known.
+    """
+    for name, product in devices.items():
+        if product not in PRODUCTS:
+            raise ConfigurationError(
+                f"There is no simulated {product!r} ({name}); there are {', '.join(sorted(PRODUCTS))}."
+            )
+    return Inventory.of(NiDevice(name, PRODUCTS[product]) for name, product in devices.items())
+
+
+def inventory_from_file(path: Path) -> Inventory:
+    """The devices of an NI MAX text export. Raises ConfigurationError when it cannot be read."""
+    try:
+        # MAX writes the code page of its Windows; only names and comments can differ.
+        return devices_from_ini(path.read_text(encoding="utf-8-sig", errors="replace"))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"The device file {path} cannot be read: {error}.") from None
+
+
+def run(
+    inventory: Inventory,
+    port: int = 0,
+    nodes: Nodes | None = None,
+    wiring: Mapping[str, str] | None = None,
+    rtsi: bool = True,
+) -> None:
+    """Serve `inventory` until Ctrl-C or SIGTERM.
+
+    The first line on standard output is "Server listening on port N"; devices that are left out
+    are named on standard error. Raises InstrumentError when the port cannot be had.
+    """
+    told = threading.Event()
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, lambda _number, _frame: told.set())
+    for sentence in inventory.left_out:
+        print(sentence, file=sys.stderr, flush=True)
+    try:
+        server = NiServer(inventory, nodes, wiring, port=port, rtsi=rtsi)
+    except RuntimeError as error:
+        raise InstrumentError(f"The NI wire cannot listen on port {port}: {error}.") from None
+    with server:
+        print(f"Server listening on port {server.port}", flush=True)
+        # With a time-out, because a wait without one cannot be interrupted on Windows.
+        while not told.wait(0.25):
+            pass
+    for name, count in server.unserved.most_common():
+        print(f"{name} was asked for {count} times and is not served.", file=sys.stderr, flush=True)

@@ -1,0 +1,365 @@
+"""The NI system behind the wire: devices, tasks, who reserved what, and who waits for whose clock."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections import Counter
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime, timedelta
+
+from nidaqmx.constants import LoggingMode, TriggerType
+
+from haploop.instruments.clock import Clock
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.daq.converter import noise_of
+from haploop.mocks.daq.ni.devices import Inventory, NiDevice
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.tasks import State, Task
+from haploop.mocks.daq.ni.terminals import OutputTerminal, Timebase
+from haploop.mocks.plant.nodes import Nodes
+
+__all__ = ["NiSystem"]
+
+_SIGNAL = re.compile(r"/(?P<device>[^/]+)/((ai|ao|di|do)/(SampleClock|StartTrigger)|Ctr\d+InternalOutput)")
+_LONGEST_WAIT = 86_400.0
+"""What "wait for ever" means (s): every wait has a deadline."""
+
+
+class NiSystem:
+    """Everything that one server's clients share. Methods are called with `lock` held."""
+
+    def __init__(
+        self,
+        inventory: Inventory,
+        clock: Clock,
+        nodes: Nodes | None,
+        wiring: Mapping[str, str],
+        rtsi: bool,
+        seed: int,
+    ) -> None:
+        self.inventory = inventory
+        self.scales = {name: scale.copy() for name, scale in inventory.scales.items()}
+        self.saved_tasks: dict[str, object] = {}
+        self.power_up: dict[str, int] = {}
+        """States of digital lines at power-up that a program set, by line."""
+        self.clock = clock
+        self.nodes = nodes
+        self.wiring = dict(wiring)
+        self.rtsi = rtsi
+        self.seed = seed
+        self.lock = threading.RLock()
+        self.changed = threading.Condition(self.lock)
+        self.tasks: dict[str, Task] = {}
+        self.unserved: Counter[str] = Counter()
+        """Calls and properties that a client asked for and this wire does not serve."""
+        self.epoch = datetime.now(UTC) - timedelta(seconds=clock.now())
+        """Calendar time of the clock's origin."""
+        self.outputs = {
+            name: OutputTerminal(wired=name in self.wiring)
+            for device in inventory.devices.values()
+            for name in (*device.ao, *device.lines)
+        }
+        self._reserved: dict[tuple[str, str], Task] = {}
+        self._injected: dict[str, DAQmxErrors] = {}
+        self._acquisitions: Counter[str] = Counter()
+        self._unnamed = 0
+        for name, node in self.wiring.items():
+            if nodes is not None and name in self.outputs and "/ao" in name:
+                nodes.drive(node, self.outputs[name])
+
+    # Tasks by name
+
+    def create_task(self, name: str) -> tuple[Task, bool]:
+        """A new task, or the one that already has this name; and whether it is new."""
+        if name and name in self.tasks:
+            return self.tasks[name], False
+        if not name:
+            name = f"_unnamedTask<{self._unnamed:X}>"
+            self._unnamed += 1
+        self.tasks[name] = Task(name)
+        return self.tasks[name], True
+
+    def task(self, name: str) -> Task:
+        """The task called `name`."""
+        try:
+            return self.tasks[name]
+        except KeyError:
+            raise DaqmxError(
+                DAQmxErrors.INVALID_TASK, f"Task specified is invalid or does not exist: {name!r}."
+            ) from None
+
+    def clear_task(self, task: Task) -> None:
+        """Stop it and forget it."""
+        self.stop(task)
+        self.release(task)
+        self.tasks.pop(task.name, None)
+        self.changed.notify_all()
+
+    def reset_device(self, device: NiDevice) -> None:
+        """Abort what runs on a device; its outputs fall to zero, except on an E Series card.
+
+        hardware.md, section 12: "on device reset E Series AO unchanged, M/C/X Series AO go to 0 V".
+        """
+        for task in [t for t in self.tasks.values() if t.channels and device in t.devices]:
+            self.stop(task)
+            self.release(task)
+        if device.product.family != "E Series":
+            for name in device.ao:
+                if self.outputs[name].driven:
+                    self.outputs[name].hold(0.0, self.clock.now())
+
+    def inject(self, device: str, code: DAQmxErrors) -> None:
+        """Make the next read on `device` fail with `code`."""
+        self._injected[device] = code
+
+    def injected(self, task: Task) -> DAQmxErrors | None:
+        """The failure that waits for a read of `task`, once."""
+        for device in task.devices:
+            if device.name in self._injected:
+                return self._injected.pop(device.name)
+        return None
+
+    # States
+
+    def verify(self, task: Task) -> None:
+        """Check what only makes sense as a whole. Raises DaqmxError."""
+        task.verify()
+        for (kind, name), terminal in task.settings.items():
+            if kind == "ExportedSignal" and name.endswith("_OUTPUT_TERM") and terminal:
+                self.inventory.terminal(
+                    task.device, terminal, DAQmxErrors.INVALID_ROUTING_DESTINATION_TERMINAL_NAME_ROUTING
+                )
+
+    def reserve(self, task: Task) -> None:
+        """Take every resource that the task needs, or none of them."""
+        if task.state >= State.RESERVED:
+            return
+        if task.watchdog is not None:
+            task.state = State.RESERVED
+            return
+        self.verify(task)
+        wanted = self._resources(task)
+        for key in wanted:
+            holder = self._reserved.get(key)
+            if holder is not None and holder is not task:
+                raise DaqmxError(
+                    DAQmxErrors.PAL_RESOURCE_RESERVED,
+                    f"The specified resource is reserved: {key[0]}/{key[1]} by task {holder.name!r}.",
+                )
+        self._reserved.update(dict.fromkeys(wanted, task))
+        task.state = State.RESERVED
+
+    def commit(self, task: Task) -> None:
+        """Reserve, and see that its clocks and triggers can be routed."""
+        self.reserve(task)
+        if task.state < State.COMMITTED:
+            if task.watchdog is None:
+                self._sources(task)
+            task.state = State.COMMITTED
+
+    def release(self, task: Task) -> None:
+        """Give every resource back."""
+        self.stop(task)
+        self._reserved = {key: t for key, t in self._reserved.items() if t is not task}
+        task.state = State.UNVERIFIED
+
+    def start(self, task: Task, auto: bool = False) -> None:
+        """Run, or wait for the clock or trigger that the task runs on."""
+        if task.running:
+            raise DaqmxError(
+                DAQmxErrors.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING,
+                f"Specified operation cannot be performed while the task is running: {task.name!r}.",
+            )
+        if task.watchdog is not None:
+            task.watchdog.start(self.clock.now())
+            task.state = State.RUNNING
+            return
+        if not task.is_input and task.timed and task.kind != "co" and not task.buffer.shape[1]:
+            raise DaqmxError(
+                DAQmxErrors.OUTPUT_BUFFER_EMPTY,
+                f"The generation of {task.name!r} cannot be started, because the output buffer is empty: "
+                "write to it first.",
+            )
+        if task.setting("Read", "LOGGING_MODE", LoggingMode.OFF.value) != LoggingMode.OFF.value:
+            self.unserved["TDMS logging"] += 1
+            raise DaqmxError(DAQmxErrors.ATTR_NOT_SUPPORTED, "haploop's NI wire writes no TDMS files.")
+        before = task.state
+        self.commit(task)
+        shares, triggers = self._sources(task)
+        task.state_before = before
+        task.state = State.RUNNING
+        task.auto_started = auto
+        task.failure = None
+        task.starts += 1
+        task.read_position = task.made = task.phase = 0
+        task.chunks.clear()
+        task.overloaded.clear()
+        task.clock = Timebase(task.rate_hz)
+        task.offset = 0
+        task.shares = shares
+        now = self.clock.now()
+        if task.kind == "ai" and task.timed:
+            task.noise = {
+                device.name: noise_of(self.seed, device.name, self._acquisitions[device.name])
+                for device in task.devices
+            }
+            self._acquisitions.update(device.name for device in task.devices)
+        task.waits_for = set(triggers)
+        if shares is not None and not self._joins(task, shares, now):
+            task.waits_for.add(shares)
+        if not task.waits_for:
+            self._go(task, now)
+        self.changed.notify_all()
+
+    def stop(self, task: Task) -> None:
+        """Stop sampling; outputs hold their last value."""
+        if not task.running:
+            return
+        if task.watchdog is not None:
+            task.watchdog.stop()
+            task.state = State.COMMITTED
+            return
+        now = self.clock.now()
+        if task.shares is None and task.clock.start is not None:
+            task.clock.stopped = now
+        for name in self.rows(task) if not task.is_input and task.kind != "co" else ():
+            self.outputs[name].stop(now)
+        task.state = State.COMMITTED
+        task.waits_for = set()
+        task.on_demand = 0
+        if not task.is_input:
+            task.written = 0
+        if task.state_before < State.COMMITTED:
+            self.release(task)
+        self.changed.notify_all()
+
+    def rows(self, task: Task) -> list[str]:
+        """Terminals of a task, one a row of its buffer."""
+        return [f"{c.device.name}/{p}" for c in task.channels for p in c.physical]
+
+    def is_driven(self, device: NiDevice, line: str) -> bool:
+        """Whether a task holds a digital line as an output now."""
+        return (device.name, f"do {line}") in self._reserved
+
+    # Waiting
+
+    def wait(
+        self,
+        done: Callable[[], bool],
+        due: Callable[[], float | None],
+        timeout: float,
+        alive: Callable[[], bool] = lambda: True,
+    ) -> bool:
+        """Let time pass until `done()`; False when `timeout` (s; negative: for ever) passed first.
+
+        `due()` says when it will be done, as far as that is known. A virtual clock jumps there; real
+        time is waited out. Gives up when the client that waits is gone.
+        """
+        deadline = self.clock.now() + (timeout if timeout >= 0 else _LONGEST_WAIT)
+        while not done():
+            now = self.clock.now()
+            if now >= deadline or not alive():
+                return False
+            target = due()
+            target = deadline if target is None else min(target, deadline)
+            if isinstance(self.clock, VirtualClock):
+                self.clock.sleep_until(target)
+                self.changed.notify_all()
+            else:
+                self.changed.wait(min(max(target - now, 1e-4), 0.25))
+        return True
+
+    # Clocks and triggers between tasks
+
+    def _sources(self, task: Task) -> tuple[str | None, set[str]]:
+        """The other task's sample clock that this one runs on, and the triggers that it waits for.
+
+        Whatever comes from outside the simulated devices is there at once, as on NI's own.
+        """
+        shares = None
+        source = task.setting("Timing", "SAMP_CLK_SRC", "")
+        if task.timed and source:
+            shares = self._signal(task, self.inventory.terminal(task.device, source))
+        triggers = set()
+        if task.setting("Trig", "START_TRIG_TYPE") == TriggerType.DIGITAL_EDGE.value:
+            text = task.setting("Trig", "DIG_EDGE_START_TRIG_SRC", "")
+            trigger = self._signal(task, self.inventory.terminal(task.device, text)) if text else None
+            if trigger is not None:
+                triggers.add(trigger)
+        return shares, triggers
+
+    def _signal(self, task: Task, terminal: str) -> str | None:
+        """`terminal` when another task has to drive it, else None."""
+        match = _SIGNAL.fullmatch(terminal)
+        if match is None or terminal in self._emits(task):
+            return None
+        source = self.inventory.device(match["device"])
+        if not self.rtsi and not self.inventory.routed(source, task.device):
+            raise DaqmxError(
+                DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING,
+                f"No registered trigger lines could be found between the devices in the route from "
+                f"{terminal} to {task.device.name}: if they are connected by a RTSI cable, register it.",
+            )
+        return terminal
+
+    def _emits(self, task: Task) -> set[str]:
+        names = {task.device.name, task.device.chassis or task.device.name}
+        if task.kind == "co":
+            number = re.sub(r"\D", "", task.channels[0].physical[0])
+            return {f"/{name}/Ctr{number}InternalOutput" for name in names}
+        return {
+            f"/{name}/{task.kind}/{signal}" for name in names for signal in ("SampleClock", "StartTrigger")
+        }
+
+    def _joins(self, task: Task, terminal: str, now: float) -> bool:
+        """Run on the clock at `terminal` from its next edge; False when it does not run."""
+        for other in self.tasks.values():
+            if other is task or not other.channels or not other.running or other.waits_for:
+                continue
+            if terminal in self._emits(other):
+                task.clock = other.clock
+                task.offset = other.clock.edges(now)
+                return True
+        return False
+
+    def _go(self, task: Task, now: float) -> None:
+        """The first sample is now; whoever waited for this task goes as well."""
+        if task.shares is None:
+            task.clock.start = now
+            task.clock.total = task.total
+        if not task.is_input and task.timed and task.kind != "co":
+            self.play(task)
+        for terminal in self._emits(task):
+            for other in list(self.tasks.values()):
+                if other.running and terminal in other.waits_for:
+                    other.waits_for.discard(terminal)
+                    if terminal == other.shares:
+                        other.clock, other.offset = task.clock, task.offset
+                    if not other.waits_for:
+                        self._go(other, now)
+
+    def play(self, task: Task) -> None:
+        """Give a generation's buffer to its terminals."""
+        for name, row in zip(self.rows(task), task.buffer, strict=True):
+            self.outputs[name].play(row, task.clock, task.offset, task.total, self.regenerates(task))
+
+    @staticmethod
+    def regenerates(task: Task) -> bool:
+        """Whether the buffer goes round when its end is reached."""
+        return bool(task.setting("Write", "REGEN_MODE", 10097) == 10097)
+
+    def _resources(self, task: Task) -> set[tuple[str, str]]:
+        """What only one task at a time may have: a sampling engine, an output, a counter."""
+        keys: set[tuple[str, str]] = set()
+        for channel in task.channels:
+            device = channel.device.name
+            if channel.kind == "ai":
+                keys.add((device, "ai"))
+            elif channel.kind in ("ao", "ci", "co"):
+                keys.update((device, name) for name in channel.physical)
+            elif channel.kind == "do":
+                keys.update((device, f"do {name}") for name in channel.physical)
+            if task.timed and channel.kind in ("ao", "di", "do"):
+                keys.add((device, f"{channel.kind} sample clock"))
+        return keys

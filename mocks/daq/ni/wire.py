@@ -1,0 +1,33 @@
+"""The wire of a rig: its cards, each terminal connected to what the rig file connects it to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from haploop.mocks.daq.ni.server import NiServer
+from haploop.mocks.daq.ni.standalone import inventory_of
+
+if TYPE_CHECKING:  # The plant is not needed to serve devices that nothing drives.
+    from haploop.instruments.daq.ni_daqmx import NiDaq
+    from haploop.mocks.plant.plant import Plant
+
+__all__ = ["wire", "wiring_of"]
+
+
+@contextmanager
+def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
+    """Serve the cards of `settings` on `plant`; gives the setting that points the driver at them.
+
+    Channels and outputs are nodes of the plant by their own names.
+    """
+    inventory, wiring, rtsi = inventory_of(settings.devices), wiring_of(settings), plant.has_rtsi()
+    with NiServer(inventory, plant, wiring, rtsi=rtsi, seed=plant.settings.seed) as server:
+        yield {"server": server.address}
+
+
+def wiring_of(settings: NiDaq.Settings) -> dict[str, str]:
+    """The plant's node at each terminal of the cards."""
+    inputs = {channel.terminal: name for name, channel in settings.channels.items()}
+    return inputs | {output.terminal: name for name, output in settings.outputs.items()}

@@ -1,0 +1,252 @@
+"""The DAQ's twin: converters and outputs of the rig's cards, on the plant's clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import groupby
+
+import numpy as np
+from nidaqmx.errors import DaqError
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.daq import Block, Daq, Stream
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.daq.ni_errors import translated
+from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.mocks.daq.converter import convert, noise_of, put_out
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.products import PRODUCTS, Product, convert_interval, input_range
+from haploop.mocks.plant.nodes import Run
+from haploop.mocks.plant.plant import Plant
+
+__all__ = ["DaqTwin"]
+
+
+_APART = 0.5
+"""Seconds of samples by which the driver lets two cards seem apart."""
+_HELD = 1.0
+"""Period (s) of a run of one value: any, for the value is held until the next run."""
+
+
+class _Output:
+    """An output terminal: holds its last value, or steps through a waveform."""
+
+    def __init__(self) -> None:
+        self._run: Run | None = None
+        self._next = 0
+
+    def play(self, run: Run) -> None:
+        self._run, self._next = run, 0
+
+    def take(self, until: float) -> Sequence[Run]:
+        """See `haploop.mocks.plant.nodes.Source.take`."""
+        run = self._run
+        if run is None or run.start > until:
+            return []
+        # A step on the very edge of `until` has happened, whatever rounding says.
+        past = len(run.values)
+        if past > 1:
+            past = min(past, int((until - run.start) / run.period + 1e-3) + 1)
+        steps = run.values[self._next : past]
+        start, self._next = run.start + self._next * run.period, past
+        return [Run(start, run.period, steps)] if len(steps) else []
+
+
+class DaqTwin(Daq):
+    """See `Daq`. One twin stands for all cards of the rig: they share a sample clock."""
+
+    def __init__(self, settings: NiDaq.Settings, plant: Plant) -> None:
+        self._settings = settings
+        self._plant = plant
+        self._products = {device: _product(device, name) for device, name in settings.devices.items()}
+        self._starts = dict.fromkeys(self._products, 0)
+        self._outputs = {name: _Output() for name in settings.outputs}
+        for name, output in self._outputs.items():
+            plant.drive(name, output)
+        self.identity = " + ".join(f"{p.name} ({device}, twin)" for device, p in self._products.items())
+
+    def _stream(
+        self,
+        channels: Sequence[str],
+        rate_hz: float,
+        block: int,
+        samples: int | None,
+        play: Mapping[str, FloatArray] | None,
+    ) -> Stream:
+        self._refuse(channels, rate_hz, play or {})
+        self._refuse_apart(channels)
+        devices: list[_Device] = []
+        known = self._settings.channels
+        for name, product in self._products.items():
+            mine = [c for c in channels if _card(known[c].terminal) == name]
+            if mine:
+                noise = noise_of(self._plant.settings.seed, name, self._starts[name])
+                self._starts[name] += 1
+                ranges = np.array([_full_scale(product, c, known[c].range) for c in mine])
+                interval = convert_interval(product, rate_hz, len(mine))
+                delays = np.arange(len(mine), dtype=np.float64) * interval
+                devices.append(_Device(name, product, tuple(mine), ranges, delays, noise))
+        start = self._plant.clock.now()
+        for name, volts in (play or {}).items():
+            put = put_out(volts, self._products[_card(self._settings.outputs[name].terminal)])
+            self._outputs[name].play(Run(start, 1 / rate_hz, put))
+        return _TwinStream(self, self._plant, devices, tuple(channels), rate_hz, block, samples, start)
+
+    def zero(self) -> None:
+        """See `Daq.zero`."""
+        now = self._plant.clock.now()
+        # What was played until now has happened.
+        self._plant.advance(now)
+        for output in self._outputs.values():
+            output.play(Run(now, _HELD, np.zeros(1)))
+
+    def close(self) -> None:
+        """See `Daq.close`."""
+
+    def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
+        known, outputs = self._settings.channels, self._settings.outputs
+        for name in [c for c in channels if c not in known] + [o for o in play if o not in outputs]:
+            raise ConfigurationError(
+                f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
+            )
+        devices = sorted(_card(known[c].terminal) for c in channels)
+        for device, group in groupby(devices):
+            product, count = self._products[device], len(list(group))
+            fastest = product.ai_rate_single_hz if count == 1 else product.ai_rate_hz
+            total = rate_hz * (1 if product.ai_simultaneous else count)
+            if total > fastest:
+                raise ConfigurationError(
+                    f"{device} ({product.name}) converts {fastest:g} samples per second, and "
+                    f"{count} channels at {rate_hz:g} Hz need {total:g}: lower the rate."
+                )
+        if len({len(volts) for volts in play.values()}) > 1:
+            raise LimitError("All waveforms that are played together must have the same length.")
+        for name, volts in play.items():
+            if not np.all(np.isfinite(volts)) or np.abs(volts).max(initial=0.0) > outputs[name].range:
+                raise LimitError(
+                    f"The waveform for {name!r} leaves the output's range of "
+                    f"+-{outputs[name].range:g} V or is not finite."
+                )
+
+    def _refuse_apart(self, channels: Sequence[str]) -> None:
+        """Cards are joined by a cable, or they are not sampled together."""
+        used = {_card(self._settings.channels[channel].terminal) for channel in channels}
+        if len(used) > 1 and not self._plant.has_rtsi():
+            first = next(device for device in self._products if device in used)
+            with translated(first, None):
+                raise DaqError("", DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING.value)
+
+
+class _Device:
+    """One card's share of a stream."""
+
+    def __init__(
+        self,
+        name: str,
+        product: Product,
+        channels: tuple[str, ...],
+        ranges: FloatArray,
+        delays: FloatArray,
+        noise: np.random.Generator,
+    ) -> None:
+        self.name, self.product, self.channels, self.ranges = name, product, channels, ranges
+        self.delays, self.noise = delays, noise
+
+
+class _TwinStream(Stream):
+    """See `Stream`."""
+
+    def __init__(
+        self,
+        daq: DaqTwin,
+        plant: Plant,
+        devices: Sequence[_Device],
+        channels: tuple[str, ...],
+        rate_hz: float,
+        block: int,
+        samples: int | None,
+        start: float,
+    ) -> None:
+        self.channels = channels
+        self.rate_hz = rate_hz
+        order = [channel for device in devices for channel in device.channels]
+        self._rows = [order.index(channel) for channel in channels]
+        self.delays = np.concatenate([d.delays for d in devices])[self._rows]
+        self.full_scale = np.concatenate([d.ranges for d in devices])[self._rows]
+        self._daq, self._plant, self._devices = daq, plant, devices
+        self._block, self._samples, self._start = block, samples, start
+        self._open = True
+
+    def __iter__(self) -> Iterator[Block]:
+        """See `Stream.__iter__`."""
+        clock, first = self._plant.clock, 0
+        while self._open and (self._samples is None or first < self._samples):
+            count = self._block if self._samples is None else min(self._block, self._samples - first)
+            edges = self._start + (first + np.arange(count)) / self.rate_hz
+            clock.sleep(edges[-1] + self.delays.max() - clock.now())
+            volts, overload = [], []
+            for device in self._devices:
+                with translated(device.name, None), _as_driver():
+                    rows = [
+                        self._plant.read(channel, edges + delay)
+                        for channel, delay in zip(device.channels, device.delays, strict=True)
+                    ]
+                converted = convert(np.array(rows), device.ranges, device.product, device.noise)
+                volts.append(converted[0])
+                overload.append(converted[1])
+            if self._samples is None:
+                self._refuse_drift(edges[-1])
+            yield Block(first, np.concatenate(volts)[self._rows], np.concatenate(overload)[self._rows])
+            first += count
+
+    def _refuse_drift(self, now: float) -> None:
+        """As the driver does: cards on one clock have sampled equally often."""
+        counts = {}
+        for device in self._devices:
+            begin, end = self._plant.lateness(device.name, np.array([self._start, now]))
+            counts[device.name] = round((now - self._start - (end - begin)) * self.rate_hz)
+        fewest, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
+        if counts[most] - counts[fewest] > max(_APART * self.rate_hz, 2 * self._block):
+            raise InstrumentError(
+                f"{fewest} has taken {counts[fewest]} samples and {most} {counts[most]}: they do not "
+                "run on one clock. Check the RTSI cable."
+            )
+
+    def close(self) -> None:
+        """See `Stream.close`."""
+        if self._open:
+            self._open = False
+            self._daq.zero()
+
+
+@contextmanager
+def _as_driver() -> Iterator[None]:
+    """What the plant says in a wire's words, as NI's library would raise it."""
+    try:
+        yield
+    except DaqmxError as error:
+        raise DaqError(str(error), error.code) from None
+
+
+def _card(terminal: str) -> str:
+    return terminal.partition("/")[0]
+
+
+def _full_scale(product: Product, channel: str, wanted: float) -> float:
+    """The card's next wider range, as the driver would choose it."""
+    full_scale = input_range(product, wanted)
+    if full_scale is None:
+        raise ConfigurationError(
+            f"The channel {channel!r} asks for +-{wanted:g} V, and the widest range of a {product.name} is "
+            f"+-{max(product.ai_ranges, default=0):g} V."
+        )
+    return full_scale
+
+
+def _product(device: str, name: str) -> Product:
+    if name not in PRODUCTS:
+        raise ConfigurationError(
+            f"There is no twin of {name!r} ({device}); there are {', '.join(sorted(PRODUCTS))}."
+        )
+    return PRODUCTS[name]

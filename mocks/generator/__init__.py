@@ -1,0 +1,1 @@
+"""Simulated function generators: twins and wires."""

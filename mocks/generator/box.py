@@ -1,0 +1,420 @@
+"""A function generator's box: what is set by SCPI becomes volts at a node of the plant.
+
+Ranges and words are the families'; where a limit was not found, it is that of the type (estimate).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+from haploop.instruments.clock import Clock
+from haploop.mocks.generator.scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
+from haploop.mocks.generator.waveform import SHAPES, Playing, Waveform
+from haploop.mocks.plant.nodes import Source
+
+__all__ = ["DG1000Z", "KEYSIGHT_33500", "Box", "Input", "Product"]
+
+_CHANNELS = (1, 2)
+_SOURCE = 50.0
+"""Ohms of the output."""
+_HIGHEST = 20.0
+"""V peak to peak without load: half of it at 50 ohm."""
+_LOWEST = 2e-3
+_INFINITE = 9.9e37
+
+
+@dataclass(frozen=True)
+class Product:
+    """How one family differs from another, as seen from outside."""
+
+    identity: str
+    number: str
+    """How it writes a number."""
+    booleans: tuple[str, str]
+    infinite: str
+    """How it writes the load of an open input."""
+    sweep: dict[str, tuple[float, float, float]]
+    """Numbers of the sweep that only this family has: header, default, lowest and highest."""
+    by_mode: bool
+    """Keysight's: the sweep is a mode of the frequency, and the trigger is common to all functions."""
+
+
+KEYSIGHT_33500 = Product(
+    identity="Agilent Technologies,33522B,MY00000001,5.00-1.19-2.00-58-00",
+    number="+.15E",
+    booleans=("0", "1"),
+    infinite="+9.900000000000000E+37",
+    sweep={"[:SOURce#]:SWEep:HTIMe": (0, 0, 3600)},
+    by_mode=True,
+)
+DG1000Z = Product(
+    identity="Rigol Technologies,DG1062Z,DG1ZA000000001,03.01.12",
+    number=".6E",
+    booleans=("OFF", "ON"),
+    infinite="INFINITY",
+    sweep={
+        "[:SOURce#]:SWEep:HTIMe[:STARt]": (0, 0, 500),
+        "[:SOURce#]:SWEep:HTIMe:STOP": (0, 0, 500),
+    },
+    by_mode=False,
+)
+
+# Header, default, lowest, highest. What the plant never sees is only kept and given back.
+_NUMBERS = {
+    "[:SOURce#]:FREQuency[:CW]": (1e3, 1e-6, 60e6),
+    "[:SOURce#]:FREQuency:STARt": (100, 1e-6, 60e6),
+    "[:SOURce#]:FREQuency:STOP": (1e3, 1e-6, 60e6),
+    "[:SOURce#]:PHASe[:ADJust]": (0, -360, 360),
+    "[:SOURce#]:SWEep:TIME": (1, 1e-3, 500),
+    "[:SOURce#]:SWEep:RTIMe": (0, 0, 500),
+    "[:SOURce#]:MARKer:FREQuency": (500, 1e-6, 60e6),
+    "[:SOURce#]:FUNCtion:SQUare:DCYCle": (50, 0.01, 99.99),
+    "[:SOURce#]:FUNCtion:RAMP:SYMMetry": (100, 0, 100),
+    "[:SOURce#]:FUNCtion:PULSe:PERiod": (1e-3, 33e-9, 1e6),
+    "[:SOURce#]:FUNCtion:PULSe:WIDTh": (100e-6, 16e-9, 1e6),
+    "[:SOURce#]:FUNCtion:PULSe:DCYCle": (10, 0, 100),
+    "[:SOURce#]:FUNCtion:PULSe:TRANsition[:BOTH]": (10e-9, 8.4e-9, 1e-6),
+    "[:SOURce#]:FUNCtion:ARBitrary:SRATe": (40e3, 1e-6, 250e6),
+    "[:SOURce#]:BURSt:INTernal:PERiod": (10e-3, 1e-6, 8e3),
+    "[:SOURce#]:BURSt:NCYCles": (1, 1, 1e8),
+}
+_BOOLEANS = {
+    "[:SOURce#]:BURSt:STATe": False,
+    "[:SOURce#]:SWEep:STATe": False,
+    "[:SOURce#]:MARKer[:STATe]": False,
+    ":OUTPut#[:STATe]": False,
+    ":OUTPut#:SYNC[:STATe]": True,
+    ":OUTPut#:TRIGger": False,
+}
+_WORDS: dict[str, tuple[str, ...]] = {
+    "[:SOURce#]:FUNCtion[:SHAPe]": SHAPES,
+    "[:SOURce#]:VOLTage:UNIT": ("VPP", "VRMS", "DBM"),
+    "[:SOURce#]:SWEep:SPACing": ("LINear", "LOGarithmic"),
+    "[:SOURce#]:BURSt:MODE": ("TRIGgered", "GATed"),
+    "[:SOURce#]:FUNCtion:PULSe:HOLD": ("WIDTh", "DCYCle"),
+    "[:SOURce#]:FUNCtion:ARBitrary:ADVance": ("SRATe", "TRIGger"),
+    "[:SOURce#]:FUNCtion:ARBitrary:FILTer": ("NORMal", "STEP", "OFF"),
+    ":OUTPut#:POLarity": ("NORMal", "INVerted"),
+}
+_TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
+    True: {":TRIGger#:SOURce": ("IMMediate", "EXTernal", "TIMer", "BUS")},
+    False: {"[:SOURce#]:SWEep:TRIGger:SOURce": ("INTernal", "EXTernal", "MANual")},
+}
+
+_FREQUENCY, _START, _STOP = list(_NUMBERS)[:3]
+_TIME = "[:SOURce#]:SWEep:TIME"
+_ON, _SWEEP = ":OUTPut#[:STATe]", "[:SOURce#]:SWEep:STATe"
+_SHAPE, _UNIT, _SPACING = list(_WORDS)[:3]
+_DUTY, _SYMMETRY = "[:SOURce#]:FUNCtion:SQUare:DCYCle", "[:SOURce#]:FUNCtion:RAMP:SYMMetry"
+_BURST, _CYCLES = "[:SOURce#]:BURSt:STATe", "[:SOURce#]:BURSt:NCYCles"
+_BURST_PERIOD = "[:SOURce#]:BURSt:INTernal:PERiod"
+_RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
+
+
+class Input(Protocol):
+    """What a generator asks of the plant."""
+
+    @property
+    def clock(self) -> Clock:
+        """The plant's time."""
+
+    def drive(self, node: str, source: Source) -> None:
+        """See `haploop.mocks.plant.nodes.Nodes.drive`."""
+
+    def advance(self, until: float) -> None:
+        """Take what sources have put out until then (s)."""
+
+
+class Box:
+    """A two-channel generator; channel 1 is wired to the plant's `node`.
+
+    Volts at the plant are those of an open input, whatever load the generator was told of: that is
+    how a wrong load setting shows in the data.
+    """
+
+    def __init__(self, product: Product, plant: Input, node: str) -> None:
+        self._product = product
+        self._clock = plant.clock
+        self._trigger = next(iter(_TRIGGERS[product.by_mode]))
+        self._words = _WORDS | _TRIGGERS[product.by_mode]
+        self._numbers = _NUMBERS | product.sweep
+        self.playing = Playing(plant.clock)
+        self._channels = {n: _Channel() for n in _CHANNELS}
+        self._device = ScpiDevice(
+            product.identity, self._entries(), self._reset, self._software_trigger, product.by_mode
+        )
+        self.answer, self.fail = self._device.answer, self._device.fail
+        self._advance = plant.advance
+        self._reset()
+        plant.drive(node, self.playing)
+
+    def _reset(self) -> None:
+        for channel in self._channels.values():
+            channel.values = {h: float(v[0]) for h, v in self._numbers.items()}
+            channel.values |= {h: float(v) for h, v in _BOOLEANS.items()}
+            channel.words = {h: word_of(w[0].upper(), w) for h, w in self._words.items()}
+            channel.peak_to_peak, channel.offset, channel.load = 0.2, 0.0, 50.0
+            channel.points.clear()
+            channel.arb = '"INT:\\BUILTIN\\EXP_RISE.ARB"'
+        self._apply(1)
+
+    def _entries(self) -> dict[str, Entry]:
+        get, put = self._get_number, self._put_number
+        entries = {
+            h: Entry(partial(get, h, low, high), partial(put, h, low, high))
+            for h, (_, low, high) in self._numbers.items()
+        }
+        entries |= {h: Entry(partial(self._get_on, h), partial(self._put_on, h)) for h in _BOOLEANS}
+        entries |= {
+            h: Entry(partial(self._get_word, h), partial(self._put_word, h, w))
+            for h, w in self._words.items()
+        }
+        entries |= {
+            "[:SOURce#]:VOLTage[:LEVel][:IMMediate][:AMPLitude]": Entry(self._get_level, self._put_level),
+            "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:OFFSet": Entry(self._get_offset, self._put_offset),
+            "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:HIGH": Entry(
+                partial(self._get_end, 1), partial(self._put_end, 1)
+            ),
+            "[:SOURce#]:VOLTage[:LEVel][:IMMediate]:LOW": Entry(
+                partial(self._get_end, -1), partial(self._put_end, -1)
+            ),
+            ":OUTPut#:LOAD": Entry(self._get_load, self._put_load),
+            ":OUTPut#:IMPedance": Entry(self._get_load, self._put_load),
+            "[:SOURce#]:FUNCtion:ARBitrary": Entry(lambda n, _: self._channel(n).arb, self._select),
+            "[:SOURce#]:DATA:VOLatile:CLEar": Entry(put=lambda n, _: self._channel(n).points.clear()),
+            "[:SOURce#]:DATA:ARBitrary": Entry(put=partial(self._load_points, 1.0)),
+            "[:SOURce#]:DATA:ARBitrary:DAC": Entry(put=partial(self._load_points, 32767.0)),
+            "[:SOURce#]:PHASe:SYNChronize": Entry(put=lambda n, _: None),
+            ":SYSTem:ERRor[:NEXT]": Entry(get=lambda n, _: self._device.next_error()),
+            ":SYSTem:BEEPer[:IMMediate]": Entry(put=lambda n, _: None),
+            ":SYSTem:VERSion": Entry(get=lambda n, _: "1999.0"),
+            ":DISPlay:TEXT": Entry(put=lambda n, _: None),
+            ":DISPlay:TEXT:CLEar": Entry(put=lambda n, _: None),
+        }
+        if self._product.by_mode:
+            entries["[:SOURce#]:FREQuency:MODE"] = Entry(self._get_mode, self._put_mode)
+            entries[":TRIGger#[:IMMediate]"] = Entry(put=lambda n, _: self._fire(n))
+        else:
+            entries["[:SOURce#]:SWEep:TRIGger[:IMMediate]"] = Entry(put=lambda n, _: self._fire(n))
+        return entries
+
+    # What is set
+
+    def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
+        ends = {"MINimum": low, "MAXimum": high}
+        return self._text(number_of(argument, ends) if argument else self._channel(n).values[header])
+
+    def _put_number(self, header: str, low: float, high: float, n: int, argument: str) -> None:
+        value = number_of(argument, {"MINimum": low, "MAXimum": high})
+        self._channel(n).values[header] = self._within(value, low, high)
+        self._apply(n)
+
+    def _get_on(self, header: str, n: int, argument: str) -> str:
+        return self._product.booleans[bool(self._channel(n).values[header])]
+
+    def _put_on(self, header: str, n: int, argument: str) -> None:
+        self._channel(n).values[header] = float(_boolean(argument))
+        self._apply(n)
+
+    def _get_word(self, header: str, n: int, argument: str) -> str:
+        return self._channel(n).words[header]
+
+    def _put_word(self, header: str, words: tuple[str, ...], n: int, argument: str) -> None:
+        word = word_of(argument, words)
+        if word == "DBM" and math.isinf(self._channel(n).load):
+            raise ScpiError(-221, "Settings conflict; not able to use dBm units with infinite load")
+        channel = self._channel(n)
+        channel.words[header] = word
+        most = (_HIGHEST - channel.peak_to_peak) / 2
+        if abs(channel.offset) > most and not channel.is_direct:
+            channel.offset = math.copysign(most, channel.offset)
+            self.fail(ScpiError(-221, "Settings conflict; offset changed due to function"))
+        self._apply(n)
+
+    def _get_mode(self, n: int, argument: str) -> str:
+        return "SWE" if self._channel(n).values[_SWEEP] else "CW"
+
+    def _put_mode(self, n: int, argument: str) -> None:
+        self._channel(n).values[_SWEEP] = float(word_of(argument, ("CW", "FIXed", "SWEep")) == "SWE")
+        self._apply(n)
+
+    # Volts are kept without load, and told at the load that is set
+
+    def _get_level(self, n: int, argument: str) -> str:
+        channel = self._channel(n)
+        rms = channel.peak_to_peak * channel.share / 2 / math.sqrt(2)
+        match channel.words[_UNIT]:
+            case "VRMS":
+                return self._text(rms)
+            case "DBM":
+                return self._text(10 * math.log10(1e3 * rms**2 / channel.load))
+        return self._text(channel.peak_to_peak * channel.share)
+
+    def _put_level(self, n: int, argument: str) -> None:
+        channel = self._channel(n)
+        ends = {"MINimum": _LOWEST * channel.share, "MAXimum": _HIGHEST * channel.share}
+        volts = number_of(argument, ends)
+        match channel.words[_UNIT]:
+            case "VRMS":
+                volts *= 2 * math.sqrt(2)
+            case "DBM":
+                volts = 2 * math.sqrt(2) * math.sqrt(channel.load * 1e-3 * 10 ** (volts / 10))
+        most = _HIGHEST - (0 if channel.is_direct else 2 * abs(channel.offset))
+        channel.peak_to_peak = self._within(volts / channel.share, _LOWEST, most)
+        self._apply(n)
+
+    def _get_offset(self, n: int, argument: str) -> str:
+        return self._text(self._channel(n).offset * self._channel(n).share)
+
+    def _put_offset(self, n: int, argument: str) -> None:
+        channel = self._channel(n)
+        most = (_HIGHEST - (0 if channel.is_direct else channel.peak_to_peak)) / 2
+        channel.offset = self._within(number_of(argument) / channel.share, -most, most)
+        self._apply(n)
+
+    def _get_end(self, side: int, n: int, argument: str) -> str:
+        channel = self._channel(n)
+        return self._text((channel.offset + side * channel.peak_to_peak / 2) * channel.share)
+
+    def _put_end(self, side: int, n: int, argument: str) -> None:
+        channel = self._channel(n)
+        other = channel.offset - side * channel.peak_to_peak / 2
+        end = self._within(number_of(argument) / channel.share, -_HIGHEST / 2, _HIGHEST / 2)
+        if side * (end - other) < _LOWEST:
+            other = end - side * _LOWEST  # as the instruments do: the other end gives way
+            self.fail(ScpiError(-221, "Settings conflict; high level must be above low level"))
+        channel.peak_to_peak, channel.offset = side * (end - other), (end + other) / 2
+        self._apply(n)
+
+    def _get_load(self, n: int, argument: str) -> str:
+        load = self._channel(n).load
+        return self._product.infinite if math.isinf(load) else self._text(load)
+
+    def _put_load(self, n: int, argument: str) -> None:
+        ends = {"INFinity": _INFINITE, "MINimum": 1.0, "MAXimum": 1e4, "DEFault": 50.0}
+        ohms = number_of(argument, ends)
+        channel = self._channel(n)
+        channel.load = math.inf if ohms >= _INFINITE else self._within(ohms, 1.0, 1e4)
+        if math.isinf(channel.load) and channel.words[_UNIT] == "DBM":
+            channel.words[_UNIT] = "VPP"
+
+    # Arbitrary waveforms
+
+    def _load_points(self, full: float, n: int, argument: str) -> None:
+        name, _, values = argument.partition(",")
+        points = [number_of(v.strip()) / full for v in values.split(",")] if values else []
+        if len(points) < 8:
+            raise ScpiError(-109, "Missing parameter")
+        known = self._channel(n).points
+        if _arb(name) in known:
+            raise ScpiError(785, "Specified arb waveform already exists")
+        known[_arb(name)] = points
+
+    def _select(self, n: int, name: str) -> None:
+        channel = self._channel(n)
+        if _arb(name) not in channel.points and _arb(name) != channel.arb:
+            raise ScpiError(786, "Specified arb waveform does not exist")
+        channel.arb = _arb(name)
+        self._apply(n)
+
+    # What is played
+
+    def _software_trigger(self) -> None:
+        if not self._product.by_mode:
+            raise ScpiError(-113, "Undefined header")
+        waiting = [n for n, c in self._channels.items() if c.words[self._trigger] == "BUS"]
+        for n in waiting:
+            self._fire(n)
+        if not waiting:
+            raise ScpiError(-211, "Trigger ignored")
+
+    def _fire(self, n: int) -> None:
+        channel = self._channel(n)
+        wanted = "BUS" if self._product.by_mode else "MAN"
+        if not (channel.values[_SWEEP] or channel.values[_BURST]) or channel.words[self._trigger] != wanted:
+            raise ScpiError(-211, "Trigger ignored")
+        if n == 1:
+            self._advance(self._clock.now())
+            self.playing.fire()
+
+    def _apply(self, n: int) -> None:
+        """Let the plant have what was put out until now, then put out what is set."""
+        if n != 1:
+            return
+        channel = self._channel(1)
+        values, words = channel.values, channel.words
+        self._advance(self._clock.now())
+        self.playing.set(
+            Waveform(
+                on=bool(values[_ON]),
+                shape=words[_SHAPE],
+                amplitude=channel.peak_to_peak / 2 * (-1 if words[":OUTPut#:POLarity"] == "INV" else 1),
+                offset=channel.offset,
+                frequency=values[_FREQUENCY],
+                duty=values[_DUTY] / 100,
+                symmetry=values[_SYMMETRY] / 100,
+                points=tuple(channel.points.get(channel.arb, ())),
+                rate_hz=values[_RATE],
+                sweep=(values[_START], values[_STOP], values[_TIME]) if values[_SWEEP] else None,
+                burst=(values[_CYCLES], values[_BURST_PERIOD]) if values[_BURST] else None,
+                logarithmic=words[_SPACING] == "LOG",
+                repeats=words[self._trigger] in ("IMM", "INT"),
+            )
+        )
+
+    def _channel(self, n: int) -> _Channel:
+        if n not in self._channels:
+            raise ScpiError(-114, "Header suffix out of range")
+        return self._channels[n]
+
+    def _text(self, value: float) -> str:
+        return format(value, self._product.number)
+
+    def _within(self, value: float, low: float, high: float) -> float:
+        """A value, cut to its limits with an error, as both families do."""
+        if low <= value <= high:
+            return value
+        end = "lower" if value < low else "upper"
+        self.fail(ScpiError(-222, f"Data out of range; value clipped to {end} limit"))
+        return min(max(value, low), high)
+
+
+class _Channel:
+    """Settings of one channel; filled by a reset."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, float] = {}
+        self.words: dict[str, str] = {}
+        self.points: dict[str, list[float]] = {}
+        self.arb = ""
+        self.peak_to_peak = 0.0
+        """V peak to peak without load."""
+        self.offset = 0.0
+        self.load = 50.0
+
+    @property
+    def is_direct(self) -> bool:
+        """Direct voltage: the offset alone, for which the amplitude leaves all its room."""
+        return self.words[_SHAPE] == "DC"
+
+    @property
+    def share(self) -> float:
+        """What of the volts without load is left at the load that is set."""
+        return 1.0 if math.isinf(self.load) else self.load / (self.load + _SOURCE)
+
+
+def _arb(name: str) -> str:
+    """A waveform's name as the instrument tells it: quoted and in capitals."""
+    return f'"{name.strip().strip(chr(34)).upper()}"'
+
+
+def _boolean(argument: str) -> bool:
+    match argument.upper():
+        case "ON" | "1":
+            return True
+        case "OFF" | "0":
+            return False
+    raise ScpiError(-224, "Illegal parameter value") if argument else ScpiError(-109, "Missing parameter")

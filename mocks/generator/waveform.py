@@ -1,0 +1,134 @@
+"""The output of a function generator, as steps of voltage at a node of the plant."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.clock import Clock
+from haploop.mocks.plant.nodes import Run
+
+__all__ = ["SHAPES", "Playing", "Waveform"]
+
+SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
+_PERIOD = 20e-6
+"""Seconds of a step: far above the table's band, and as fine as the drives of a DAQ."""
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """What is set. Volts are those of an open input. Of PULSe, PRBS and NOISe only the offset is
+    put out: no plant here needs them.
+    """
+
+    on: bool = False
+    shape: str = "SIN"
+    amplitude: float = 0.0
+    offset: float = 0.0
+    frequency: float = 1e3
+    duty: float = 0.5
+    symmetry: float = 1.0
+    points: tuple[float, ...] = ()
+    rate_hz: float = 40e3
+    sweep: tuple[float, float, float] | None = None
+    """Start (Hz), stop (Hz) and time (s), when the sweep is on."""
+    logarithmic: bool = False
+    burst: tuple[float, float] | None = None
+    """Cycles and period (s), when the burst is on."""
+    repeats: bool = True
+    """Sweep or burst triggers itself; else it waits for one, a sweep at its start frequency."""
+
+    def volts(self, times: FloatArray, fired: bool) -> FloatArray:
+        """Volts at `times` (s) since the waveform was set, or since its trigger has `fired`."""
+        if self.shape == "ARB" and self.points:
+            index = (times * self.rate_hz).astype(np.int64) % len(self.points)
+            return np.asarray(self.offset + self.amplitude * np.asarray(self.points)[index])
+        if self.burst is not None:
+            return self._bursts(times, fired)
+        return np.asarray(self.offset + self.amplitude * self._unit(self._cycles(times, fired)))
+
+    def _bursts(self, times: FloatArray, fired: bool) -> FloatArray:
+        assert self.burst is not None
+        count, period = self.burst
+        cycles = (np.mod(times, period) if self.repeats else times) * self.frequency
+        lasting = (cycles < count) & (fired or self.repeats)
+        return np.asarray(self.offset + np.where(lasting, self.amplitude * self._unit(cycles), 0.0))
+
+    def _cycles(self, times: FloatArray, fired: bool) -> FloatArray:
+        if self.sweep is None:
+            return np.asarray(times * self.frequency)
+        start, stop, duration = self.sweep
+        if not (fired or self.repeats):
+            return np.asarray(times * start)
+        since = np.mod(times, duration) if self.repeats else times
+        along = np.minimum(since, duration)
+        if self.logarithmic:
+            pace = np.log(stop / start) / duration
+            swept = start * np.expm1(along * pace) / pace
+        else:
+            swept = along * (start + (stop - start) * along / (2 * duration))
+        return np.asarray(swept + (since - along) * start)
+
+    def _unit(self, cycles: FloatArray) -> FloatArray:
+        phase = np.mod(cycles, 1.0)
+        match self.shape:
+            case "SIN":
+                return np.asarray(np.sin(2 * np.pi * phase))
+            case "SQU":
+                return np.where(phase < self.duty, 1.0, -1.0)
+            case "TRI" | "RAMP":
+                top = 0.5 if self.shape == "TRI" else max(self.symmetry, 1e-9)
+                return np.asarray(np.interp(phase, [0.0, top, max(1.0, top)], [-1.0, 1.0, -1.0]))
+        return np.zeros(len(phase))
+
+
+class Playing:
+    """A `Source` that plays what was last set. Safe to use from any thread.
+
+    Whoever changes it first lets the plant take what was played until then.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._guard = threading.Lock()
+        self._waveform = Waveform()
+        self._since = clock.now()
+        self._fired = False
+        self._next = 0
+
+    def set(self, waveform: Waveform) -> None:
+        """Put this out from now on."""
+        with self._guard:
+            if waveform == self._waveform:
+                return
+            self._waveform = waveform
+            self._restart()
+
+    def fire(self) -> None:
+        """Trigger the sweep now."""
+        with self._guard:
+            self._restart()
+            self._fired = True
+
+    def take(self, until: float) -> Sequence[Run]:
+        """See `haploop.mocks.plant.nodes.Source.take`."""
+        with self._guard:
+            # A step on the very edge of `until` has happened, whatever rounding says.
+            past = int((until - self._since) / _PERIOD + 1e-3) + 1 if until >= self._since else 0
+            if past <= self._next or (not self._waveform.on and self._next):
+                return []
+            first, self._next = self._next, past
+            if not self._waveform.on:
+                return [Run(self._since, _PERIOD, np.zeros(1))]
+            times = np.arange(first, past, dtype=np.float64) * _PERIOD
+            volts = self._waveform.volts(times, self._fired)
+            return [Run(self._since + first * _PERIOD, _PERIOD, volts)]
+
+    def _restart(self) -> None:
+        self._since = self._clock.now()
+        self._next = 0
+        self._fired = False

@@ -1,0 +1,49 @@
+"""The operator's twin: acts on the plant as a person acts on the rig."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel
+
+from haploop.instruments.operator import (
+    Aim,
+    ConfirmSettings,
+    Consent,
+    Operator,
+    Place,
+    Press,
+    Ready,
+    Remove,
+    Request,
+    Rest,
+)
+from haploop.mocks.plant.plant import Plant
+
+__all__ = ["OperatorTwin"]
+
+
+class OperatorTwin(Operator):
+    """Follows every request, and answers truthfully whether the instruments are set as the rig file says."""
+
+    def __init__(self, settings: BaseModel, plant: Plant) -> None:
+        self._plant = plant
+
+    def tell(self, request: Request) -> None:
+        """See `Operator.tell`."""
+        self.confirm(request)
+
+    def confirm(self, request: Request) -> bool:
+        """See `Operator.confirm`."""
+        match request:
+            case Press():
+                self._plant.press(request)
+            case Aim():
+                self._plant.aim(request.point)
+            case Place():
+                self._plant.put(request.mass)
+            case Remove():
+                self._plant.put(0.0)
+            case ConfirmSettings():
+                return self._plant.set_as_filed
+            case Rest() | Consent() | Ready():
+                pass
+        return True

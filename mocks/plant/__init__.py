@@ -1,0 +1,1 @@
+"""The simulated physical world: table, patches, buttons, fingers, sensors."""

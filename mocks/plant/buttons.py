@@ -1,0 +1,325 @@
+"""Physical buttons and the fingers that press them.
+
+A finger moves the cap along a minimum-jerk path (Flash and Hogan, 1985); the button answers with a
+force that depends on travel, falls at each snap, and grows with speed; every snap sheds a decaying
+vibration into the cap; contacts close at a travel just behind a snap, and bounce. Forces keep the
+paper's order (latch largest, toggle smallest) and lie in the ranges of hardware.md, section 11;
+what is not found there is an estimate.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal, get_args
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.operator import Press
+
+__all__ = ["BUTTONS", "FLAWS", "Button", "Finger", "Flaw", "SimulatedPress", "button_named", "press_button"]
+
+
+@dataclass(frozen=True)
+class Click:
+    """A snap at a travel (m), and the vibration that it sheds: partials of (Hz, m/s^2, decay in s)."""
+
+    travel: float
+    partials: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Button:
+    """One physical button."""
+
+    name: str
+    maintained: bool
+    """Each press changes the state and leaves it so; otherwise it lasts as long as the press."""
+    travel: tuple[float, ...]
+    force: tuple[float, ...]
+    """Force (N) over travel (m), both rising in travel; the last point is the stop."""
+    contact: float
+    """Travel at which the contact switches."""
+    clicks: tuple[Click, ...]
+    stroke: float
+    """How long a downstroke takes at pace 1 (s)."""
+    dwell: float
+    """How long a finger rests at the stop (s)."""
+
+    def law(self, travel: FloatArray) -> FloatArray:
+        """Force (N) at rest over travel (m), shape-preserving between the points."""
+        return np.asarray(_curve(self.travel, self.force)(np.clip(travel, 0.0, self.travel[-1])))
+
+
+@lru_cache(maxsize=16)
+def _curve(travel: tuple[float, ...], force: tuple[float, ...]) -> PchipInterpolator:
+    return PchipInterpolator(travel, force, extrapolate=False)
+
+
+_MM = 1e-3
+BUTTONS = {
+    button.name: button
+    for button in (
+        Button(
+            name="latch",
+            maintained=True,
+            travel=(0, 0.9 * _MM, 1.1 * _MM, 1.9 * _MM, 2.2 * _MM, 2.5 * _MM),
+            force=(0, 5.2, 4.1, 8.0, 6.6, 10.5),
+            contact=2.0 * _MM,
+            clicks=(
+                Click(0.95 * _MM, ((165.0, 5.0, 9e-3), (310.0, 2.0, 6e-3))),
+                Click(1.97 * _MM, ((220.0, 11.0, 9e-3), (405.0, 5.0, 5e-3))),
+            ),
+            stroke=0.20,
+            dwell=0.06,
+        ),
+        Button(
+            name="toggle",
+            maintained=True,
+            travel=(0, 0.7 * _MM, 1.1 * _MM, 1.4 * _MM),
+            force=(0, 2.2, 1.4, 3.4),
+            contact=0.8 * _MM,
+            clicks=(Click(0.76 * _MM, ((315.0, 11.0, 6e-3), (145.0, 4.0, 10e-3))),),
+            stroke=0.10,
+            dwell=0.03,
+        ),
+        Button(
+            name="push",
+            maintained=False,
+            travel=(0, 1.1 * _MM, 1.5 * _MM, 1.8 * _MM),
+            force=(0, 4.0, 2.9, 5.6),
+            contact=1.2 * _MM,
+            clicks=(Click(1.16 * _MM, ((235.0, 10.0, 10e-3), (120.0, 3.0, 14e-3))),),
+            stroke=0.12,
+            dwell=0.10,
+        ),
+    )
+}
+"""The paper's three."""
+
+
+def button_named(name: str) -> Button:
+    """A button of the paper, or for any other name a momentary one whose vibration is its own."""
+    if name in BUTTONS:
+        return BUTTONS[name]
+    rng = np.random.default_rng(zlib.crc32(name.encode()))
+    push = BUTTONS["push"]
+    partials = tuple((float(f), float(rng.uniform(3, 9)), 9e-3) for f in rng.uniform(110, 420, 2))
+    stiffness = rng.uniform(0.7, 1.5)
+    return Button(
+        name=name,
+        maintained=False,
+        travel=push.travel,
+        force=tuple(stiffness * f for f in push.force),
+        contact=push.contact,
+        clicks=(Click(push.clicks[0].travel, partials),),
+        stroke=push.stroke,
+        dwell=push.dwell,
+    )
+
+
+@dataclass(frozen=True)
+class Finger:
+    """How one participant presses: factors on the button's force, the speed, and the click."""
+
+    reaction: float
+    strength: float
+    pace: float
+    liveliness: float
+    steadiness: float
+    """Relative scatter from press to press."""
+
+    @classmethod
+    def of(cls, rng: np.random.Generator) -> Finger:
+        """One participant of many."""
+        return cls(
+            reaction=float(rng.uniform(0.3, 0.7)),
+            strength=float(rng.uniform(0.93, 1.08)),
+            pace=float(rng.uniform(0.85, 1.2)),
+            liveliness=float(rng.uniform(0.85, 1.15)),
+            steadiness=float(rng.uniform(0.01, 0.03)),
+        )
+
+
+Flaw = Literal["", "soft", "hard", "double", "leaning", "lingering"]
+"""How a press goes wrong: it does not switch the button; it shakes it out of the accelerometer's range;
+it is followed by another one at once; the finger lies on the button before, or after. "" is a good one."""
+FLAWS: tuple[Flaw, ...] = get_args(Flaw)[1:]
+
+_SOFT = (0.6, 0.85)
+"""How much of the way to the contact a press goes that is too soft."""
+_SLAM = 6.0
+"""How much harder a press shakes the cap that is too hard: beyond 3 g for every button."""
+_LEAN_FORCE, _LEAN_TIME = (0.4, 0.8), (0.5, 0.9)
+"""N and s of a finger that lies on a button."""
+_UP = 0.12
+"""Seconds of an upstroke at pace 1 (a press takes 0.2 to 1 s; hardware.md, section 11)."""
+_TOUCH = 0.05
+"""Seconds that a finger takes to lie down on a cap, and to leave it."""
+_VISCOSITY = 0.06
+"""Relative force per 0.1 m/s of finger speed: faster presses push harder."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedPress:
+    """One press, as functions of the plant's time (s), and the truth about it."""
+
+    button: str
+    participant: str
+    number: int
+    attempt: int
+    flaw: Flaw
+    start: float
+    """When the finger touches the cap."""
+    stop: float
+    """When it leaves."""
+    activation_time: float | None
+    """When the contact switched; None when the press was too soft."""
+    activation_force: float | None
+    release_time: float | None
+    """When the contact of a momentary button opened again."""
+    flips: FloatArray
+    """Times at which the contact changes its state, bounces included."""
+    _fall: float
+    """When the downstroke begins."""
+    _reach: float
+    """Travel (m) at the lowest."""
+    _lean: float
+    """N of a finger that lies on the cap from `start` to `stop`."""
+    _down: float
+    _dwell: float
+    _up: float
+    _model: Button
+    _strength: float
+    _clicks: tuple[tuple[float, float, tuple[tuple[float, float, float], ...]], ...]
+
+    def travel(self, times: FloatArray) -> FloatArray:
+        """Travel of the cap (m)."""
+        fall = _minimum_jerk((times - self._fall) / self._down)
+        rise = _minimum_jerk((times - self._fall - self._down - self._dwell) / self._up)
+        return np.asarray(self._reach * (fall - rise))
+
+    def force(self, times: FloatArray) -> FloatArray:
+        """Force on the cap along the press (N)."""
+        t = np.asarray(times)
+        speed = (self.travel(t + 5e-4) - self.travel(t - 5e-4)) / 1e-3
+        # Rubbing takes from the upstroke what it adds to the downstroke.
+        rate = 1 + _VISCOSITY * np.tanh(speed / 0.1)
+        pressed = self._strength * self._model.law(self.travel(t)) * rate
+        if self._lean:
+            onto, off = (_minimum_jerk((t - at) / _TOUCH) for at in (self.start, self.stop - _TOUCH))
+            pressed = np.maximum(pressed, self._lean * (onto - off))
+        return np.asarray(pressed)
+
+    def acceleration(self, times: FloatArray) -> FloatArray:
+        """Acceleration of the cap along the press (m/s^2), without gravity."""
+        t = np.asarray(times)
+        h = 1e-3
+        motion = (self.travel(t + h) - 2 * self.travel(t) + self.travel(t - h)) / h**2
+        for at, gain, partials in self._clicks:
+            since = np.maximum(t - at, 0.0)
+            # The snap takes a third of a millisecond to build up: a cap has mass.
+            attack = 1 - np.exp(-since / 3e-4)
+            for frequency, amplitude, decay in partials:
+                motion = motion + gain * amplitude * attack * np.exp(-since / decay) * np.sin(
+                    2 * np.pi * frequency * since
+                )
+        return np.asarray(motion)
+
+
+def press_button(
+    button: Button,
+    finger: Finger,
+    request: Press,
+    start: float,
+    rng: np.random.Generator,
+    flaw: Flaw = "",
+) -> SimulatedPress:
+    """A press that begins at `start` (s of the plant's clock), scattered as the finger scatters.
+
+    Of a press that is "double" this is one of the two.
+    """
+    scatter = np.exp(finger.steadiness * rng.standard_normal(4))
+    pace = finger.pace * scatter[0]
+    down = float(button.stroke / pace)
+    dwell, up = float(button.dwell * scatter[1] / pace), float(_UP / pace)
+    strength = finger.strength * scatter[2]
+    reach = button.travel[-1]
+    loud = finger.liveliness * scatter[3] * pace
+    before = after = lean = 0.0
+    if flaw == "soft":
+        reach = float(rng.uniform(*_SOFT)) * button.contact
+    elif flaw == "hard":
+        loud *= _SLAM
+    elif flaw in ("leaning", "lingering"):
+        lean, length = float(rng.uniform(*_LEAN_FORCE)), float(rng.uniform(*_LEAN_TIME))
+        before, after = (length, 0.0) if flaw == "leaning" else (0.0, length)
+    fall = start + before
+
+    def falling(travel: float) -> float:
+        return fall + down * _minimum_jerk_time(travel / reach)
+
+    def rising(travel: float) -> float:
+        return fall + down + dwell + up * _minimum_jerk_time(1 - travel / reach)
+
+    snaps = [c for c in button.clicks if c.travel < reach]
+    clicks = [(falling(c.travel), loud, c.partials) for c in snaps]
+    switches = button.contact < reach
+    activation = falling(button.contact) if switches else None
+    release = None if button.maintained or not switches else rising(0.9 * button.contact)
+    flips = [_bounce(at, rng) for at in (activation, release) if at is not None]
+    if not button.maintained:
+        clicks += [(rising(0.9 * c.travel), -0.6 * loud, c.partials) for c in snaps]
+    press = SimulatedPress(
+        button=button.name,
+        participant=request.participant,
+        number=request.number,
+        attempt=request.attempt,
+        flaw=flaw,
+        start=start,
+        stop=fall + down + dwell + up + after,
+        activation_time=activation,
+        activation_force=None,
+        release_time=release,
+        flips=np.concatenate([np.zeros(0), *flips]),
+        _fall=fall,
+        _reach=reach,
+        _lean=lean,
+        _down=down,
+        _dwell=dwell,
+        _up=up,
+        _model=button,
+        _strength=strength,
+        _clicks=tuple(clicks),
+    )
+    if activation is None:
+        return press
+    return replace(press, activation_force=float(press.force(np.array([activation]))[0]))
+
+
+def latest(presses: list[SimulatedPress], begin: float, end: float, tail: float) -> Iterator[SimulatedPress]:
+    """Presses that can be felt between `begin` and `end` (s), their vibration up to `tail` later."""
+    return (p for p in presses if p.start < end and p.stop + tail > begin)
+
+
+def _minimum_jerk(x: FloatArray) -> FloatArray:
+    x = np.clip(x, 0.0, 1.0)
+    return np.asarray(x**3 * (10 - 15 * x + 6 * x**2))
+
+
+_TIME: FloatArray = np.linspace(0, 1, 20_001)
+_PATH = _minimum_jerk(_TIME)
+
+
+def _minimum_jerk_time(fraction: float) -> float:
+    return float(np.interp(fraction, _PATH, _TIME))
+
+
+def _bounce(at: float, rng: np.random.Generator) -> FloatArray:
+    """An odd number of flips that begin at `at`: contacts bounce for 0.1 to 3 ms."""
+    pairs = int(rng.integers(0, 4))
+    return np.concatenate([[at], at + np.sort(rng.uniform(1e-4, 3e-3, 2 * pairs))])

@@ -1,0 +1,237 @@
+"""The touch table: a plate as a sum of modes, moved by piezo patches, seen by a laser.
+
+Exact between samples: every drive is a staircase, so that the state of each pole at any instant
+follows in closed form from its state at the last step. Nothing is integrated numerically, no step
+size has to be chosen, and a channel that a multiplexed card samples 14 us late is simply evaluated
+14 us later.
+
+Geometry and damping are estimates (hardware.md, section 8): a simply supported pane of soda-lime
+glass, 0.50 x 0.35 m, of the thickness that puts its (2, 2) mode at the paper's 263.5 Hz.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.mocks.plant.hysteresis import Hysteresis
+from haploop.mocks.plant.poles import Poles, Stretch
+
+__all__ = ["Plate", "TouchTable", "make_plate", "warmed"]
+
+WIDTH, HEIGHT = 0.50, 0.35
+PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
+"""The ceramic of a P-876.A12 (found; hardware.md, section 3)."""
+MAIN_HZ = 263.5
+_HIGHEST = 3.2
+"""Modes are kept up to this multiple of the main one: those above the band stiffen what is in it."""
+
+
+def _curvature(m: int, n: int) -> float:
+    return (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
+
+
+MODES = sorted(
+    ((m, n) for m in range(1, 9) for n in range(1, 9) if _curvature(m, n) < _HIGHEST * _curvature(2, 2)),
+    key=lambda mode: _curvature(*mode),
+)
+MAIN = MODES.index((2, 2))
+PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
+"""Centres, as fractions of width and height, near the edges. A drives the main mode best."""
+MAIN_VELOCITY = 5.0e-3 / 50
+"""m/s per V at the main mode's antinode: 3 um of displacement at 50 V, an estimate."""
+AMPLIFIER_POLE_HZ = 5000.0
+_REMEMBERED = 30.0
+_DAY = 86_400.0
+_STEP_EVERY, _STEP = 3 * 3600.0, 0.1
+"""A door, a window, a heater: as often (s), and of this share of the day's course at most (estimates)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """Modes of one pane: `natural_hz` and `damping` are (modes,), shapes are functions of place."""
+
+    natural_hz: FloatArray
+    damping: FloatArray
+    gain: float
+    patches: Mapping[str, tuple[float, float]]
+
+    def shape(self, place: tuple[float, float]) -> FloatArray:
+        """(modes,) deflection at a place (fractions of width and height), 1 at an antinode."""
+        m, n = np.array(MODES).T
+        return np.asarray(np.sin(np.pi * m * place[0]) * np.sin(np.pi * n * place[1]))
+
+    def coupling(self, patch: str) -> FloatArray:
+        """(modes,) modal force per volt: a patch bends the pane, so it couples to the curvature
+        averaged over its area.
+        """
+        m, n = np.array(MODES).T
+        curvature = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
+        average = np.sinc(m * PATCH_WIDTH / WIDTH / 2) * np.sinc(n * PATCH_HEIGHT / HEIGHT / 2)
+        return np.asarray(self.gain * curvature * average * self.shape(self.patches[patch]))
+
+    def velocity(self, patch: str, place: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
+        """m/s per V at the patch at `frequencies` (Hz), (frequencies,): the truth."""
+        s = 2j * np.pi * np.asarray(frequencies)[:, None]
+        w = 2 * np.pi * self.natural_hz
+        strength = self.shape(place) * self.coupling(patch)
+        return np.asarray((strength * s / (s**2 + 2 * self.damping * w * s + w**2)).sum(axis=1))
+
+
+def make_plate(
+    rng: np.random.Generator,
+    drift: float = 0.0,
+    damping_scale: float = 1.0,
+    collocated_at: tuple[float, float] | None = None,
+) -> Plate:
+    """One table of many: frequencies and damping scatter with `rng` as mounting and glass do."""
+    m, n = np.array(MODES).T
+    curvature = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
+    scatter = rng.normal(0, 0.02, len(MODES)).clip(-0.05, 0.05)
+    scatter[MAIN] = rng.normal(0, 0.0015)
+    natural = MAIN_HZ * curvature / curvature[MAIN] * (1 + scatter) * (1 + drift)
+    damping = (0.004 + 0.000025 * natural) * rng.uniform(0.9, 1.1, len(MODES))
+    patches = dict(PATCHES)
+    # The gain is set at the nominal damping and place: a damped table moves less.
+    nominal = Plate(natural, damping, 1.0, patches)
+    strength = np.abs(nominal.coupling("A")[MAIN]) / (4 * np.pi * damping[MAIN] * natural[MAIN])
+    if collocated_at is not None:
+        patches["A"] = collocated_at
+    return Plate(natural, np.minimum(damping * damping_scale, 0.3), MAIN_VELOCITY / strength, patches)
+
+
+def warmed(plate: Plate, time: float, daily: float, seed: int) -> Plate:
+    """The plate at a time (s): every frequency follows the day's warmth, by +-`daily` (relative) and steps.
+
+    A day is a sine that begins at the middle; damping ratios and forces stay.
+    """
+    step = np.random.default_rng([seed, 0xDA1, int(max(time, 0.0) / _STEP_EVERY)]).uniform(-_STEP, _STEP)
+    shift = daily * (np.sin(2 * np.pi * time / _DAY) + step)
+    return replace(plate, natural_hz=plate.natural_hz * (1 + shift))
+
+
+@dataclass(frozen=True, eq=False)
+class _Pane:
+    """A plate between amplifier and laser, as poles driven by the linear volts and the volts of all patches.
+
+    The poles are those of the modes; for each patch's linear volts the amplifier's and the laser's; and for
+    each patch's volts the amplifier's.
+    """
+
+    plate: Plate
+    poles: Poles
+    amplifier: float
+    laser: float
+    """Poles (rad/s)."""
+    _weights: dict[tuple[float, float], ComplexArray] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, plate: Plate, amplifier: float, laser: float) -> _Pane:
+        w, zeta = 2 * np.pi * plate.natural_hz, plate.damping
+        modes = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
+        count, patches = len(modes), len(plate.patches)
+        poles = np.concatenate([modes, [-amplifier, -laser] * patches, [-amplifier] * patches])
+        inputs = np.zeros((len(poles), 2 * patches))
+        for i, patch in enumerate(plate.patches):
+            inputs[:count, i] = plate.coupling(patch)
+            inputs[count + 2 * i : count + 2 * i + 2, i] = 1.0
+            inputs[count + 2 * patches + i, patches + i] = 1.0
+        return cls(plate, Poles(poles, inputs), amplifier, laser)
+
+    def velocity(self, place: tuple[float, float]) -> ComplexArray:
+        """(poles,): partial fractions of amplifier x plate x laser; doubled where a pole has a conjugate,
+        so that the real part of the sum is the velocity.
+        """
+        if place not in self._weights:
+            a, c, plate = self.amplifier, self.laser, self.plate
+            shape = plate.shape(place)
+            w, count, patches = 2 * np.pi * plate.natural_hz, len(shape), len(plate.patches)
+            s = self.poles.poles[:count]
+            own = np.zeros(len(self.poles.poles), dtype=np.complex128)
+            own[:count] = shape * s / (1j * s.imag) * a / (s + a) * c / (s + c)
+            for at, share in ((-a, a * c / (c - a)), (-c, c * a / (a - c))):
+                modal = shape * at / (at**2 + 2 * plate.damping * w * at + w**2)
+                own[count + (at == -c) : -patches : 2] = share * (modal @ self.poles.inputs[:count, :patches])
+            self._weights[place] = own
+        return self._weights[place]
+
+    def voltage(self, patch: str) -> ComplexArray:
+        """(poles,): of a patch's voltage."""
+        own = np.zeros(len(self.poles.poles), dtype=np.complex128)
+        own[list(self.plate.patches).index(patch) - len(self.plate.patches)] = self.amplifier
+        return own
+
+
+class TouchTable:
+    """A plate with its patches, between the relay's contacts and the laser.
+
+    Patches are fed staircases of the amplifier's output; each is smoothed by the amplifier's pole.
+    The laser's own pole is part of the transfer function, its delay is not: ask for earlier times.
+    """
+
+    def __init__(self, plate: Plate, hysteresis: float, laser_pole_hz: float = 5000.0) -> None:
+        self._laser_pole_hz = laser_pole_hz
+        self._hysteresis = {patch: Hysteresis(hysteresis) for patch in plate.patches}
+        self.tune(plate)
+        rest = np.zeros((2 * len(plate.patches), 1))
+        self._stretches = deque([(self._pane, Stretch(self._pane.poles, 0.0, np.inf, rest))])
+
+    @property
+    def plate(self) -> Plate:
+        """As it is from the next step on."""
+        return self._pane.plate
+
+    @property
+    def laser_pole_hz(self) -> float:
+        """The pole of the laser's output."""
+        return self._laser_pole_hz
+
+    @laser_pole_hz.setter
+    def laser_pole_hz(self, value: float) -> None:
+        self._laser_pole_hz = value
+        self.tune(self.plate)
+
+    def tune(self, plate: Plate) -> None:
+        """From the next step on the pane has the modes of this one."""
+        # Two equal poles would need another formula; a ten-thousandth apart they do not.
+        apart = 1.0001 if self._laser_pole_hz == AMPLIFIER_POLE_HZ else 1.0
+        self._pane = _Pane.of(plate, 2 * np.pi * AMPLIFIER_POLE_HZ, 2 * np.pi * self._laser_pole_hz * apart)
+
+    def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
+        """From `start` on, the amplifier's output at each patch ((steps,) V, all alike in length).
+
+        Each step is held for `period`, the last until the next call; `start` never goes back.
+        """
+        applied = [volts[patch] for patch in self.plate.patches]
+        hysteresis = [self._hysteresis[patch] for patch in self.plate.patches]
+        linear_volts = [h.follow(v) for h, v in zip(hysteresis, applied, strict=True)]
+        before = self._stretches[-1][1]
+        stretch = Stretch(self._pane.poles, start, period, np.array([*linear_volts, *applied]), before)
+        self._stretches.append((self._pane, stretch))
+        while len(self._stretches) > 1 and self._stretches[1][1].start < start - _REMEMBERED:
+            self._stretches.popleft()
+
+    def velocity(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
+        """(times,) m/s at a place through the laser's pole, at rising times (s)."""
+        return self._seen(times, lambda pane: pane.velocity(place))
+
+    def voltage(self, patch: str, times: FloatArray) -> FloatArray:
+        """(times,) V across a patch at rising times (s)."""
+        return self._seen(times, lambda pane: pane.voltage(patch))
+
+    def _seen(self, times: FloatArray, weights: Callable[[_Pane], ComplexArray]) -> FloatArray:
+        out, end = np.zeros(len(times)), len(times)
+        for pane, stretch in reversed(self._stretches):
+            first = int(np.searchsorted(times, stretch.start - 1e-9))
+            if stretch is self._stretches[0][1]:
+                first = 0
+            if first < end:
+                out[first:end] = stretch.seen(times[first:end], weights(pane))
+                end = first
+            if not end:
+                break
+        return out

@@ -1,0 +1,216 @@
+"""The sound card's twin: the module `sounddevice` as the driver sees it, on the plant's clock.
+
+The driver's own class plays through it; its callback is asked for samples as time goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.player.sound_card import SoundCard
+from haploop.mocks.plant.nodes import Run
+from haploop.mocks.plant.plant import Plant
+
+__all__ = ["Card", "Jack", "twin"]
+
+FULL_SCALE = 1.4
+"""V peak (estimate, as all of these; hardware.md, section 13)."""
+HIGH_PASS_HZ = 5.0
+DRIFT = 30e-6
+"""By how much its clock is faster than the rig's."""
+LATENCY = (0.020, 0.100)
+"""Seconds from the start of a stream to its first sample, another one each time."""
+_FRAMES = 480
+"""Samples a callback: 10 ms at 48 kHz."""
+_SETTLES = 0.5
+"""Seconds until a coupling capacitor has discharged."""
+
+
+def twin(settings: SoundCard.Settings, plant: Plant) -> SoundCard:
+    """The real driver's class, playing through a card of the plant's."""
+    return SoundCard(settings, plant.clock, Card(plant, settings.output, settings.channel - 1))
+
+
+class CallbackStop(Exception):  # noqa: N818  as sounddevice calls it
+    """No more samples will come: play what there is."""
+
+
+class CallbackAbort(Exception):  # noqa: N818  as sounddevice calls it
+    """Stop at once."""
+
+
+class PortAudioError(Exception):
+    """What PortAudio says when it cannot."""
+
+
+@dataclass(frozen=True)
+class Flags:
+    """What a callback is told of the stream."""
+
+    output_underflow: bool = False
+
+
+class Jack:
+    """One channel's output as the plant sees it (a `Source`), which knows no plant."""
+
+    def __init__(self, channel: int, chance: np.random.Generator) -> None:
+        self.full_scale = FULL_SCALE
+        """V peak: what the operating system's volume makes of digital full scale."""
+        self.drift = DRIFT
+        self.high_pass_hz = HIGH_PASS_HZ
+        self.starves_at: int | None = None
+        """The sample before which the computer is late, once: 10 ms of silence, and a flag."""
+        self.begun: list[float] = []
+        """When each stream's first sample came out (s)."""
+        self._channel = channel
+        self._chance = chance
+        self._stream: _Stream | None = None
+        self._start, self._period, self._given = 0.0, np.inf, 0
+        self._ready = np.zeros(0)
+        self._left = 0
+        self._before = self._output = 0.0
+
+    def begin(self, stream: _Stream, now: float) -> None:
+        """Ask `stream` for samples from `now` (s) on; they come out after a while."""
+        if self._stream is not None:
+            raise PortAudioError("Device unavailable [PaErrorCode -9985]")
+        late = float(self._chance.uniform(*LATENCY))
+        self._start, self._given = now, 0
+        self._period = 1 / (stream.rate_hz * (1 + self.drift))
+        # What the capacitor holds goes on leaving it until the first sample.
+        self._ready = np.zeros(max(1, round(late / self._period)))
+        self.begun.append(now + len(self._ready) * self._period)
+        self._stream = stream
+
+    def end(self, stream: _Stream) -> None:
+        """Drop what waits; from now on the output is silent."""
+        if self._stream is stream:
+            self._silence()
+
+    def take(self, until: float) -> Sequence[Run]:
+        """See `haploop.mocks.plant.nodes.Source.take`."""
+        # A step on the very edge of `until` has happened, whatever rounding says.
+        past = int((until - self._start) / self._period + 1e-3) + 1 if until >= self._start else 0
+        while self._given + len(self._ready) < past and self._goes_on():
+            self._ready = np.concatenate([self._ready, self._next()])
+        count = min(past - self._given, len(self._ready))
+        if count <= 0:
+            return []
+        run = Run(self._start + self._given * self._period, self._period, self._coupled(self._ready[:count]))
+        self._given, self._ready = self._given + count, self._ready[count:]
+        if self._stream is not None and self._stream.done and not len(self._ready):
+            self._stream.finished_callback()
+            self._silence()
+        return [run]
+
+    def _goes_on(self) -> bool:
+        return self._left > 0 if self._stream is None else not self._stream.done
+
+    def _next(self) -> FloatArray:
+        stream = self._stream
+        if stream is None:
+            self._left -= _FRAMES
+            return np.zeros(_FRAMES)
+        if self.starves_at is not None and stream.asked > self.starves_at:
+            self.starves_at = None
+            stream.flags = Flags(output_underflow=True)
+            return np.zeros(_FRAMES)
+        frames = stream.ask(_FRAMES)
+        return np.asarray(frames[:, self._channel], dtype=np.float64) * self.full_scale
+
+    def _silence(self) -> None:
+        self._ready = np.zeros(0)
+        self._stream = None
+        self._left = round(_SETTLES / self._period)
+
+    def _coupled(self, volts: FloatArray) -> FloatArray:
+        """Through the coupling capacitor: one zero at 0 Hz, one pole."""
+        pole = float(np.exp(-2 * np.pi * self.high_pass_hz * self._period))
+        passed, _ = lfilter(
+            [(1 + pole) / 2, -(1 + pole) / 2],
+            [1.0, -pole],
+            volts,
+            zi=[pole * self._output - (1 + pole) / 2 * self._before],
+        )
+        self._before, self._output = float(volts[-1]), float(passed[-1])
+        return np.asarray(passed)
+
+
+class Card:
+    """A two-channel card, one channel of which is wired to the plant's `node`."""
+
+    CallbackStop: type[Exception] = CallbackStop
+    CallbackAbort: type[Exception] = CallbackAbort
+    PortAudioError: type[Exception] = PortAudioError
+
+    def __init__(self, plant: Plant, node: str, channel: int) -> None:
+        self.jack = Jack(channel, plant.rng("sound card"))
+        self._plant = plant
+        plant.drive(node, self.jack)
+
+    def query_devices(self, device: int | str | None, kind: str) -> dict[str, object]:
+        """As `sounddevice.query_devices`."""
+        return {"name": "Sound card (twin)", "max_output_channels": 2}
+
+    def OutputStream(self, **settings: Any) -> _Stream:  # noqa: N802  as sounddevice calls it
+        """As `sounddevice.OutputStream`."""
+        return _Stream(self, **settings)
+
+    def now(self) -> float:
+        """The time (s), until which everything has happened."""
+        now = self._plant.clock.now()
+        self._plant.advance(now)
+        return now
+
+
+class _Stream:
+    """As `sounddevice.OutputStream`, as far as the driver uses it."""
+
+    def __init__(
+        self,
+        card: Card,
+        *,
+        samplerate: float,
+        channels: int,
+        dtype: str,
+        callback: Callable[[Any, int, object, Any], None],
+        finished_callback: Callable[[], None],
+        **rest: object,
+    ) -> None:
+        self.rate_hz = samplerate
+        self.flags = Flags()
+        self.asked = 0
+        """Samples that were asked for."""
+        self.done = False
+        self.finished_callback = finished_callback
+        self._card, self._callback = card, callback
+        self._shape = (_FRAMES, channels), dtype
+
+    def start(self) -> None:
+        """As sounddevice's."""
+        self._card.jack.begin(self, self._card.now())
+
+    def close(self, ignore_errors: bool = True) -> None:
+        """As sounddevice's."""
+        self._card.now()
+        self._card.jack.end(self)
+
+    def ask(self, count: int) -> Any:
+        """The next samples, (count, channels)."""
+        outdata = np.zeros(*self._shape)
+        flags, self.flags = self.flags, Flags()
+        self.asked += count
+        try:
+            self._callback(outdata, count, None, flags)
+        except CallbackStop:
+            self.done = True
+        except CallbackAbort:
+            self.done = True
+            outdata[:] = 0
+        return outdata

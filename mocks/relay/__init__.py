@@ -1,0 +1,1 @@
+"""Simulated relay boxes: plant part, twins and wires."""

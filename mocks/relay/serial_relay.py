@@ -1,0 +1,78 @@
+"""The twin and the wire of a serial relay board; its protocol stands in the driver's file."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from haploop.instruments.relay import ChannelRelay
+from haploop.instruments.relay.serial_relay import DIGITS, PROMPT, SerialRelay
+from haploop.mocks.relay.box import BoxAdapter, Contacts, SimulatedBox, box_in
+from haploop.mocks.transport.loopback import Loopback, ReplyFault
+
+__all__ = ["SerialRelayTwin", "SerialRelayWire", "wire"]
+
+_CHANNELS = range(8)
+_FIRMWARE = "00000008"
+
+
+class SerialRelayTwin(ChannelRelay):
+    """The twin of `haploop.instruments.relay.serial_relay.SerialRelay`, with the same settings."""
+
+    def __init__(self, settings: SerialRelay.Settings, plant: Contacts) -> None:
+        self.box = box_in(plant, settings.patches, range(len(DIGITS)))
+        board = BoxAdapter("The relay board (twin)", self.box, math.inf)
+        super().__init__(settings, plant.clock, board)
+
+
+class SerialRelayWire(Loopback):
+    """A board that is reached as `socket://` on loopback while its context lasts."""
+
+    def __init__(self, box: SimulatedBox, port: int = 0) -> None:
+        self.faults: list[ReplyFault] = []
+        self._box = box
+        super().__init__(self._serve, port)
+        self.url = f"socket://{self.address}"
+
+    def _serve(self, link: socket.socket) -> None:
+        pending = b""
+        while more := link.recv(256):
+            pending += more
+            while b"\r" in pending:
+                line, pending = pending.split(b"\r", 1)
+                command = line.decode("ascii", "replace")
+                if not self._reply(link, command):
+                    return
+
+    def _reply(self, link: socket.socket, command: str) -> bool:
+        answer = self._do(command)
+        echo = f"{command}\n\r"
+        reply = (echo + (f"{answer}\n\r" if answer else "")).encode() + PROMPT
+        fault = next((f for f in self.faults if f.fires(command)), None)
+        if fault is None:
+            link.sendall(reply)
+            return True
+        if fault.kind == "terminator":
+            reply = reply.replace(PROMPT, b"\n")
+        return fault.send(link, reply, self.closing)
+
+    def _do(self, command: str) -> str:
+        """What the board answers; nothing to a command that it does not know."""
+        match command.split():
+            case ["ver"]:
+                return _FIRMWARE
+            case ["relay", "on" | "off" | "read" as what, digit] if digit in [*DIGITS[: len(_CHANNELS)]]:
+                channel = DIGITS.index(digit)
+                if what == "read":
+                    return "on" if self._box.states()[channel].closed else "off"
+                self._box.set_state(channel, what == "on")
+        return ""
+
+
+@contextmanager
+def wire(settings: SerialRelay.Settings, plant: Contacts) -> Iterator[dict[str, object]]:
+    """Serve a board on a box in the plant; gives the settings that point the driver at it."""
+    with SerialRelayWire(box_in(plant, settings.patches, _CHANNELS)) as board:
+        yield {"port": board.url}

@@ -1,0 +1,248 @@
+"""The wire of a Yocto-MaxiCoupler: a look-alike of VirtualHub on a simulated box.
+
+Our own driver, the vendor's native library and its pure Python one can all use it. What they ask
+and what they need was measured (hardware.md, section 4c): requests of theirs carry no HTTP version,
+so no ordinary HTTP server parses them; the end of the connection ends the reply, and a
+Content-Length would make one of them wait for 20 s; /not.byn never ends. What a real hub does was
+not seen here: an attribute that this one does not know is answered with 404.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from haploop.instruments.relay.yocto import Yocto
+from haploop.mocks.relay.box import Contacts, SimulatedBox, box_in
+from haploop.mocks.transport.loopback import Loopback, ReplyFault
+
+__all__ = ["YoctoHub", "wire"]
+
+_SERIAL = "MXCOUPL1-1A2B3"  # the form is known, the first part is an estimate
+_HUB_SERIAL = "VIRTHUB0-0000000001"
+_FIRMWARE = "60000"
+_INDEX = 1
+"""The module's place in the hub's list; the hub itself is 0."""
+_LONGEST_REQUEST = 8192
+_POLL = 0.05
+"""Real seconds between two looks at the box on behalf of a stream of notifications."""
+
+
+class YoctoHub(Loopback):
+    """A hub with one module, serving on loopback while its context lasts."""
+
+    def __init__(self, box: SimulatedBox, serial: str | None = None, port: int = 0) -> None:
+        self.serial = serial or _SERIAL
+        self.faults: list[ReplyFault] = []
+        self._box = box
+        super().__init__(self._serve, port)
+        self.url = f"http://{self.address}"
+
+    def _serve(self, link: socket.socket) -> None:
+        target = _target(link)
+        if target is None:
+            return
+        if target.startswith("/not.byn"):
+            self._notify(link)
+            return
+        fault = next((f for f in self.faults if f.fires(target)), None)
+        if fault is None:
+            link.sendall(self._answer(target))
+            return
+        special = {"not found": _NOT_FOUND, "password": _PASSWORD}
+        reply = special.get(fault.kind) or self._answer(target)
+        fault.send(link, reply, self.closing, spare=reply.index(b"\r\n\r\n") + 4)
+
+    def _notify(self, link: socket.socket) -> None:
+        """The endless stream: a position to start from, then each channel's changes."""
+        link.sendall(b"HTTP/1.1 200 OK\r\n\r\n" + b"YN01@0\n")
+        sent = self._values()
+        while not self.closing.wait(_POLL):
+            values = self._values()
+            changed = {c: v for c, v in values.items() if v != sent[c]}
+            lines = "".join(f"y{chr(65 + _INDEX)}{chr(48 + c - 1)}{v}\n" for c, v in changed.items())
+            link.sendall(lines.encode() or b"\n")
+            sent = values
+
+    def _answer(self, target: str) -> bytes:
+        """The whole reply to a request for `target`."""
+        url = urlsplit(target)
+        path = unquote(url.path)
+        if path == "/info.json":
+            return _ok(json.dumps(self._info()))
+        if path == "/api.json":
+            return _ok(json.dumps(self._listing()))
+        root = f"/bySerial/{self.serial}/api"
+        if path == f"{root}.json":
+            return _ok(json.dumps(self._tree()))
+        if path != root and not path.startswith(f"{root}/"):
+            return _NOT_FOUND
+        return self._attribute(path[len(root) + 1 :], url.query)
+
+    def _values(self) -> dict[int, str]:
+        """What each channel advertises: A is open, B is closed."""
+        return {channel: "AB"[state.closed] for channel, state in self._box.states().items()}
+
+    def _attribute(self, path: str, query: str) -> bytes:
+        """Set what the query says, in either form in use, or read one attribute."""
+        function, _, attribute = path.partition("/")
+        asked = parse_qsl(query, keep_blank_values=True)
+        if asked:
+            names = dict(asked)
+            function = names.pop("ctx", function)
+            short = "." in names
+            settings = {k: v for k, v in names.items() if k not in ("scr", ".")}
+            done = [self._set(function, name, value) for name, value in settings.items()]
+            if not done or not all(done):
+                return _NOT_FOUND
+            return b"0K\r\n\r\n" if short else _ok("OK")
+        tree = self._tree()
+        if function.endswith(".json") and function[:-5] in tree:
+            return _ok(json.dumps(tree[function[:-5]]))
+        value = tree.get(function, {}).get(attribute)
+        if value is None:
+            return _NOT_FOUND
+        return _ok("AB"[value] if attribute == "state" else str(value))
+
+    def _set(self, function: str, name: str, value: str) -> bool:
+        """Whether the module knows that attribute and takes that value."""
+        channels = {f"relay{channel}": channel for channel in self._box.states()}
+        if function not in channels:
+            return False
+        channel = channels[function]
+        try:
+            match name:
+                case "state" | "output" if value in ("X", "-1"):
+                    self._box.toggle(channel)
+                case "state" | "output":
+                    self._box.set_state(channel, {"0": False, "1": True, "A": False, "B": True}[value])
+                case "pulseTimer":
+                    self._box.pulse(channel, int(value) / 1000)
+                case "delayedPulseTimer":
+                    delay, length = value.split(":")
+                    self._box.pulse(channel, int(length) / 1000, int(delay) / 1000)
+                case "maxTimeOnStateB":
+                    self._box.limit(channel, int(value) / 1000)
+                case _:
+                    return False
+        except (KeyError, ValueError):
+            return False
+        return True
+
+    def _info(self) -> dict[str, Any]:
+        return {
+            "serialNumber": _HUB_SERIAL,
+            "productName": "VirtualHub",
+            "firmwareRelease": _FIRMWARE,
+            "protocol": "",
+            "port": [f"http:{self.port}"],
+            "securityMode": 1,
+        }
+
+    def _listing(self) -> dict[str, Any]:
+        modules = [
+            _white_page(_HUB_SERIAL, "VirtualHub", "/api", 0),
+            _white_page(self.serial, "Yocto-MaxiCoupler", f"/bySerial/{self.serial}/api", _INDEX),
+        ]
+        relays = [
+            {
+                "baseType": 0,
+                "hardwareId": f"{self.serial}.relay{channel}",
+                "logicalName": "",
+                "advertisedValue": value,
+                "index": channel - 1,
+            }
+            for channel, value in self._values().items()
+        ]
+        return {
+            "module": _module(_HUB_SERIAL, "VirtualHub"),
+            "network": {"adminPassword": "", "userPassword": "", "httpPort": 0, "advertisedValue": ""},
+            "services": {"whitePages": modules, "yellowPages": {"Relay": relays}},
+        }
+
+    def _tree(self) -> dict[str, Any]:
+        limits, delays = self._box.limits(), self._box.delays()
+        return {"module": _module(self.serial, "Yocto-MaxiCoupler")} | {
+            f"relay{channel}": {
+                "logicalName": "",
+                "advertisedValue": "AB"[state.closed],
+                "state": int(state.closed),
+                "stateAtPowerOn": 1,
+                "maxTimeOnStateA": 0,
+                "maxTimeOnStateB": _ms(limits[channel]),
+                "output": int(state.closed),
+                "pulseTimer": _ms(state.remaining),
+                "delayedPulseTimer": {"target": 0, "ms": 0, "moving": int(delays[channel] < math.inf)},
+                "countdown": _ms(delays[channel]),
+            }
+            for channel, state in self._box.states().items()
+        }
+
+
+@contextmanager
+def wire(settings: Yocto.Settings, plant: Contacts) -> Iterator[dict[str, object]]:
+    """Serve a hub on a box in the plant; gives the settings that point the driver at it."""
+    with YoctoHub(box_in(plant, settings.patches), serial=settings.serial) as hub:
+        yield {"hub": hub.url}
+
+
+def _target(link: socket.socket) -> str | None:
+    """What is asked for; the HTTP version may be missing, an empty line always ends the request."""
+    request = b""
+    while b"\r\n\r\n" not in request:
+        more = link.recv(4096)
+        request += more
+        if not more or len(request) > _LONGEST_REQUEST:
+            return None
+    words = request.split(b"\r\n", 1)[0].split()
+    if len(words) < 2 or words[0] != b"GET":
+        return None
+    return words[1].decode("ascii", "replace")
+
+
+def _ok(body: str) -> bytes:
+    return b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\nConnection: close\r\n\r\n" + body.encode()
+
+
+_NOT_FOUND = b"HTTP/1.1 404 Not Found\r\nConnection: close\r\n\r\n404 not found"
+_PASSWORD = b'HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Digest realm="YoctoDevices"\r\n\r\n'
+
+
+def _ms(seconds: float) -> int:
+    """As the module counts: 0 is no time set, and what is running has at least one left."""
+    return max(1, math.floor(seconds * 1000 + 1e-6)) if math.isfinite(seconds) else 0
+
+
+def _module(serial: str, product: str) -> dict[str, Any]:
+    return {
+        "productName": product,
+        "serialNumber": serial,
+        "logicalName": "",
+        "productId": 0,
+        "productRelease": 1,
+        "firmwareRelease": _FIRMWARE,
+        "persistentSettings": 0,
+        "luminosity": 50,
+        "beacon": 0,
+        "upTime": 1000,
+        "usbCurrent": 50,
+        "rebootCountdown": 0,
+        "userVar": 0,
+    }
+
+
+def _white_page(serial: str, product: str, url: str, index: int) -> dict[str, Any]:
+    return {
+        "serialNumber": serial,
+        "logicalName": "",
+        "productName": product,
+        "productId": 0,
+        "networkUrl": url,
+        "beacon": 0,
+        "index": index,
+    }

@@ -1,0 +1,1 @@
+"""Servers and lines on loopback that simulated instruments speak through."""

@@ -1,0 +1,78 @@
+"""An instrument that speaks lines of text, reached over TCP or by calls in the same process."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from haploop.instruments.errors import InstrumentError
+from haploop.mocks.transport.loopback import Loopback, ReplyFault
+
+__all__ = ["Answer", "DirectLine", "LineServer"]
+
+Answer = Callable[[str], Sequence[str]]
+"""An instrument: a line in (without its end), the lines that come back."""
+
+_LONGEST_COMMAND = 1 << 22
+
+
+class DirectLine:
+    """A `Line` to an instrument in the same process: what a twin's driver talks through."""
+
+    def __init__(self, answer: Answer) -> None:
+        self._answer = answer
+        self._replies: deque[str] = deque()
+
+    def send(self, text: str) -> None:
+        """See `Line.send`."""
+        self._replies = deque(self._answer(text))
+
+    def receive(self, asked: str) -> str:
+        """See `Line.receive`: what has not come at once never comes."""
+        if not self._replies:
+            raise InstrumentError(f"The twin did not answer {asked!r}: it does not know that command.")
+        return self._replies.popleft()
+
+    def close(self) -> None:
+        """See `Line.close`."""
+
+
+class LineServer(Loopback):
+    """Serves one instrument, a command at a time, to any number of clients."""
+
+    def __init__(self, answer: Answer, port: int = 0) -> None:
+        self.faults: list[ReplyFault] = []
+        self._answer = answer
+        self._turn = threading.Lock()
+        super().__init__(self._lines, port)
+
+    def _lines(self, link: socket.socket) -> None:
+        pending = bytearray()
+        while (more := link.recv(1 << 16)) and len(pending) < _LONGEST_COMMAND:
+            pending += more
+            if b"\n" not in more:
+                continue
+            *lines, rest = pending.split(b"\n")
+            pending = rest
+            for line in lines:
+                command = line.decode("latin-1").strip()
+                if command and not self._reply(link, command):
+                    return
+
+    def _reply(self, link: socket.socket, command: str) -> bool:
+        """Answer one command; False when the connection ends with it."""
+        with self._turn:
+            reply = "".join(f"{line}\n" for line in self._answer(command)).encode("latin-1")
+        fault = next((f for f in self.faults if f.fires(command)), None)
+        if fault is None:
+            link.sendall(reply)
+            return True
+        if fault.kind == "terminator":
+            reply = reply.replace(b"\n", b"\r")
+        if fault.kind == "garbled":
+            # As a wrong baud rate does: no text any more; that its end survives is the harder case.
+            link.sendall(bytes(b if b == 10 else b ^ 0xA5 for b in reply))
+            return True
+        return fault.send(link, reply, self.closing)

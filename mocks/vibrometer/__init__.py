@@ -1,0 +1,1 @@
+"""Simulated vibrometers: twins and wires."""
