@@ -29,6 +29,7 @@ from haploop.instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from haploop.instruments.arrays import ComplexArray
 from haploop.instruments.clock import Clock, RealClock
 from haploop.instruments.driver import Mode
+from haploop.instruments.files import new_file
 from haploop.report.report import CaptionedFigure, render
 
 __all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo", "Progress", "claim_folder", "run_demo"]
@@ -113,10 +114,10 @@ def run_demo(
     step = "Write the report"
     progress(step, 0, 1)
     summary = _summary(demo)
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    (folder / "report.html").write_text(
-        render(summary, _captioned_figures(demo)), encoding="utf-8", newline="\n"
-    )
+    with new_file(folder / "summary.json") as part:
+        part.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    with new_file(folder / "report.html") as part:
+        part.write_text(render(summary, _captioned_figures(demo)), encoding="utf-8", newline="\n")
     progress(step, 1, 1)
     return summary
 

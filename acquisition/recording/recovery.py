@@ -33,6 +33,7 @@ from haploop.acquisition.recording.salvage import (
     write_finished,
 )
 from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.files import existing
 
 __all__ = ["recover"]
 
@@ -48,7 +49,7 @@ def recover(path: str | Path) -> Path:
     path = Path(path)
     destination = path.with_name(f"{path.stem}.recovered.h5")
     if destination.exists():
-        raise ConfigurationError(f"{destination} already exists and is not overwritten: move it away.")
+        raise ConfigurationError(existing(destination))
     header, contents, lost = _whole(path) or _part(path)
     samples = contents.codes.shape[1]
     accepted = len({press.number for press in verdicts_in(contents.presses) if press.accepted})

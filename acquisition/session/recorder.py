@@ -21,7 +21,6 @@ from haploop.acquisition.recording import (
     PressVerdict,
     Recording,
     Writer,
-    check_destination,
     file_name,
     finish,
 )
@@ -40,6 +39,7 @@ from haploop.instruments import (
     Stream,
 )
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.files import check_destination
 from haploop.instruments.signals import uninterrupted
 
 __all__ = ["Session", "ignore", "record", "run_session"]

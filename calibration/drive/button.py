@@ -8,8 +8,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from haploop.acquisition import Representative
-from haploop.calibration import files
+from haploop.acquisition import Representative, hdf5
 from haploop.calibration.drive.check import Check, check
 from haploop.calibration.drive.drive import Drive, Method, drive_for
 from haploop.calibration.drive.learning import Learning, learn
@@ -58,16 +57,16 @@ class DigitalButton:
     @property
     def digest(self) -> str:
         """Content hash of everything in it."""
-        return files.digest(files.flatten(self))
+        return hdf5.digest(hdf5.flatten(self))
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "button", files.flatten(self))
+        hdf5.write(path, "button", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> DigitalButton:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "button"), path)
+        return hdf5.restore(cls, hdf5.read(path, "button"), path)
 
 
 def build_button(

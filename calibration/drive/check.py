@@ -11,7 +11,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import hilbert
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.drive.drive import Drive
 from haploop.calibration.response import overloaded, prepare
 from haploop.calibration.spectra import band_window, fade, third_octaves
@@ -83,12 +83,12 @@ class Check:
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "check", files.flatten(self))
+        hdf5.write(path, "check", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Check:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "check"), path)
+        return hdf5.restore(cls, hdf5.read(path, "check"), path)
 
     def __str__(self) -> str:
         verdict = "pass" if self.passed else "fail. " + " ".join(self.reasons)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.drive.check import LEAST_MOVED, UNSEEN, Played, errors, play, refuse_foreign
 from haploop.calibration.drive.correction import ResponseEstimate
 from haploop.calibration.drive.drive import Drive
@@ -78,12 +78,12 @@ class Learning:
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "learning", files.flatten(self))
+        hdf5.write(path, "learning", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Learning:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "learning"), path)
+        return hdf5.restore(cls, hdf5.read(path, "learning"), path)
 
 
 def learn(

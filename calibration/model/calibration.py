@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.model.model import Model, fit
 from haploop.calibration.response import (
     SWEEP,
@@ -51,16 +51,16 @@ class Calibration:
     @property
     def digest(self) -> str:
         """Content hash of everything that a drive is computed from."""
-        return files.digest(files.flatten(self))
+        return hdf5.digest(hdf5.flatten(self))
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "calibration", files.flatten(self))
+        hdf5.write(path, "calibration", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "calibration"), path)
+        return hdf5.restore(cls, hdf5.read(path, "calibration"), path)
 
 
 def calibrate(

@@ -12,14 +12,13 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop.acquisition import Recording, Representative, accepted_presses, find_presses
-from haploop.acquisition.recording import check_destination
 from haploop.calibration import Calibration, Check, DigitalButton, Drive
-from haploop.calibration.files import os_error_text
 from haploop.calibration.map import VibrationMap
 from haploop.destinations import check_new_picture
 from haploop.figures import figures
 from haploop.figures.plotting import mark_simulated, png
 from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.files import check_destination, os_error_text
 from haploop.progress import print_json, print_line, print_table
 from haploop.show import button as show_button
 from haploop.show import map as show_map

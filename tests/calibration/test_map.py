@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.calibration.files import digest, flatten
+from haploop.acquisition.hdf5 import digest, flatten
 from haploop.calibration.map.folder import MapFolder
 from haploop.calibration.map.map import BAND, VibrationMap
 from haploop.calibration.map.measuring import map_plan, measure_map
