@@ -6,7 +6,7 @@ attributes say what the file is (`format`, `format_version`), which version of h
 (`software`), and the content's hash (`content_hash`), which is recomputed on every load.
 
 Before the HDF5 library reads anything, the bytes are compared with a SHA-256 in the file's user block:
-that library can crash on a damaged file (measured: on the first thousand of changed bytes in metadata).
+that library can crash on a damaged file (within 1000 random changes of a byte in metadata, measured).
 """
 
 from __future__ import annotations

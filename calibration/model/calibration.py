@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from haploop.calibration.response import (
     measure_response,
 )
 from haploop.instruments import ConfigurationError, Rig, RigFile
+from haploop.instruments.progress import Progress, silent
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -67,7 +67,7 @@ def calibrate(
     rig: Rig,
     patch: str = "A",
     point: str = "button",
-    progress: Callable[[float, float], None] = lambda _done, _total: None,
+    progress: Progress = silent,
     *,
     excitation: Excitation = SWEEP,
 ) -> Calibration:
@@ -75,7 +75,7 @@ def calibrate(
 
     Sweeps, the default, show the patch's hysteresis as well; after a multisine there is none known.
 
-    `progress` is told the seconds measured so far and the seconds that the whole will take.
+    `progress` is told the seconds measured.
     Raises what `measure_response` and `fit` raise.
     """
     return Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))
