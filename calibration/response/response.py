@@ -256,6 +256,7 @@ def _swept(
         volts, velocity, channels = _signals(rig, capture, monitor)
         drives.append(volts)
         velocities.append(velocity)
+    progress(_doing(patch, point), sweep.duration, sweep.duration, "s")
     found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
     return _response(
         rig, found, patch, point, excitation=str(sweep), repeats=sweep.repeats, peak=peak, shares=sweep.shares
