@@ -57,16 +57,26 @@ class Steps(Bars):
     """Steps of a longer command on standard error: a bar each on a terminal, else a line each."""
 
     def __init__(self) -> None:
-        super().__init__(TextColumn("{task.percentage:>3.0f} %"))
+        super().__init__(TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.fields[amount]}"))
         self._tasks: dict[str, TaskID] = {}
 
-    def __call__(self, step: str, done: float, of: float) -> None:
-        """`step` is `done` of `of`; a new step is added."""
-        if step not in self._tasks:
-            self._tasks[step] = self._progress.add_task(step, total=of)
+    def __call__(self, doing: str, done: float, total: float, unit: str) -> None:
+        """Show a step's progress; a new step is added. See `haploop.Progress`."""
+        if doing not in self._tasks:
+            self._tasks[doing] = self._progress.add_task(doing, total=total, amount="")
             if self._progress.disable:
-                self._console.print(step, markup=False, highlight=False)
-        self._progress.update(self._tasks[step], completed=done, total=of)
+                self._console.print(doing, markup=False, highlight=False)
+        self._progress.update(
+            self._tasks[doing], completed=done, total=total, amount=_amount(done, total, unit)
+        )
+
+
+def _amount(done: float, total: float, unit: str) -> str:
+    """`done` of `total` in words: whole numbers for what is counted, tenths of a second."""
+    if not unit:
+        return ""
+    digits = 1 if unit == "s" else 0
+    return f"{done:.{digits}f} of {total:.{digits}f} {unit}"
 
 
 def note(sentence: str) -> None:

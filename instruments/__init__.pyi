@@ -26,6 +26,8 @@ from .operator import Remove as Remove
 from .operator import Request as Request
 from .operator import Rest as Rest
 from .player import Player as Player
+from .progress import Progress as Progress
+from .progress import silent as silent
 from .relay import Relay as Relay
 from .rig import Rig as Rig
 from .rig import open_rig as open_rig

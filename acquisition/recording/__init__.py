@@ -16,7 +16,7 @@ from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.recovery import recover, set_aside
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
 from haploop.acquisition.recording.salvage import finish, opened, verify
-from haploop.acquisition.recording.writer import Writer, check_destination, fresh_file, sync_folder
+from haploop.acquisition.recording.writer import Writer
 
 __all__ = [
     "BLOCK",
@@ -31,14 +31,11 @@ __all__ = [
     "Rejection",
     "Writer",
     "add_rejections",
-    "check_destination",
     "file_name",
     "finish",
-    "fresh_file",
     "opened",
     "recover",
     "set_aside",
-    "sync_folder",
     "to_codes",
     "verify",
 ]

@@ -34,6 +34,7 @@ from haploop.acquisition.recording.salvage import (
     write_finished,
 )
 from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.files import existing
 from haploop.instruments.safety import is_marked, marked
 
 __all__ = ["recover", "set_aside"]
@@ -50,7 +51,7 @@ def recover(path: str | Path) -> Path:
     path = Path(path)
     destination = path.with_name(f"{path.stem}.recovered.h5")
     if destination.exists():
-        raise ConfigurationError(f"{destination} already exists and is not overwritten: move it away.")
+        raise ConfigurationError(existing(destination))
     if is_marked(path):
         raise ConfigurationError(f"{path} is being recorded now: wait until the session has ended.")
     header, contents, lost = _whole(path) or _part(path)

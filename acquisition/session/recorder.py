@@ -21,7 +21,6 @@ from haploop.acquisition.recording import (
     PressVerdict,
     Recording,
     Writer,
-    check_destination,
     file_name,
     finish,
     set_aside,
@@ -42,6 +41,8 @@ from haploop.instruments import (
     Stream,
 )
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.files import check_destination
+from haploop.instruments.progress import Progress, prefixed, silent
 from haploop.instruments.safety import marked
 from haploop.instruments.signals import uninterrupted
 
@@ -85,7 +86,7 @@ def record(
     participant: str,
     presses: int,
     out: str | Path,
-    progress: Callable[[int, int], None] = ignore,
+    progress: Progress = silent,
     on_verdict: Callable[[PressVerdict], None] = ignore,
     protocol: Protocol | None = None,
     notes: str = "",
@@ -95,7 +96,7 @@ def record(
     An interrupted recording of that name without a single press is set aside first (`set_aside`).
     The operator is asked to keep hands off, then for each press once the one before has ended. The
     quality of each press is checked at once; a bad press is kept, marked, and asked for again.
-    `progress(done, of)` is called at the start and after each good press, `on_verdict(press)` after each
+    `progress` is told of the accepted presses at the start and after each, `on_verdict(press)` after each
     press. Whatever ends the session early (Ctrl-C and a lost sample included) leaves a readable recording
     of all samples that were read, not `complete` and without the unused space; the error is then raised.
 
@@ -117,14 +118,14 @@ def record(
     pending = tuple((number, 1) for number in range(1, presses + 1))
     session = Session(path, button, participant, pending, presses, notes=notes)
     protocol = protocol or Protocol(segmentation=segmentation_for(button))
-    return run_session(rig, session, protocol, progress, on_verdict)
+    return run_session(rig, session, protocol, prefixed(progress, "Record"), on_verdict)
 
 
 def run_session(
     rig: Rig,
     session: Session,
     p: Protocol,
-    progress: Callable[[int, int], None] = ignore,
+    progress: Progress = silent,
     on_verdict: Callable[[PressVerdict], None] = ignore,
 ) -> Recording:
     """Record the presses still due in a session. `record` calls this with a one-button session."""
@@ -234,7 +235,7 @@ class _SessionRun:
         force: ForceTorque,
         session: Session,
         p: Protocol,
-        progress: Callable[[int, int], None],
+        progress: Progress,
         on_verdict: Callable[[PressVerdict], None],
     ) -> None:
         self._operator, self._blocks, self._writer, self._force = rig.operator, blocks, writer, force
@@ -372,7 +373,8 @@ class _SessionRun:
 
     def _count(self, more: int) -> None:
         self._done += more
-        self._progress(self._done, self._session.of)
+        doing = f"{self._session.participant}, {self._session.button}"
+        self._progress(doing, self._done, self._session.of, "presses")
 
     def _wait(self, duration: float) -> None:
         end = self._index + duration * self._rate_hz

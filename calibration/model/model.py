@@ -10,11 +10,11 @@ from scipy.io import savemat
 from scipy.linalg import block_diag, eigvals
 from scipy.signal import zpk2sos
 
-from haploop.calibration import files
 from haploop.calibration.model.rational import Lines, complex_residues, fit_poles, residues
 from haploop.calibration.response import Response
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.files import new_file
 
 __all__ = ["Model", "Resonance", "fit"]
 
@@ -166,7 +166,7 @@ class Model:
         }
         if rate_hz is not None:
             values |= {"sos": self.sos(rate_hz), "rate_hz": rate_hz}
-        with files.new_file(path) as part:
+        with new_file(path) as part:
             savemat(str(part), values, appendmat=False)
 
 

@@ -78,12 +78,7 @@ def map_command(
         plan = map_plan(
             opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
         )
-        step = f"Map {len(plan.points)} points, {plan.duration / 60:.1f} min of measurement"
-
-        def tell(done: float, of: float, _what: str) -> None:
-            steps(step, done, of)
-
-        folder = measure_map(opened, out, plan, tell)
+        folder = measure_map(opened, out, plan, steps)
     for point, reason in folder.skipped().items():
         note(f"Point {point} was skipped: {reason} Run the same command again to measure it.")
     display.show(out, as_json)

@@ -60,7 +60,6 @@ def record(
     from haploop.show import show as display  # noqa: PLC0415
     from haploop.show.study import rejection_line  # noqa: PLC0415
 
-    step = f"Record the {button} button, {participant}"
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
@@ -79,7 +78,7 @@ def record(
             participant,
             presses,
             out,
-            lambda done, of: steps(step, done, of),
+            steps,
             lambda press: None if press.accepted else note(rejection_line(press)),
             protocol=protocol,
             notes=notes,

@@ -62,13 +62,14 @@ def study() -> None:
 @click.argument("folder", type=PATH)
 def new(folder: Path) -> int:
     """Create a study: a FOLDER with a study.toml to fill in."""
-    from haploop.acquisition.recording import check_destination  # noqa: PLC0415
+    from haploop.instruments.files import check_destination, new_file  # noqa: PLC0415
     from haploop.progress import print_line  # noqa: PLC0415
 
     path = folder / "study.toml"
     check_destination(path)
     # A string of JSON is one of TOML, whatever the folder's name holds.
-    path.write_text(_NEW.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
+    with new_file(path) as part:
+        part.write_text(_NEW.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
     print_line(f"Fill in {path}, then: haploop study run --study {folder}")
     return 0
 

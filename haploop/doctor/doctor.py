@@ -21,22 +21,19 @@ from haploop.doctor.sensor_check import cards, check_clock, check_force, check_g
 from haploop.instruments import HaploopError, InstrumentError, Rig, RigFile, open_rig
 from haploop.instruments.config import ROLES
 from haploop.instruments.driver import Mode
+from haploop.instruments.progress import Progress, silent
 from haploop.progress import print_json, print_table
 
 __all__ = ["Finding", "examine", "find_each", "tell"]
 
 _STATUSES = get_args(Status)
 
-Progress = Callable[[str, float, float], None]
 
-
-def examine(
-    rig: Rig, mass: float = 0.5, progress: Progress = lambda _step, _done, _of: None
-) -> list[Finding]:
+def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Finding]:
     """Test every instrument and sensor of this rig, beginning with the tests that move nothing.
 
-    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is called
-    with each part's name, the amount done and the total. Raises InstrumentError only when the safe state
+    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is told
+    of each part. Raises InstrumentError only when the safe state
     could not be confirmed.
     """
     parts: list[tuple[str, str, bool, Callable[[], Iterator[Finding]]]] = [
@@ -56,14 +53,14 @@ def examine(
         if name == "Patches" and any(f.instrument == "relay" and f.status == "red" for f in findings):
             findings.append(Finding(name, instrument, "yellow", "Not tested: repair the relay first."))
             continue
-        progress(name, 0, 1)
+        progress(name, 0, 1, "")
         try:
             findings.extend(check())
         except HaploopError as error:
             findings.append(Finding(name, instrument, "red", str(error)))
         finally:
             rig.make_safe()
-        progress(name, 1, 1)
+        progress(name, 1, 1, "")
     if rig.file.relay is not None:
         held = ", ".join(sorted(rig.relay.connected()))
         findings.append(

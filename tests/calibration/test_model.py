@@ -211,6 +211,6 @@ def test_a_matlab_file_holds_all_of_it(fitted: tuple[Response, np.ndarray], tmp_
     assert np.linalg.norm(H - model.velocity(f)) < 1e-3 * np.linalg.norm(H)
     assert np.array_equal(back["poles"], model.poles) and tuple(back["band_hz"]) == model.band
     assert back["input"] == "V at the patch"
-    with pytest.raises(DataError, match="never overwritten"):
+    with pytest.raises(DataError, match="not overwritten"):
         model.save_mat(path)
     assert [p.name for p in tmp_path.iterdir()] == ["model.mat"]
