@@ -42,7 +42,7 @@ from haploop.instruments import (
 )
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import check_destination
-from haploop.instruments.progress import Progress, prefixed, silent
+from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import marked
 from haploop.instruments.signals import uninterrupted
 
@@ -101,9 +101,8 @@ def record(
     of all samples that were read, not `complete` and without the unused space; the error is then raised.
 
     Raises ConfigurationError for a bad name, a missing sensor, an existing file, and a folder or disk
-    that cannot take it; DataError when no press comes in time (`Protocol.patience`,
-    `Protocol.wait`), or no good one in 5 attempts;
-    InstrumentError when a sample is lost or the disk refuses.
+    that cannot take it; DataError when no press comes in time (`Protocol.patience`, `Protocol.wait`), or no
+    good one in 5 attempts; InstrumentError when a sample is lost or the disk refuses.
     """
     if not isinstance(presses, int | np.integer) or presses < 1:
         raise ConfigurationError(f"{presses!r} is not a number of presses: use a whole number, at least 1.")
@@ -118,7 +117,7 @@ def record(
     pending = tuple((number, 1) for number in range(1, presses + 1))
     session = Session(path, button, participant, pending, presses, notes=notes)
     protocol = protocol or Protocol(segmentation=segmentation_for(button))
-    return run_session(rig, session, protocol, prefixed(progress, "Record"), on_verdict)
+    return run_session(rig, session, protocol, progress, on_verdict)
 
 
 def run_session(
@@ -141,7 +140,7 @@ def _recorded(
     p: Protocol,
     force: ForceTorque,
     channels: list[str],
-    progress: Callable[[int, int], None],
+    progress: Progress,
     on_verdict: Callable[[PressVerdict], None],
 ) -> Recording:
     path = session.path
@@ -373,8 +372,13 @@ class _SessionRun:
 
     def _count(self, more: int) -> None:
         self._done += more
-        doing = f"{self._session.participant}, {self._session.button}"
-        self._progress(doing, self._done, self._session.of, "presses")
+        session = self._session
+        doing = (
+            f"{session.participant}, {session.button}"
+            if session.study
+            else f"Record the {session.button} button"
+        )
+        self._progress(doing, self._done, session.of, "presses")
 
     def _wait(self, duration: float) -> None:
         end = self._index + duration * self._rate_hz

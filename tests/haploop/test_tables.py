@@ -85,7 +85,7 @@ def test_no_name_of_a_button_or_calibration_is_taken_for_markup(
 
 def test_progress_and_sentences_are_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
     with Steps() as steps:
-        steps(HOSTILE, 1, 1)
+        steps(HOSTILE, 1, 1, "presses")
     note(HOSTILE)
     print_line(HOSTILE)
     table = Table(box=SIMPLE, title=HOSTILE)
