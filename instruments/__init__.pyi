@@ -25,10 +25,17 @@ from .operator import Ready as Ready
 from .operator import Remove as Remove
 from .operator import Request as Request
 from .operator import Rest as Rest
+from .operator import Unattended as Unattended
 from .player import Player as Player
 from .relay import Relay as Relay
 from .rig import Rig as Rig
+from .rig import hardware as hardware
+from .rig import log_entries as log_entries
 from .rig import open_rig as open_rig
+from .rig import reset_lockout as reset_lockout
+from .rig import rig_schema as rig_schema
+from .safety import reserve as reserve
+from .safety import who as who
 from .sensors import Accelerometer as Accelerometer
 from .sensors import Divider as Divider
 from .sensors import ForceTorque as ForceTorque

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import show as display
 from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, alone, opened_rig
 from haploop.exits import CommandState
+from haploop.progress import Steps, note
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -51,11 +54,6 @@ def record(
     BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
     kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
     """
-    import haploop  # noqa: PLC0415
-    from haploop.progress import Steps, note  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-    from haploop.show.study import rejection_line  # noqa: PLC0415
-
     step = f"Record the {button} button, {participant}"
     with (
         alone(rig, simulate) as file,
@@ -71,8 +69,8 @@ def record(
             presses,
             out,
             lambda done, of: steps(step, done, of),
-            lambda press: None if press.accepted else note(rejection_line(press)),
+            lambda press: None if press.accepted else note(display.rejection_line(press)),
             notes=notes,
         )
-    display.show(recording.path, as_json)
+    display.show_file(recording.path, as_json)
     return 0

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from haploop.calibration.files import os_error_text, write
 from haploop.instruments import ConfigurationError, DataError
-from haploop.show import show
+from haploop.outputs import pictures
 from tests.elsewhere import in_use_elsewhere
 from tests.haploop.conftest import Demo, Run
 
@@ -83,7 +83,7 @@ def test_a_check_of_what_is_simulated_says_so(
         drawn.append(figure)
         return b"PNG"
 
-    monkeypatch.setattr(show, "png", png)
+    monkeypatch.setattr(pictures, "png", png)
     recording = demo.folder / "recordings" / "P01-latch.h5"
     result = run(
         "check", recording, "--calibration", demo.folder / "calibration.h5", "--out", tmp_path / "new",
@@ -98,10 +98,10 @@ def test_a_check_of_what_is_simulated_says_so(
 
 def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
     figure = Figure()
-    show.save(figure, tmp_path / "real.png", simulated=False)
+    pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
     assert not figure.texts
     with pytest.raises(ConfigurationError, match="exists"):
-        show.save(figure, tmp_path / "real.png", simulated=False)
+        pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sets no limit to the size of a file")

@@ -1,4 +1,4 @@
-"""Output files: checked before anything is measured, not after."""
+"""New files: refused before anything is measured, not after."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from haploop.acquisition.recording import check_destination
 from haploop.instruments import ConfigurationError
 
-__all__ = ["check_new_file", "check_new_picture"]
+__all__ = ["check_destination", "check_new_file", "check_new_picture"]
 
 
 def check_new_file(path: Path) -> None:
