@@ -7,7 +7,7 @@ from pathlib import Path
 from haploop.acquisition import Representative
 from haploop.acquisition.recording import check_destination
 from haploop.calibration import Check
-from haploop.figures.paper import comparison
+from haploop.figures import comparison
 from haploop.outputs.pictures import save_picture, unwritten
 
 __all__ = ["claim_check", "save_check"]

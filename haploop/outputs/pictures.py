@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from haploop.calibration.files import os_error_text
-from haploop.figures.plotting import mark_simulated, png
+from haploop.figures import mark_simulated, png
 from haploop.instruments import ConfigurationError
 
 __all__ = ["save_picture", "unwritten"]

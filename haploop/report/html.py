@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from haploop.figures.plotting import png
+from haploop.figures import png
 
 __all__ = ["CaptionedFigure", "render"]
 

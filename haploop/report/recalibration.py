@@ -11,7 +11,7 @@ from haploop.calibration.upkeep import History, Outcome, calibrations_of
 from haploop.figures import before_and_after, responses
 from haploop.instruments import DataError
 from haploop.report.html import CaptionedFigure, render
-from haploop.show.recalibration import TITLES
+from haploop.show import OUTCOME_TITLES
 
 __all__ = ["write_recalibration"]
 
@@ -42,7 +42,7 @@ def write_recalibration(history: History, outcome: Outcome) -> Path | None:
 def _summary(outcome: Outcome) -> dict[str, Any]:
     return {
         **outcome.summary(),
-        "title": TITLES[outcome.kind],
+        "title": OUTCOME_TITLES[outcome.kind],
         "rig": calibrations_of(outcome.active)[0].response.rig,
         "software": metadata.version("haploop"),
     }

@@ -13,9 +13,9 @@ from haploop.calibration.upkeep import Outcome
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.formatting import SIMULATED
 
-__all__ = ["TITLES", "show_outcome"]
+__all__ = ["OUTCOME_TITLES", "show_outcome"]
 
-TITLES = {
+OUTCOME_TITLES = {
     "unchanged": "The calibration holds",
     "restored": "The table had drifted; every button is within tolerance again",
     "drifted": "The table has drifted; not every button could be brought within tolerance",
@@ -31,7 +31,7 @@ def show_outcome(outcome: Outcome, assumed: Sequence[str], report: Path | None, 
         print_json(summary)
         return
     if summary["buttons"]:
-        table = Table(box=SIMPLE, title=TITLES[outcome.kind], title_justify="left")
+        table = Table(box=SIMPLE, title=OUTCOME_TITLES[outcome.kind], title_justify="left")
         for heading in ("Button", "Before", "After", "Verdict"):
             table.add_column(heading, justify="left" if heading == "Button" else "right")
         for name, checks in summary["buttons"].items():
@@ -40,7 +40,7 @@ def show_outcome(outcome: Outcome, assumed: Sequence[str], report: Path | None, 
             table.add_row(name, _error(checks["before"]), _error(after), verdict)
         print_table(table)
     else:
-        print_line(f"{TITLES[outcome.kind]}.")
+        print_line(f"{OUTCOME_TITLES[outcome.kind]}.")
     for sentence in outcome.sentences:
         print_line(sentence)
     for sentence in assumed:
