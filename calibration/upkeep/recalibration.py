@@ -158,6 +158,7 @@ def adopt(
         if len(rigs) > 1:
             told = ", ".join(f"{rig}{' (simulated)' if simulated else ''}" for rig, simulated in sorted(rigs))
             raise DataError(f"These buttons were made on different rigs ({told}): keep a history for each.")
+        audit = _audit(rig, [button.calibration for button in every.values()])
         newest = sorted((b.calibration for b in every.values()), key=lambda c: c.response.created)
         generation = history.add(
             _parts({_place(c): c for c in newest}.values(), every, {}),
@@ -166,9 +167,7 @@ def adopt(
             details={"adopted": sorted(named)},
             parent=parent.name if parent else "",
         )
-        _audit(rig, [button.calibration for button in every.values()]).note(
-            "adopted", calibration=generation.name, buttons=sorted(named), reason=reason
-        )
+        audit.note("adopted", calibration=generation.name, buttons=sorted(named), reason=reason)
         history.activate(generation, when=when, actor=actor, reason=reason)
     return generation
 
