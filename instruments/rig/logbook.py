@@ -30,8 +30,8 @@ def log_entries(rig: str | Path | RigFile, simulate: Mode | None = None) -> Iter
 def reset_lockout(rig: str | Path | RigFile, reason: str, simulate: Mode | None = None) -> None:
     """Clear the lockout of a rig that someone has inspected, once their reason is in its audit log.
 
-    `rig` and `simulate` are as in `open_rig`; the rig must not be open. Raises ConfigurationError without
-    a reason and for a rig that is not locked out, InstrumentError when a program has the rig.
+    `rig` and `simulate` are as in `open_rig`. Raises ConfigurationError without a reason and for a rig that
+    is not locked out, InstrumentError when another program has the rig.
     """
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
     mode = simulate or file.simulate

@@ -30,10 +30,12 @@ def lab(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "command", [["record", "latch", "-p", "P01"], ["calibrate"], ["doctor"]], ids=" ".join
+    "command",
+    [["record", "latch", "-p", "P01"], ["calibrate"], ["doctor"], ["reset", "--reason", "why"]],
+    ids=" ".join,
 )
 def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, command: list[str]) -> None:
-    out = [] if command == ["doctor"] else ["--out", tmp_path / "out"]
+    out = [] if command[0] in ("doctor", "reset") else ["--out", tmp_path / "out"]
     with in_use_elsewhere(lab):
         result = run(*command, *out, "--rig", lab)
     assert result.exit_code == 3
