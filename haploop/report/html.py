@@ -30,7 +30,7 @@ def render(
 ) -> str:
     """A summary as HTML by a template of this package, with the figures embedded as PNG."""
     environment = Environment(
-        loader=PackageLoader("haploop", ""),
+        loader=PackageLoader("haploop.report", ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
