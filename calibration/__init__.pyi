@@ -10,6 +10,9 @@ from .drive import learn as learn
 from .drive import modulate as modulate
 from .drive import paper_drive as paper_drive
 from .drive import play_button as play_button
+from .examination import Finding as Finding
+from .examination import examine as examine
+from .examination import examine_each as examine_each
 from .map import VibrationMap as VibrationMap
 from .map import map_plan as map_plan
 from .map import measure_map as measure_map
@@ -27,3 +30,10 @@ from .response import plan_excitation as plan_excitation
 from .response import quick_response as quick_response
 from .response import read_uff as read_uff
 from .response import write_uff as write_uff
+from .upkeep import Generation as Generation
+from .upkeep import History as History
+from .upkeep import Outcome as Outcome
+from .upkeep import activate as activate
+from .upkeep import adopt as adopt
+from .upkeep import calibrations_of as calibrations_of
+from .upkeep import recalibrate as recalibrate

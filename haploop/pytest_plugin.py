@@ -1,7 +1,7 @@
 """The same tests on a twin, through the wire, and on a lab's hardware: `pytest --rig twin|wire|FILE`.
 
-pytest loads this module in every run of an environment that haploop is installed in, so it imports
-nothing of haploop's until a test asks for a rig, and leaves tests that ask for none alone.
+pytest loads this module in every run of an environment that haploop is installed in, so it loads
+nothing of haploop's but lazy doors until a test asks for a rig, and leaves tests that ask for none alone.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import pytest
+
+from haploop import instruments
 
 if TYPE_CHECKING:
     from haploop.instruments import Rig, RigFile
@@ -72,10 +74,12 @@ class Rigs:
         plant: Mapping[str, Any] = MappingProxyType({}),
     ) -> Rig:
         """An open rig for `request.node`; the rest is as in the fixture `open_rig`."""
-        from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file, open_rig  # noqa: PLC0415
-
         simulate = self.mode if self.mode in ("twin", "wire") else None
-        file = load_rig_file(_beside(self._project, name)) if simulate and name else self._asked_for()
+        file = (
+            instruments.load_rig_file(_beside(self._project, name))
+            if simulate and name
+            else self._asked_for()
+        )
         simulated = bool(simulate or file.simulate)
         if plant and not simulated:
             pytest.skip("needs simulation settings, which hardware does not have")
@@ -84,11 +88,11 @@ class Rigs:
                 if not _has(file, needed, simulated):
                     pytest.skip(f"the rig {file.name!r} has no {needed}")
         if simulated:
-            return open_rig(file, simulate=simulate, simulation=plant)  # type: ignore[arg-type]
+            return instruments.open_rig(file, simulate=simulate, simulation=plant)  # type: ignore[arg-type]
         self._hold()
         try:
-            return open_rig(file)
-        except (ConfigurationError, InstrumentError) as error:
+            return instruments.open_rig(file)
+        except (instruments.ConfigurationError, instruments.InstrumentError) as error:
             pytest.skip(f"the rig {self.mode} could not be opened: {error}")
 
     def close(self) -> None:
@@ -102,24 +106,20 @@ class Rigs:
         return _beside(self._here, self.mode)
 
     def _asked_for(self) -> RigFile:
-        from haploop.instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
-
         try:
-            return load_rig_file(self._path)
-        except ConfigurationError as error:
+            return instruments.load_rig_file(self._path)
+        except instruments.ConfigurationError as error:
             # A mistake in the file is no missing hardware: nothing may pass as skipped because of it.
             pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
 
     def _hold(self) -> None:
-        from haploop.instruments import InstrumentError  # noqa: PLC0415
-        from haploop.instruments.rig import hardware  # noqa: PLC0415
-        from haploop.instruments.safety import reserve  # noqa: PLC0415
-
         if not self._held:
             file = self._asked_for()
             try:
-                self._stack.enter_context(reserve(hardware(file, None), f"The rig {file.name!r}"))
-            except InstrumentError as error:
+                self._stack.enter_context(
+                    instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}")
+                )
+            except instruments.InstrumentError as error:
                 pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
             self._held = True
 

@@ -20,12 +20,20 @@ from haploop.calibration.response import Response, quick_response
 from haploop.calibration.upkeep.drift import Kind, PlaceMetrics, Verdict, compare
 from haploop.calibration.upkeep.history import Generation, History
 from haploop.calibration.upkeep.sensor_health import laser_noise, laser_or_patch, loose_accelerometer
-from haploop.instruments import Aim, ConfigurationError, DataError, InstrumentError, LimitError, Rig
+from haploop.instruments import (
+    Aim,
+    ConfigurationError,
+    DataError,
+    InstrumentError,
+    LimitError,
+    Rig,
+    RigFile,
+)
 from haploop.instruments.progress import Progress, prefixed, silent
+from haploop.instruments.safety import Audit, state_folder
 
-__all__ = ["Outcome", "adopt", "buttons_of", "calibrations_of", "checks_before", "recalibrate"]
+__all__ = ["Outcome", "activate", "adopt", "buttons_of", "calibrations_of", "checks_before", "recalibrate"]
 
-"""Receives the step, the work done in it, and its total."""
 Place = tuple[str, str]
 """Patch and point."""
 
@@ -125,13 +133,17 @@ def adopt(
     actor: str,
     reason: str,
     when: datetime | None = None,
+    rig: RigFile | None = None,
 ) -> Generation:
     """Make verified buttons, together with the active ones of other names, the active generation.
 
-    That is how a history begins, and how a button is added to it or replaced. Raises DataError for a
-    button that did not pass its check, for two of one name, and for one of another rig than the rest.
+    That is how a history begins, and how a button is added to it or replaced. The audit log of their rig
+    is told first: of `rig`, or of the rig file that is stored in the calibrations. Raises ConfigurationError
+    for buttons of another rig than `rig`, and DataError for a button that did not pass its check, for two
+    of one name, for one of another rig than the rest, and for a log that cannot be written.
     """
     when = when or datetime.now(UTC)
+    _refuse_made_elsewhere(rig, [button.calibration for button in buttons])
     named = {_name(button): button for button in buttons}
     if len(named) < len(buttons) or not buttons:
         raise DataError("Give one button or more, and each name (button, patch and point) only once.")
@@ -145,6 +157,7 @@ def adopt(
         if len(rigs) > 1:
             told = ", ".join(f"{rig}{' (simulated)' if simulated else ''}" for rig, simulated in sorted(rigs))
             raise DataError(f"These buttons were made on different rigs ({told}): keep a history for each.")
+        audit = _audit(rig, [button.calibration for button in every.values()])
         newest = sorted((b.calibration for b in every.values()), key=lambda c: c.response.created)
         generation = history.add(
             _parts({_place(c): c for c in newest}.values(), every, {}),
@@ -153,8 +166,49 @@ def adopt(
             details={"adopted": sorted(named)},
             parent=parent.name if parent else "",
         )
+        audit.note("adopted", calibration=generation.name, buttons=sorted(named), reason=reason)
         history.activate(generation, when=when, actor=actor, reason=reason)
     return generation
+
+
+def activate(
+    history: History,
+    name: str,
+    *,
+    actor: str,
+    reason: str,
+    when: datetime | None = None,
+    rig: RigFile | None = None,
+) -> Generation:
+    """Make an earlier generation, by its name or number, the active one again. Nothing is played.
+
+    The audit log of its rig is told first: of `rig`, or of the rig file that is stored in the calibrations.
+    Raises ConfigurationError for calibrations of another rig than `rig`, and DataError for one that is not
+    there or is damaged, and for a log that cannot be written.
+    """
+    when = when or datetime.now(UTC)
+    with history.hold():
+        generation = history.find(name)
+        generation.verify()
+        calibrations = calibrations_of(generation)
+        _refuse_made_elsewhere(rig, calibrations)
+        _audit(rig, calibrations).note("activated", calibration=generation.name, reason=reason)
+        history.activate(generation, when=when, actor=actor, reason=reason)
+    return generation
+
+
+def _audit(rig: RigFile | None, calibrations: Sequence[Calibration]) -> Audit:
+    response = calibrations[0].response
+    file = rig or RigFile.model_validate_json(response.rig_file)
+    return Audit(file, state_folder(file, response.simulated), response.simulated)
+
+
+def _refuse_made_elsewhere(rig: RigFile | None, calibrations: Sequence[Calibration]) -> None:
+    others = [c.response.rig for c in calibrations if rig and c.response.rig != rig.name]
+    if rig and others:
+        raise ConfigurationError(
+            f"The calibration was made on the rig {others[0]!r}, not on {rig.name!r}: use that rig's --rig."
+        )
 
 
 def calibrations_of(generation: Generation) -> tuple[Calibration, ...]:

@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+import haploop
+from haploop import outputs
+from haploop import show as display
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
 from haploop.exits import CommandState
+from haploop.progress import Steps
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -78,12 +82,7 @@ def make(
 
     Exit codes: 0 the check passed, 1 it failed (the file is written and states why).
     """
-    import haploop  # noqa: PLC0415
-    from haploop.destinations import check_new_file  # noqa: PLC0415
-    from haploop.progress import Steps  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-
-    check_new_file(out)
+    outputs.check_new_file(out)
     loaded = haploop.Calibration.load(calibration)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])
     with (
@@ -95,7 +94,7 @@ def make(
             opened, press, loaded, method=method, iterations=iterations, progress=steps
         )
     made.save(out)
-    display.show(out, as_json)
+    display.show_file(out, as_json)
     return 0 if made.passed else 1
 
 
@@ -110,10 +109,6 @@ def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_j
 
     The file is not changed. Exit codes: 0 the check passed, 1 it failed.
     """
-    import haploop  # noqa: PLC0415
-    from haploop.progress import Steps  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-
     loaded = haploop.DigitalButton.load(file)
     with (
         alone(rig, simulate) as rig_file,
@@ -121,5 +116,5 @@ def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_j
         Steps() as steps,
     ):
         result = haploop.play_button(opened, loaded, progress=steps)
-    display.check(loaded.press, result, as_json)
+    display.show_check(loaded.press, result, as_json)
     return 0 if result.passed else 1

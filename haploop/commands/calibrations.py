@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import instruments, outputs
+from haploop import show as display
 from haploop.commands.options import JSON, PATH, RIG
+from haploop.progress import print_json, print_line, print_table
 
 if TYPE_CHECKING:
-    from haploop.calibration.upkeep import History
+    from haploop.calibration import History
 
 __all__ = ["CALIBRATIONS", "actor", "calibrations", "history_of"]
 
@@ -26,18 +30,14 @@ REASON = click.option("--reason", required=True, help="Reason; stored in the his
 
 def history_of(rig: str, folder: Path | None) -> History:
     """The history of a rig: in `folder`, beside the rig file, or in this folder for a shipped rig."""
-    from haploop.calibration.upkeep import History  # noqa: PLC0415
-
     path = Path(rig)
     beside = path.parent if path.is_file() else Path()
-    return History(folder or beside / f"{path.stem}-calibrations")
+    return haploop.History(folder or beside / f"{path.stem}-calibrations")
 
 
 def actor() -> str:
     """The user, host and command, for the history."""
-    from haploop.instruments.safety import who  # noqa: PLC0415
-
-    person = who()
+    person = instruments.who()
     return f"{person['user']} on {person['host']}, by {click.get_current_context().command_path}"
 
 
@@ -58,14 +58,10 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
     The new active calibration holds these BUTTONs and the buttons that are active already. A BUTTON
     replaces the active one with the same name, patch and point. The first adoption creates the history.
     """
-    from haploop.calibration.drive import DigitalButton  # noqa: PLC0415
-    from haploop.calibration.upkeep import recalibration  # noqa: PLC0415
-
     history = history_of(rig, calibrations)
-    loaded = [DigitalButton.load(path) for path in buttons]
-    note = _audit(rig, {(b.calibration.response.rig, b.simulated) for b in loaded})
-    note("adopted", buttons=[str(path) for path in buttons], reason=reason)
-    generation = recalibration.adopt(history, loaded, actor=actor(), reason=reason)
+    loaded = [haploop.DigitalButton.load(path) for path in buttons]
+    file = haploop.load_rig_file(rig)
+    generation = haploop.adopt(history, loaded, actor=actor(), reason=reason, rig=file)
     _show(history, generation.name, as_json)
     return 0
 
@@ -76,10 +72,7 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
 @JSON
 def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
     """List all calibrations, and mark the active one."""
-    from haploop.progress import print_json, print_table  # noqa: PLC0415
-    from haploop.show import history as show_history  # noqa: PLC0415
-
-    values, table = show_history.listing(history_of(rig, calibrations))
+    values, table = display.listing(history_of(rig, calibrations))
     if as_json:
         print_json(values)
     else:
@@ -106,11 +99,8 @@ def show(name: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
 @JSON
 def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Show what changed from calibration ONE to OTHER."""
-    from haploop.progress import print_json, print_table  # noqa: PLC0415
-    from haploop.show import history as show_history  # noqa: PLC0415
-
     history = history_of(rig, calibrations)
-    values, table = show_history.difference(history.find(one), history.find(other))
+    values, table = display.difference(history.find(one), history.find(other))
     if as_json:
         print_json(values)
     else:
@@ -126,17 +116,9 @@ def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: boo
 @JSON
 def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Activate an earlier calibration by its NAME or number. Nothing is played."""
-    from haploop.calibration.upkeep import calibrations_of  # noqa: PLC0415
-    from haploop.instruments.safety import now_utc  # noqa: PLC0415
-
     history = history_of(rig, calibrations)
-    with history.hold():
-        generation = history.find(name)
-        generation.verify()
-        responses = [c.response for c in calibrations_of(generation)]
-        note = _audit(rig, {(response.rig, response.simulated) for response in responses})
-        note("activated", calibration=generation.name, reason=reason)
-        history.activate(generation, when=now_utc(), actor=actor(), reason=reason)
+    file = haploop.load_rig_file(rig)
+    generation = haploop.activate(history, name, actor=actor(), reason=reason, rig=file)
     _show(history, generation.name, as_json)
     return 0
 
@@ -148,16 +130,11 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
 @JSON
 def plot(out: Path, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Plot resonance, damping, gain and coherence over time."""
-    from haploop.destinations import check_new_picture  # noqa: PLC0415
-    from haploop.progress import print_json, print_line  # noqa: PLC0415
-    from haploop.show import history as show_history  # noqa: PLC0415
-    from haploop.show import show  # noqa: PLC0415
-
-    check_new_picture(out)
+    outputs.check_new_picture(out)
     history = history_of(rig, calibrations)
-    figure = show_history.trend(history)
-    simulated = show_history.simulated(history)
-    show.save(figure, out, simulated)
+    figure = haploop.trend(history)
+    simulated = display.simulated(history)
+    outputs.save_picture(figure, out, simulated)
     if as_json:
         print_json({"plot": str(out), "simulated": simulated, "looks": len(history.looks)})
     else:
@@ -165,26 +142,8 @@ def plot(out: Path, calibrations: Path | None, rig: str, as_json: bool) -> int:
     return 0
 
 
-def _audit(rig: str, made_on: Collection[tuple[str, bool]]) -> Callable[..., None]:
-    """The audit log of the rig. Raises ConfigurationError for calibrations made on another rig."""
-    from haploop.instruments import ConfigurationError, load_rig_file  # noqa: PLC0415
-    from haploop.instruments.safety import Audit, state_folder  # noqa: PLC0415
-
-    file = load_rig_file(rig)
-    others = [name for name, _ in made_on if name != file.name]
-    if others:
-        raise ConfigurationError(
-            f"The calibration was made on the rig {others[0]!r}, not on {file.name!r}: use that rig's --rig."
-        )
-    simulated = any(simulated for _, simulated in made_on)
-    return Audit(file, state_folder(file, simulated), simulated).note
-
-
 def _show(history: History, name: str, as_json: bool) -> None:
-    from haploop.progress import print_json, print_line, print_table  # noqa: PLC0415
-    from haploop.show import history as show_history  # noqa: PLC0415
-
-    values, table = show_history.describe(history, history.find(name))
+    values, table = display.describe(history, history.find(name))
     if as_json:
         print_json(values)
         return

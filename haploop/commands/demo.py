@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import show as display
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE
 from haploop.exits import CommandState
+from haploop.progress import Steps, note, print_json
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -45,13 +48,8 @@ def demo(
 
     Writes recordings, representative presses, a calibration, drives and a report into a folder.
     """
-    from haploop.demo import claim_folder, run_demo  # noqa: PLC0415
-    from haploop.instruments import load_rig_file  # noqa: PLC0415
-    from haploop.progress import Steps, note, print_json  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-
-    load_rig_file(rig)
-    folder = claim_folder(out)
+    haploop.load_rig_file(rig)
+    folder = haploop.claim_folder(out)
     state.recordings = folder / "recordings"
     with Steps() as steps:
 
@@ -59,12 +57,12 @@ def demo(
             state.rig_opened = True
             steps(doing, done, total, unit)
 
-        summary = run_demo(
+        summary = haploop.run_demo(
             folder, rig, seed=seed, participants=participants, mode=simulate, progress=progress
         )
     if as_json:
         print_json(summary)
         note(f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).")
     else:
-        display.demo(summary)
+        display.show_demo(summary)
     return 0 if summary["passed"] else 1

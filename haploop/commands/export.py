@@ -6,7 +6,11 @@ from pathlib import Path
 
 import click
 
+import haploop
+from haploop import outputs
+from haploop import show as display
 from haploop.commands.options import JSON, PATH, RIG
+from haploop.progress import print_json, print_line
 
 __all__ = ["export", "import_"]
 
@@ -23,16 +27,12 @@ __all__ = ["export", "import_"]
 @JSON
 def export(file: Path, to: Path, as_json: bool) -> int:
     """Export the calibration FILE as .uff or .mat."""
-    import haploop  # noqa: PLC0415
-    from haploop.destinations import check_new_file  # noqa: PLC0415
-    from haploop.progress import print_json, print_line  # noqa: PLC0415
-
     kind = to.suffix.lower()
     if kind not in (".uff", ".mat"):
         raise haploop.ConfigurationError(
             f"{to} has an unknown file type: use a name that ends with .uff or .mat."
         )
-    check_new_file(to)
+    outputs.check_new_file(to)
     calibration = haploop.Calibration.load(file)
     response = calibration.response
     if kind == ".uff":
@@ -66,16 +66,11 @@ def import_(file: Path, out: Path, patch: str | None, point: str | None, rig: st
     scanning vibrometer. --rig names the rig that the response belongs to. --patch and --point select one of
     several responses in FILE.
     """
-    import haploop  # noqa: PLC0415
-    from haploop.destinations import check_new_file  # noqa: PLC0415
-    from haploop.instruments import load_rig_file  # noqa: PLC0415
-    from haploop.show import show  # noqa: PLC0415
-
-    check_new_file(out)
-    found = haploop.read_uff(file, rig=load_rig_file(rig))
+    outputs.check_new_file(out)
+    found = haploop.read_uff(file, rig=haploop.load_rig_file(rig))
     wanted = [r for r in found if patch in (None, r.patch) and point in (None, r.point)]
     if len(found) == 1 and not wanted:
-        wanted = list(haploop.read_uff(file, rig=load_rig_file(rig), patch=patch, point=point))
+        wanted = list(haploop.read_uff(file, rig=haploop.load_rig_file(rig), patch=patch, point=point))
     if len(wanted) != 1:
         places = ", ".join(f"{r.patch} at {r.point}" for r in found)
         raise haploop.ConfigurationError(
@@ -83,5 +78,5 @@ def import_(file: Path, out: Path, patch: str | None, point: str | None, rig: st
             "select one with --patch and --point."
         )
     haploop.Calibration.of(wanted[0]).save(out)
-    show.show(out, as_json)
+    display.show_file(out, as_json)
     return 0

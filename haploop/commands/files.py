@@ -7,7 +7,10 @@ from pathlib import Path
 
 import click
 
+import haploop
+from haploop import show as display
 from haploop.commands.options import JSON, PATH
+from haploop.progress import note, print_json, print_line
 
 __all__ = ["recover", "show", "verify"]
 
@@ -23,14 +26,11 @@ def show(files: Sequence[Path], plot: Path | None, as_json: bool) -> int:
     a vibration map. For several recordings, or a study (its study.toml or its folder), show the force at
     activation by participant and button.
     """
-    from haploop.show import show as display  # noqa: PLC0415
-    from haploop.show.study import show_forces  # noqa: PLC0415
-
     a_map = (files[0] / "map.json").is_file()
     if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
-        show_forces(files, as_json, plot)
+        display.show_forces(files, as_json, plot)
     else:
-        display.show(files[0], as_json, plot)
+        display.show_file(files[0], as_json, plot)
     return 0
 
 
@@ -43,13 +43,9 @@ def recover(file: Path, as_json: bool) -> int:
     FILE was interrupted, truncated or damaged. The intact part is written beside it, into a new file with
     the suffix .recovered.h5; FILE is not changed.
     """
-    from haploop import acquisition  # noqa: PLC0415
-    from haploop.progress import note  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-
-    saved = acquisition.recover(file)
-    note(acquisition.Recording.open(saved).events[-1].text)
-    display.show(saved, as_json)
+    saved = haploop.recover(file)
+    note(haploop.Recording.open(saved).events[-1].text)
+    display.show_file(saved, as_json)
     return 0
 
 
@@ -65,20 +61,15 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
 
     Exit codes: 0 all files are intact, 1 a readable recording has problems, 2 a file cannot be read.
     """
-    from haploop import acquisition  # noqa: PLC0415
-    from haploop.acquisition import hdf5  # noqa: PLC0415
-    from haploop.instruments import DataError  # noqa: PLC0415
-    from haploop.progress import print_json, print_line  # noqa: PLC0415
-
     worst, told = 0, []
     for file in files:
         digest = None
         try:
-            problems = acquisition.verify(file)
+            problems = haploop.verify(file)
             status = "damaged" if problems else "intact"
             if not problems:
-                digest = hdf5.content_hash(file)
-        except DataError as error:
+                digest = haploop.content_hash(file)
+        except haploop.DataError as error:
             problems, status = (str(error),), "unreadable"
         worst = max(worst, {"intact": 0, "damaged": 1, "unreadable": 2}[status])
         told.append({"file": str(file), "status": status, "problems": list(problems), "content_hash": digest})

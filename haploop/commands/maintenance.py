@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import show as display
 from haploop.commands.options import JSON, RIG, SIMULATE, FiniteRange, alone, opened_rig
 from haploop.exits import CommandState
-from haploop.instruments import HaploopError
+from haploop.progress import Steps, note, print_json
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -36,22 +38,19 @@ def doctor(state: CommandState, mass: float, rig: str, simulate: Mode | None, as
 
     Exit codes: 0 no finding is red, 1 at least one is red, 3 an instrument cannot be opened.
     """
-    from haploop.doctor import doctor as diagnosis  # noqa: PLC0415
-    from haploop.progress import Steps  # noqa: PLC0415
-
     missing = False
     with alone(rig, simulate) as file:
         simulated = (simulate or file.simulate) is not None
         try:
             with opened_rig(state, file, simulate) as opened, Steps() as steps:
                 simulated = opened.simulated
-                findings = diagnosis.examine(opened, mass, steps)
-        except HaploopError as error:
+                findings = haploop.examine(opened, mass, steps)
+        except haploop.HaploopError as error:
             # Once the rig has opened, the only error here is an unconfirmed safe state: report that one.
             if state.rig_opened:
                 raise
-            findings, missing = diagnosis.find_each(file, simulate, error), True
-    diagnosis.tell(findings, file.name, simulated, as_json)
+            findings, missing = haploop.examine_each(file, simulate, error), True
+    display.show_findings(findings, file.name, simulated, as_json)
     if missing:
         return 3
     return int(any(finding.status == "red" for finding in findings))
@@ -69,11 +68,8 @@ def log(last: int, rig: str, simulate: Mode | None, as_json: bool) -> None:
 
     Lists what was connected, played, refused and stopped, when, by whom and with which rig file.
     """
-    from haploop import logbook  # noqa: PLC0415
-    from haploop.instruments import load_rig_file  # noqa: PLC0415
-
-    file = load_rig_file(rig)
-    logbook.tell(file, simulate or file.simulate, last, as_json)
+    file = haploop.load_rig_file(rig)
+    display.show_log(file, simulate or file.simulate, last, as_json)
 
 
 @click.command()
@@ -84,16 +80,12 @@ def log(last: int, rig: str, simulate: Mode | None, as_json: bool) -> None:
 @SIMULATE
 def reset(reason: str, rig: str, simulate: Mode | None) -> None:
     """Clear the lockout after a limit trip, once someone has inspected the rig."""
-    from haploop import logbook  # noqa: PLC0415
-
-    with alone(rig, simulate) as file:
-        logbook.reset(file, simulate or file.simulate, reason)
+    file = haploop.load_rig_file(rig)
+    haploop.reset_lockout(file, reason, simulate)
+    note(f"The rig {file.name} plays again.")
 
 
 @click.command()
 def schema() -> None:
     """Print the JSON schema of rig files, for use in editors."""
-    from haploop.instruments.rig import rig_schema  # noqa: PLC0415
-    from haploop.progress import print_json  # noqa: PLC0415
-
-    print_json(rig_schema())
+    print_json(haploop.rig_schema())

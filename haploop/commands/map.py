@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import outputs
+from haploop import show as display
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE, FiniteRange, alone, opened_rig
 from haploop.exits import CommandState
+from haploop.progress import Steps, note
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -61,13 +65,8 @@ def map_command(
 
     An interrupted map is continued by the same command.
     """
-    from haploop.calibration.map import map_plan, measure_map  # noqa: PLC0415
-    from haploop.destinations import check_new_picture  # noqa: PLC0415
-    from haploop.progress import Steps, note  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-
     if gif is not None:
-        check_new_picture(gif, ".gif")
+        outputs.check_new_picture(gif, ".gif")
     chosen = None if points is None else _numbers(points)
     names = None if patches is None else [name.strip() for name in patches.split(",")]
     with (
@@ -75,24 +74,21 @@ def map_command(
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
-        plan = map_plan(
+        plan = haploop.map_plan(
             opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
         )
-        folder = measure_map(opened, out, plan, steps)
+        folder = haploop.measure_map(opened, out, plan, steps)
     for point, reason in folder.skipped().items():
         note(f"Point {point} was skipped: {reason} Run the same command again to measure it.")
-    display.show(out, as_json)
+    display.show_file(out, as_json)
     if gif is not None:
         _animate(out, gif)
     return 0
 
 
 def _animate(out: Path, gif: Path) -> None:
-    from haploop.calibration.map import VibrationMap  # noqa: PLC0415
-    from haploop.progress import note  # noqa: PLC0415
-    from haploop.show.map import animate  # noqa: PLC0415
 
-    animate(VibrationMap.load(out), gif)
+    haploop.animate_map(haploop.VibrationMap.load(out), gif)
     note(f"Animation: {gif}")
 
 

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import haploop
+from haploop import instruments
 from haploop.exits import CommandState
+from haploop.progress import note
 
 if TYPE_CHECKING:
     from haploop.instruments import Rig, RigFile
@@ -68,11 +71,9 @@ PATH = click.Path(path_type=Path)
 
 def on_table(rig: Rig, point: str) -> None:
     """Refuse a point that the rig's table does not have: ConfigurationError."""
-    from haploop.instruments import ConfigurationError  # noqa: PLC0415
-
     points = rig.table.rows * rig.table.columns
     if point != "button" and not (point.isdecimal() and int(point) < points):
-        raise ConfigurationError(
+        raise haploop.ConfigurationError(
             f"The table has no point {point!r}: use 'button', or a number from 0 to {points - 1}."
         )
 
@@ -80,25 +81,18 @@ def on_table(rig: Rig, point: str) -> None:
 @contextmanager
 def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
     """Load the rig file, and reserve its hardware for this program."""
-    from haploop.instruments import load_rig_file  # noqa: PLC0415
-    from haploop.instruments.rig import hardware  # noqa: PLC0415
-    from haploop.instruments.safety import reserve  # noqa: PLC0415
-
-    file = load_rig_file(rig)
+    file = haploop.load_rig_file(rig)
     if simulate or file.simulate:
         yield file
         return
-    with reserve(hardware(file, None), f"The rig {file.name!r}"):
+    with instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}"):
         yield file
 
 
 @contextmanager
 def opened_rig(state: CommandState, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
     """Open the rig, and print a note when it is simulated."""
-    from haploop.instruments import open_rig  # noqa: PLC0415
-    from haploop.progress import note  # noqa: PLC0415
-
-    with open_rig(file, simulate=simulate) as opened:
+    with haploop.open_rig(file, simulate=simulate) as opened:
         state.rig_opened = True
         if opened.simulated:
             world = (

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import show as display
 from haploop.commands.calibrations import CALIBRATIONS, actor, history_of
 from haploop.commands.options import JSON, RIG, SIMULATE, alone, on_table, opened_rig
 from haploop.exits import CommandState
+from haploop.progress import Steps
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -50,11 +53,6 @@ def recalibrate(
     2 invalid request, file or configuration; 3 something is broken. After 1, 2 and 3 the active
     calibration is unchanged.
     """
-    from haploop.calibration.upkeep import recalibration  # noqa: PLC0415
-    from haploop.instruments.operator.unattended import Unattended  # noqa: PLC0415
-    from haploop.progress import Steps  # noqa: PLC0415
-    from haploop.report import recalibration as report  # noqa: PLC0415
-
     history = history_of(rig, calibrations)
     history.active()
     with (
@@ -63,10 +61,10 @@ def recalibrate(
         Steps() as steps,
     ):
         on_table(opened, laser_at)
-        nobody = None if attended else Unattended(laser_at)
+        nobody = None if attended else haploop.Unattended(laser_at)
         if nobody:
             opened.adopt("operator", nobody)
-        outcome = recalibration.recalibrate(opened, history, actor=actor(), progress=steps)
-    written = report.write(history, outcome)
-    report.tell(outcome, tuple(nobody.assumed) if nobody else (), written, as_json)
+        outcome = haploop.recalibrate(opened, history, actor=actor(), progress=steps)
+    written = haploop.write_recalibration(history, outcome)
+    display.show_outcome(outcome, tuple(nobody.assumed) if nobody else (), written, as_json)
     return _EXITS[outcome.kind]

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import show as display
 from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, WAIT, alone, opened_rig
 from haploop.exits import CommandState
+from haploop.progress import Steps, note
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -53,24 +56,17 @@ def record(
     BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
     kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
     """
-    import haploop  # noqa: PLC0415
-    from haploop.acquisition import segmentation_for, set_aside  # noqa: PLC0415
-    from haploop.acquisition.recording import file_name  # noqa: PLC0415
-    from haploop.progress import Steps, note  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-    from haploop.show.study import rejection_line  # noqa: PLC0415
-
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         state.recordings = out
-        aside = set_aside(out / file_name(participant, button))
+        aside = haploop.set_aside(out / haploop.file_name(participant, button))
         if aside is not None:
             note(f"An interrupted recording without a press was renamed to {aside}.")
         protocol = haploop.Protocol(
-            wait=600.0 if wait is None else wait, segmentation=segmentation_for(button)
+            wait=600.0 if wait is None else wait, segmentation=haploop.segmentation_for(button)
         )
         recording = haploop.record(
             opened,
@@ -79,9 +75,9 @@ def record(
             presses,
             out,
             steps,
-            lambda press: None if press.accepted else note(rejection_line(press)),
+            lambda press: None if press.accepted else note(display.rejection_line(press)),
             protocol=protocol,
             notes=notes,
         )
-    display.show(recording.path, as_json)
+    display.show_file(recording.path, as_json)
     return 0

@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import outputs
+from haploop import show as display
 from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, WAIT, alone, opened_rig
 from haploop.exits import CommandState
+from haploop.progress import print_line
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -37,9 +41,9 @@ rig = "simulated"                   # your rig file, beside this one
 buttons = ["latch", "toggle", "push"]
 participants = ["P01", "P02", "P03"] # pseudonyms only; add new ones at the end
 presses = 10                        # of each button by each participant
+wait = 600                          # s that a session waits for a participant who is away, in all
 order = "counterbalanced"           # or "as-listed", or "random" with a seed
 consent = true                      # ask whether the consent form is signed, and store the answer
-wait = 600                          # s that a session waits for a participant who is away, in all
 
 # [prompts]
 # consent = "Has {{participant}} signed the form KU-17?"
@@ -62,13 +66,10 @@ def study() -> None:
 @click.argument("folder", type=PATH)
 def new(folder: Path) -> int:
     """Create a study: a FOLDER with a study.toml to fill in."""
-    from haploop.instruments.files import check_destination, new_file  # noqa: PLC0415
-    from haploop.progress import print_line  # noqa: PLC0415
-
     path = folder / "study.toml"
-    check_destination(path)
+    outputs.check_destination(path)
     # A string of JSON is one of TOML, whatever the folder's name holds.
-    with new_file(path) as part:
+    with outputs.new_file(path) as part:
         part.write_text(_NEW.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
     print_line(f"Fill in {path}, then: haploop study run --study {folder}")
     return 0
@@ -100,20 +101,17 @@ def run(
     A press that fails its quality check is kept, marked, and asked for again. At a console, type r and
     Enter to reject the preceding press.
     """
-    from haploop.acquisition import load_study, run_study  # noqa: PLC0415
-    from haploop.show.study import Counters, status  # noqa: PLC0415
-
-    opened = load_study(path)
+    opened = haploop.load_study(path)
     with (
         alone(rig or _own_rig(opened.path, opened.file.rig), simulate) as file,
         opened_rig(state, file, simulate) as instruments,
     ):
         state.recordings = opened.folder
         entries, typed_at = opened.progress(), not instruments.simulated
-        with Counters(opened.file.name, entries, typed_at) as counters:
+        with display.Counters(opened.file.name, entries, typed_at) as counters:
             callbacks = (counters.progress, counters.on_verdict)
-            run_study(instruments, opened, participants, buttons, *callbacks, notes=notes, wait=wait)
-    status(opened, opened.progress(), as_json)
+            haploop.run_study(instruments, opened, participants, buttons, *callbacks, notes=notes, wait=wait)
+    display.status(opened, opened.progress(), as_json)
     return 0
 
 
@@ -122,11 +120,8 @@ def run(
 @JSON
 def status_(path: Path, as_json: bool) -> int:
     """Show progress: accepted, bad and rejected presses, sessions interrupted or in progress, consent."""
-    from haploop.acquisition import load_study  # noqa: PLC0415
-    from haploop.show.study import status  # noqa: PLC0415
-
-    opened = load_study(path)
-    status(opened, opened.progress(), as_json)
+    opened = haploop.load_study(path)
+    display.status(opened, opened.progress(), as_json)
     return 0
 
 
@@ -158,10 +153,8 @@ def repeat(participant: str, button: str, reason: str, path: Path) -> int:
 
 
 def _reject(path: Path, participant: str, button: str, numbers: Sequence[int], reason: str) -> int:
-    from haploop.acquisition import load_study  # noqa: PLC0415
-    from haploop.progress import print_line  # noqa: PLC0415
 
-    rejected = load_study(path).reject(participant, button, numbers, reason)
+    rejected = haploop.load_study(path).reject(participant, button, numbers, reason)
     numbers = sorted({one.number for one in rejected})
     print_line(
         f"Rejected presses of {button} by {participant}: {', '.join(map(str, numbers))}. "
@@ -172,9 +165,7 @@ def _reject(path: Path, participant: str, button: str, numbers: Sequence[int], r
 
 def _own_rig(path: Path, rig: str | None) -> str:
     """The study's rig: a file beside the study file, or the name of a shipped rig."""
-    from haploop.instruments import ConfigurationError  # noqa: PLC0415
-
     if rig is None:
-        raise ConfigurationError(f'{path} names no rig: add `rig = "FILE"`, or use --rig FILE.')
+        raise haploop.ConfigurationError(f'{path} names no rig: add `rig = "FILE"`, or use --rig FILE.')
     beside = path.parent / rig
     return str(beside) if beside.is_file() else rig

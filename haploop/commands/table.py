@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+import haploop
+from haploop import outputs
+from haploop import show as display
 from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, on_table, opened_rig
 from haploop.exits import CommandState
+from haploop.progress import Steps
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -42,12 +46,7 @@ def calibrate(
     state: CommandState, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
 ) -> int:
     """Measure the table's response and fit a model."""
-    import haploop  # noqa: PLC0415
-    from haploop.destinations import check_new_file  # noqa: PLC0415
-    from haploop.progress import Steps  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-
-    check_new_file(out)
+    outputs.check_new_file(out)
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
@@ -56,7 +55,7 @@ def calibrate(
         on_table(opened, point)
         calibration = haploop.calibrate(opened, patch, point, steps)
     calibration.save(out)
-    display.show(out, as_json)
+    display.show_file(out, as_json)
     return 0
 
 
@@ -97,14 +96,10 @@ def check(
 
     Exit codes: 0 the check passed, 1 it failed.
     """
-    import haploop  # noqa: PLC0415
-    from haploop.progress import Steps  # noqa: PLC0415
-    from haploop.show import show as display  # noqa: PLC0415
-
     loaded = haploop.Calibration.load(calibration)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])
     if out is not None:
-        display.claim(out, press.button)
+        outputs.claim_check(out, press.button)
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
@@ -117,9 +112,9 @@ def check(
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
         result = haploop.check(opened, drive, progress=steps)
-    display.check(press, result, as_json)
+    display.show_check(press, result, as_json)
     if out is not None:
-        display.keep(out, press, result)
+        outputs.save_check(out, press, result)
     return 0 if result.passed else 1
 
 

@@ -1,1 +1,8 @@
-"""Figures: the paper's, and their common style."""
+"""Pictures: the paper's figures, and those of a press, a button, a map and a history.
+
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,6 @@
-"""HTML reports of a demo run and of a recalibration."""
+"""HTML reports: one file each, which needs nothing beside it."""
+
+from haploop.report.html import CaptionedFigure, render
+from haploop.report.recalibration import write_recalibration
+
+__all__ = ["CaptionedFigure", "render", "write_recalibration"]

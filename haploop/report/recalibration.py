@@ -1,33 +1,22 @@
-"""Result of `haploop recalibrate`: on standard output, and as an HTML report with before and after."""
+"""The HTML report of a recalibration, with before and after."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE
-from rich.table import Table
-
 from haploop.calibration.upkeep import History, Outcome, calibrations_of
+from haploop.figures import before_and_after, responses
 from haploop.instruments import DataError
 from haploop.instruments.files import new_file, os_error_text
-from haploop.progress import print_json, print_line, print_table
-from haploop.report.report import CaptionedFigure, render
-from haploop.show.history import before_and_after, responses
+from haploop.report.html import CaptionedFigure, render
+from haploop.show import OUTCOME_TITLES
 
-__all__ = ["tell", "write"]
-
-_TITLES = {
-    "unchanged": "The calibration holds",
-    "restored": "The table had drifted; every button is within tolerance again",
-    "drifted": "The table has drifted; not every button could be brought within tolerance",
-    "broken": "Something is broken; nothing was changed",
-}
+__all__ = ["write_recalibration"]
 
 
-def write(history: History, outcome: Outcome) -> Path | None:
+def write_recalibration(history: History, outcome: Outcome) -> Path | None:
     """Write the report of a table that had drifted into the history's `reports`; None for any other.
 
     Raises DataError when it cannot be written.
@@ -50,38 +39,10 @@ def write(history: History, outcome: Outcome) -> Path | None:
     return path
 
 
-def tell(outcome: Outcome, assumed: Sequence[str], report: Path | None, as_json: bool) -> None:
-    """Print the outcome. `assumed` lists requests that no operator was present to confirm."""
-    summary = {**outcome.summary(), "assumed": list(assumed), "report": str(report) if report else None}
-    if as_json:
-        print_json(summary)
-        return
-    if summary["buttons"]:
-        table = Table(box=SIMPLE, title=_TITLES[outcome.kind], title_justify="left")
-        for heading in ("Button", "Before", "After", "Verdict"):
-            table.add_column(heading, justify="left" if heading == "Button" else "right")
-        for name, checks in summary["buttons"].items():
-            after = checks["after"]
-            verdict = "not made" if after is None else "pass" if after["passed"] else "FAIL"
-            table.add_row(name, _error(checks["before"]), _error(after), verdict)
-        print_table(table)
-    else:
-        print_line(f"{_TITLES[outcome.kind]}.")
-    for sentence in outcome.sentences:
-        print_line(sentence)
-    for sentence in assumed:
-        print_line(f"Assumed, with no operator present: {sentence}")
-    print_line(f"Active: {outcome.active.name}")
-    if outcome.simulated:
-        print_line("Simulated: no real instrument measured this.")
-    if report is not None:
-        print_line(f"Report: {report}")
-
-
 def _summary(outcome: Outcome) -> dict[str, Any]:
     return {
         **outcome.summary(),
-        "title": _TITLES[outcome.kind],
+        "title": OUTCOME_TITLES[outcome.kind],
         "rig": calibrations_of(outcome.active)[0].response.rig,
         "software": metadata.version("haploop"),
     }
@@ -108,9 +69,3 @@ def _captioned_figures(history: History, outcome: Outcome) -> list[CaptionedFigu
             )
         )
     return captioned
-
-
-def _error(check: dict[str, Any] | None) -> str:
-    if check is None or check["nrmse"] is None:
-        return "not measured"
-    return f"{100 * check['nrmse']:.1f} %"

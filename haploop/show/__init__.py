@@ -1,1 +1,8 @@
-"""What the command line shows of files and results."""
+"""Results on standard output: tables, or one JSON object.
+
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,7 +9,10 @@ from rich.box import SIMPLE
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["fixed", "json_number", "percent", "property_table", "verdict"]
+__all__ = ["SIMULATED", "fixed", "json_number", "percent", "property_table", "verdict"]
+
+SIMULATED = "Simulated: no real instrument measured this."
+"""Follows every result of a simulated rig."""
 
 
 def property_table(title: str) -> Table:

@@ -12,6 +12,7 @@ from haploop.instruments.operator.role import (
     Request,
     Rest,
 )
+from haploop.instruments.operator.unattended import Unattended
 
 __all__ = [
     "Aim",
@@ -24,4 +25,5 @@ __all__ = [
     "Remove",
     "Request",
     "Rest",
+    "Unattended",
 ]

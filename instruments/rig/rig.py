@@ -3,44 +3,29 @@
 from __future__ import annotations
 
 import atexit
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from types import TracebackType
 from typing import Any, Self
-
-import numpy as np
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 from haploop.instruments.config import RigFile
-from haploop.instruments.daq import Block, Capture, Stream
+from haploop.instruments.daq import Capture
 from haploop.instruments.driver import Mode, Simulation
-from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.instruments.generator import Sweep
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.limits import Limits
-from haploop.instruments.operator import ConfirmSettings
 from haploop.instruments.progress import Progress, silent
-from haploop.instruments.rig.alignment import align, find
+from haploop.instruments.rig.declared_settings import DeclaredSettings
+from haploop.instruments.rig.monitoring import Monitoring
+from haploop.instruments.rig.playing import Playing
+from haploop.instruments.rig.ratings import ratings
 from haploop.instruments.rig.roles import Instruments
-from haploop.instruments.safety import (
-    AbortMonitor,
-    Audit,
-    Limiter,
-    Lockout,
-    SafeState,
-    combined,
-    exit_within,
-    state_folder,
-    trip,
-)
-from haploop.instruments.signals import at_console_close, deliver, ending_in_order, uninterrupted
+from haploop.instruments.safety import Audit, Limiter, Lockout, SafeState, combined, state_folder
+from haploop.instruments.signals import at_console_close, ending_in_order, uninterrupted
 
 __all__ = ["Rig"]
-
-_SLACK = 0.5
-"""Seconds within which a generator has answered its trigger, and a block has come."""
 
 
 class Rig(Instruments):
@@ -62,8 +47,10 @@ class Rig(Instruments):
         """Hardware that no second rig may use at once, and that a lockout is set on."""
         self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
         self._limiter = Limiter(clock, self.audit, self.hardware)
-        self._confirmed: set[str] = set()
         self._safe = SafeState(self._roles, clock, self.audit)
+        self._settings = DeclaredSettings(self)
+        monitoring = Monitoring(self, self.audit, self.hardware, self._limiter)
+        self._playing = Playing(self, clock, self._limiter, monitoring, self.make_safe)
         self._stack = ExitStack()
         self._signals = ExitStack()
 
@@ -100,7 +87,7 @@ class Rig(Instruments):
 
     def limits_for(self, patches: int) -> Limits:
         """As `limits`, with `patches` patches in parallel."""
-        return combined(self._ratings(patches))
+        return combined(ratings(self, patches))
 
     @property
     def lockout(self) -> Lockout | None:
@@ -109,18 +96,7 @@ class Rig(Instruments):
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
-        declared = {self.vibrometer.identity: self.vibrometer.declared}
-        if self._wired("player"):
-            declared[self.player.identity] = self.player.declared
-        for identity, sentence in declared.items():
-            if not sentence or sentence in self._confirmed:
-                continue
-            if not self.operator.confirm(ConfirmSettings(sentence)):
-                raise InstrumentError(
-                    f"The operator did not confirm the settings of the {identity}: "
-                    "set them as the rig file says, or change the rig file."
-                )
-            self._confirmed.add(sentence)
+        self._settings.confirm()
 
     def excite(
         self,
@@ -144,19 +120,7 @@ class Rig(Instruments):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        if self.amplifier.inputs:
-            return self.excite_each(dict.fromkeys(patches, drive), channels, tail, progress)
-        rate_hz = self.table.rate_hz
-        _refuse_tail(tail)
-        if not self._wired("player"):
-            return self._played({self.amplifier.input: drive}, patches, channels, tail, progress)
-        output, rendered = self.player.output, self.player.rendered
-        permitted = self._limiter.permit(
-            {output: drive}, rate_hz, frozenset(patches), self.amplifier, self._ratings, rendered
-        )
-        with uninterrupted(), permitted as volts:
-            count = len(drive) + max(1, round(tail * rate_hz))
-            return self._excite_by_player(drive, volts[output], patches, channels, count, progress)
+        return self._playing.excite(drive, patches, channels, tail, progress)
 
     def excite_each(
         self,
@@ -171,17 +135,7 @@ class Rig(Instruments):
         one patch. Raises ConfigurationError for an amplifier without a channel for each patch, and
         as `excite` does.
         """
-        inputs = self.amplifier.inputs
-        missing = [patch for patch in drives if patch not in inputs]
-        if missing or not drives:
-            raise ConfigurationError(
-                f"The amplifier of the rig {self.name!r} has no channel of its own for patch "
-                f"{', '.join(missing) or '(none was named)'}: play one patch at a time, or give 'input' in "
-                "[amplifier] a name for each patch."
-            )
-        _refuse_tail(tail)
-        own = {inputs[patch]: drive for patch, drive in drives.items()}
-        return self._played(own, tuple(drives), channels, tail, progress)
+        return self._playing.excite_each(drives, channels, tail, progress)
 
     def sweep(
         self,
@@ -201,19 +155,7 @@ class Rig(Instruments):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        _refuse_tail(tail)
-        if not sweep.amplitude > 0:
-            raise ConfigurationError(f"A sweep needs an amplitude above 0 V, and this has {sweep.amplitude}.")
-        if not self._wired("generator"):
-            raise ConfigurationError(
-                f"The generator of the rig {self.name!r} is wired to {self.generator.output!r}, and its "
-                f"amplifier's input is {self.amplifier.input!r}: give both the same name in the rig file."
-            )
-        permitted = self._limiter.permit_sweep(
-            self.generator.output, sweep, _SLACK, frozenset(patches), self.amplifier, self._ratings
-        )
-        with uninterrupted(), permitted as at_output:
-            return self._swept(at_output, patches, channels, tail, progress)
+        return self._playing.sweep(sweep, patches, channels, tail, progress)
 
     def make_safe(self) -> None:
         """Nothing plays, outputs at zero, then every relay channel open, read back. Idempotent.
@@ -249,169 +191,3 @@ class Rig(Instruments):
                 break
         if interrupted is not None:
             raise interrupted
-
-    def _played(
-        self,
-        drives: Mapping[str, FloatArray],
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float,
-        progress: Progress,
-    ) -> Capture:
-        """Drives (V at the patch) played on the DAQ's outputs."""
-        rate_hz = self.table.rate_hz
-        permitted = self._limiter.permit(drives, rate_hz, frozenset(patches), self.amplifier, self._ratings)
-        with uninterrupted(), permitted as volts:
-            samples = len(next(iter(volts.values())))
-            count = samples + max(1, round(tail * rate_hz))
-            padded = {output: np.pad(v, (0, count - samples)) for output, v in volts.items()}
-            with (
-                self._monitored(patches, channels, count, progress) as (recorded, each),
-                self._connected(patches),
-                self._streamed(recorded, count, padded) as stream,
-            ):
-                return _only(channels, stream.capture(each), count)
-
-    def _excite_by_player(
-        self,
-        drive: FloatArray,
-        volts: FloatArray,
-        patches: Collection[str],
-        channels: Sequence[str],
-        count: int,
-        progress: Progress,
-    ) -> Capture:
-        rate_hz, monitor = self.table.rate_hz, self._monitor()
-        total = count + round(self.player.room * rate_hz)
-        with (
-            self._monitored(patches, channels, total, progress) as (recorded, each),
-            self._connected(patches),
-            self._streamed(recorded, total) as stream,
-            exit_within(self.player.identity, self.player.play(volts, rate_hz)),
-        ):
-            capture = stream.capture(each)
-        if drive.any():
-            row = recorded.index(monitor.channels[0])
-            measured = monitor.to_si(capture.volts[[row]])[0]
-            delay = float(capture.delays[row])
-            capture = align(capture, find(measured, drive, rate_hz, delay, self.player.response), count)
-        return _only(channels, capture, count)
-
-    def _swept(
-        self,
-        sweep: Sweep,
-        patches: Collection[str],
-        channels: Sequence[str],
-        tail: float,
-        progress: Progress,
-    ) -> Capture:
-        """`sweep` is V at the generator's output."""
-        triggered: list[float] = []
-        ended = False
-        total = round((sweep.duration + tail + _SLACK) * self.table.rate_hz)
-        self.generator.configure(sweep)
-        with (
-            self._monitored(patches, channels, total, progress) as (recorded, each),
-            self._connected(patches),
-        ):
-
-            def follow(block: Block) -> None:
-                nonlocal ended
-                each(block)
-                if not triggered:
-                    self.generator.trigger()
-                    triggered.append(self.clock.now())
-                elif not ended and self.clock.now() >= triggered[0] + sweep.duration:
-                    self.generator.off()
-                    ended = True
-
-            self.generator.arm()
-            with self._streamed(recorded, total) as stream:
-                capture = _only(channels, stream.capture(follow), total)
-        if not ended:
-            raise InstrumentError(
-                f"The sweep of the {self.generator.identity} had not ended when recording ended: it was too "
-                "late to follow its trigger. Try again, and check its cable."
-            )
-        return capture
-
-    def _ratings(self, patches: int) -> dict[str, Limits]:
-        """Everybody's limits, with `patches` patches in parallel."""
-        table = self.table
-        patch = Limits(
-            min=table.patch_min, max=table.patch_max, capacitance=patches * table.patch_capacitance
-        )
-        relay = Limits(min=-self.relay.rating, max=self.relay.rating)
-        return {
-            "the amplifier": self.amplifier.limits(patches),
-            "the relay": relay,
-            "the patch": patch,
-            "the rig file's [limits]": self.file.limits.limits(),
-        }
-
-    def _streamed(
-        self, channels: Sequence[str], samples: int, play: Mapping[str, FloatArray] | None = None
-    ) -> AbstractContextManager[Stream]:
-        """A stream at the table's rate, in blocks of a tenth of a second."""
-        rate_hz = self.table.rate_hz
-        stream = self.daq.stream(channels, rate_hz, round(rate_hz / 10), samples, play)
-        return exit_within(self.daq.identity, stream)
-
-    @contextmanager
-    def _connected(self, patches: Collection[str]) -> Iterator[None]:
-        """Exactly these patches, with nothing played before, and the safe state after."""
-        try:
-            self.daq.zero()
-            self.relay.connect(patches)
-            yield
-        finally:
-            # Zero first: the relay switches without voltage, and a patch is left without charge.
-            self.make_safe()
-
-    @contextmanager
-    def _monitored(
-        self, patches: Collection[str], channels: Sequence[str], samples: int, progress: Progress
-    ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
-        """The channels to record, the monitored ones among them, and the function to call on every block.
-
-        The function renews the relay's dead man, tests the block, reports progress and delivers signals,
-        which are otherwise held back from before the first volt until the safe state. A block that trips
-        is an InstrumentError; the rig is locked out once the safe state has been tried.
-        """
-        laser = self.vibrometer if "vibrometer" in self._roles else None
-        limits = self.limits_for(len(frozenset(patches)))
-        abort_monitor = AbortMonitor(self.file.abort, self.sensors, laser, limits)
-        recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
-        doing, total = f"Play into patch {', '.join(patches)}", samples / self.table.rate_hz
-
-        def each(block: Block) -> None:
-            self.relay.renew()
-            abort_monitor.check(block, recorded)
-            progress(doing, min(block.end / self.table.rate_hz, total), total, "s")
-            deliver()
-
-        try:
-            yield recorded, each
-        finally:
-            if abort_monitor.tripped is not None:
-                rate_hz = self.table.rate_hz
-                self._limiter.unsaved_lockout = trip(
-                    self.audit, self.hardware, abort_monitor, recorded, rate_hz
-                )
-
-
-def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:
-    """The channels that were asked for, and no more than `samples`."""
-    rows = [capture.channels.index(channel) for channel in channels]
-    return replace(
-        capture,
-        channels=tuple(channels),
-        volts=capture.volts[rows, :samples],
-        delays=capture.delays[rows],
-        overload=capture.overload[rows],
-    )
-
-
-def _refuse_tail(tail: float) -> None:
-    if not 0 <= tail < np.inf:
-        raise ConfigurationError(f"Recording can go on for 0 s or more after a drive, not for {tail} s.")

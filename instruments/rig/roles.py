@@ -107,7 +107,12 @@ class Instruments:
             )
         return divider.channels[patches.index(patch)]
 
-    def _monitor(self) -> Divider:
+    def has(self, role: str) -> bool:
+        """Whether an instrument of this role is open."""
+        return role in self._roles
+
+    def drive_monitor(self) -> Divider:
+        """The divider that shows what a player plays. Raises ConfigurationError without one."""
         if self.file.sensors.drive is None:
             raise ConfigurationError(
                 f"The rig {self.name!r} has a player and no [sensors.drive]: what a player plays is known "
@@ -115,7 +120,7 @@ class Instruments:
             )
         return self.file.sensors.drive
 
-    def _wired(self, role: Literal["player", "generator"]) -> bool:
+    def feeds_amplifier(self, role: Literal["player", "generator"]) -> bool:
         """Whether that is what feeds the amplifier."""
         return role in self._roles and self._roles[role].output == self.amplifier.input
 

@@ -139,7 +139,9 @@ def test_the_operator_rejects_the_press_before(tmp_path):
     answers = iter([False] * 40 + [True] + [False] * 10_000)
     rig.operator.rejects = lambda: next(answers)
     live, told = [], []
-    recording = record(rig, "push", "P01", 3, tmp_path, lambda _, done, of, __: told.append((done, of)), live.append)
+    recording = record(
+        rig, "push", "P01", 3, tmp_path, lambda _, done, of, __: told.append((done, of)), live.append
+    )
     rejected = [press for press in live if press.flags]
     assert [press.flags for press in rejected] == [("rejected",)]
     number = rejected[0].number

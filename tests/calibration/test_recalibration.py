@@ -22,13 +22,22 @@ from haploop.calibration.upkeep.drift import compare
 from haploop.calibration.upkeep.history import History
 from haploop.calibration.upkeep.recalibration import (
     Outcome,
+    activate,
     adopt,
     buttons_of,
     calibrations_of,
     checks_before,
     recalibrate,
 )
-from haploop.instruments import ConfigurationError, DataError, InstrumentError, LimitError, Rig
+from haploop.instruments import (
+    ConfigurationError,
+    DataError,
+    InstrumentError,
+    LimitError,
+    Rig,
+    load_rig_file,
+    log_entries,
+)
 from haploop.instruments.config.rig_file import Recalibration
 from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.conftest import Calibrated, make_press
@@ -372,3 +381,39 @@ def test_killed_at_any_moment_exactly_one_is_active_and_whole(
             shutil.rmtree(history.folder)
     print(ends)
     assert ends["parent"] and (ends["new"] or not full)
+
+
+def test_what_becomes_active_is_logged_and_what_is_refused_is_not(
+    history: History, calibrated: Calibrated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "state"))
+    rig = calibrated.rig
+    first = history.active()
+    good = buttons_of(first)["push-A-button"]
+    bad = replace(good, check=replace(good.check, reasons=("No.",)))
+    for button, file, error in (
+        (bad, rig.file, DataError),
+        (good, load_rig_file("bench"), ConfigurationError),
+    ):
+        with pytest.raises(error, match=r"did not pass|not on 'bench'"):
+            adopt(history, [button], actor="a test", reason="no", rig=file)
+    with pytest.raises(ConfigurationError, match="not on 'bench'"):
+        activate(history, first.name, actor="a test", reason="no", rig=load_rig_file("bench"))
+    assert history.active() == first
+    second = adopt(history, [good], actor="a test", reason="once more", rig=rig.file)
+    assert activate(history, "1", actor="a test", reason="was better") == first == history.active()
+    logged = [(e["kind"], e["calibration"], e["reason"]) for e in log_entries(rig.file, rig.mode)]
+    assert logged == [("adopted", second.name, "once more"), ("activated", first.name, "was better")]
+
+
+def test_what_cannot_be_logged_does_not_become_active(
+    history: History, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
+    first, activations = history.active(), history.activations
+    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
+        adopt(history, list(buttons_of(first).values()), actor="a test", reason="no log")
+    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
+        activate(history, first.name, actor="a test", reason="no log")
+    assert history.activations == activations

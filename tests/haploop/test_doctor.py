@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from haploop.doctor.doctor import examine
-from haploop.doctor.finding import Finding
+from haploop.calibration.examination import Finding, examine
 from haploop.instruments import Rig
 from tests.conftest import OpenRig
 from tests.haploop.conftest import Run

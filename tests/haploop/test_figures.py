@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haploop.figures.figures import Profile, activation_forces, profiles
+from haploop.figures.paper import Profile, activation_forces, profiles
 from haploop.figures.plotting import active, continuous_phase, png, spectrum
-from haploop.report.report import CaptionedFigure, render
+from haploop.report.html import CaptionedFigure, render
 
 RATE = 5000.0
 

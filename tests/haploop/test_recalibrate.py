@@ -13,11 +13,11 @@ from haploop.acquisition import Representative
 from haploop.calibration import Calibration
 from haploop.calibration.drive.button import build_button
 from haploop.calibration.upkeep.history import History
+from haploop.figures.history import trend
 from haploop.instruments import open_rig
 from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
 from haploop.instruments.operator.unattended import Unattended
 from haploop.instruments.safety.lock import hold
-from haploop.show.history import trend
 from tests.haploop.conftest import Demo, Run
 
 REASON = ("--reason", "for a test")

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from haploop.acquisition.hdf5 import write
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
-from haploop.show import show
+from haploop.outputs import pictures
 from tests.elsewhere import in_use_elsewhere
 from tests.haploop.conftest import Demo, Run
 
@@ -31,10 +31,12 @@ def lab(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "command", [["record", "latch", "-p", "P01"], ["calibrate"], ["doctor"]], ids=" ".join
+    "command",
+    [["record", "latch", "-p", "P01"], ["calibrate"], ["doctor"], ["reset", "--reason", "why"]],
+    ids=" ".join,
 )
 def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, command: list[str]) -> None:
-    out = [] if command == ["doctor"] else ["--out", tmp_path / "out"]
+    out = [] if command[0] in ("doctor", "reset") else ["--out", tmp_path / "out"]
     with in_use_elsewhere(lab):
         result = run(*command, *out, "--rig", lab)
     assert result.exit_code == 3
@@ -84,7 +86,7 @@ def test_a_check_of_what_is_simulated_says_so(
         drawn.append(figure)
         return b"PNG"
 
-    monkeypatch.setattr(show, "png", png)
+    monkeypatch.setattr(pictures, "png", png)
     recording = demo.folder / "recordings" / "P01-latch.h5"
     result = run(
         "check", recording, "--calibration", demo.folder / "calibration.h5", "--out", tmp_path / "new",
@@ -99,10 +101,10 @@ def test_a_check_of_what_is_simulated_says_so(
 
 def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
     figure = Figure()
-    show.save(figure, tmp_path / "real.png", simulated=False)
+    pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
     assert not figure.texts
     with pytest.raises(ConfigurationError, match="exists"):
-        show.save(figure, tmp_path / "real.png", simulated=False)
+        pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sets no limit to the size of a file")

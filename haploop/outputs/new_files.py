@@ -1,13 +1,13 @@
-"""Output files: checked before anything is measured, not after."""
+"""New files: refused before anything is measured, not after."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from haploop.instruments import ConfigurationError
-from haploop.instruments.files import check_destination
+from haploop.instruments.files import check_destination, new_file
 
-__all__ = ["check_new_file", "check_new_picture"]
+__all__ = ["check_destination", "check_new_file", "check_new_picture", "new_file"]
 
 
 def check_new_file(path: Path) -> None:

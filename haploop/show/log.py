@@ -1,4 +1,4 @@
-"""`haploop log` and `haploop reset`: a rig's audit log, and its lockout."""
+"""A rig's audit log and lockout, on standard output."""
 
 from __future__ import annotations
 
@@ -10,22 +10,21 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.instruments import ConfigurationError, RigFile
+from haploop.instruments import RigFile, hardware, log_entries
 from haploop.instruments.driver import Mode
-from haploop.instruments.rig import hardware
-from haploop.instruments.safety import Audit, clear_lockout, entries, lockout_of, state_folder
+from haploop.instruments.safety import lockout_of, state_folder
 from haploop.progress import note, print_json, print_line, print_table
 
-__all__ = ["reset", "tell"]
+__all__ = ["show_log"]
 
 _WHO = ("rig", "rig_sha256", "simulated", "user", "host", "pid", "command", "version")
 """What every entry says of its program."""
 
 
-def tell(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
+def show_log(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
     """Print the last entries that programs have made for rigs of this name, and the lockout."""
     folder = state_folder(file, mode is not None)
-    found = deque((entry for entry in entries(folder) if entry.get("rig") == file.name), last)
+    found = deque(log_entries(file, mode), last)
     lockout = lockout_of(folder, hardware(file, mode))
     if as_json:
         print_json({"rig": file.name, "lockout": lockout and lockout.sentence, "entries": list(found)})
@@ -48,23 +47,6 @@ def tell(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
     else:
         print_line("The log has no entries yet.")
     note(lockout.sentence if lockout else "The rig is not locked out.")
-
-
-def reset(file: RigFile, mode: Mode | None, reason: str) -> None:
-    """Clear a rig's lockout, once the person's reason is in the log. Raises ConfigurationError."""
-    if not reason.strip():
-        raise ConfigurationError(
-            "A reset needs a reason: state the cause of the trip and what was done about it."
-        )
-    folder, pieces = state_folder(file, mode is not None), hardware(file, mode)
-    lockout = lockout_of(folder, pieces)
-    if lockout is None:
-        raise ConfigurationError(f"The rig {file.name!r} is not locked out: there is nothing to reset.")
-    Audit(file, folder, mode is not None).note(
-        "reset", reason=reason.strip(), locked_out=lockout.when, why=lockout.why
-    )
-    clear_lockout(folder, pieces)
-    note(f"The rig {file.name} plays again.")
 
 
 def _how(entry: Mapping[str, Any]) -> str:

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.fft import rfft, rfftfreq
 from scipy.optimize import linear_sum_assignment
 
-from haploop.calibration import linear_sweep
-from haploop.doctor.finding import Finding
+from haploop.calibration.examination.finding import Finding
+from haploop.calibration.response import linear_sweep
 from haploop.instruments import Aim, Capture, HaploopError, InstrumentError, Rig
 from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
 

@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from haploop.figures.plotting import png
+from haploop.figures import png
 
 __all__ = ["CaptionedFigure", "render"]
 
@@ -30,7 +30,7 @@ def render(
 ) -> str:
     """A summary as HTML by a template of this package, with the figures embedded as PNG."""
     environment = Environment(
-        loader=PackageLoader("haploop", ""),
+        loader=PackageLoader("haploop.report", ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -1,4 +1,4 @@
-"""`haploop doctor`: tests whether a rig is wired and set as its file says.
+"""Test whether a rig is wired and set as its file says.
 
 Tests that move nothing come first, then the relay with the amplifier at zero, then short sweeps of a
 few volts within the rig's own limits. The rig is in its safe state after each part.
@@ -7,34 +7,30 @@ few volts within the rig's own limits. The rig is in its safe state after each p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
-from typing import get_args
+from collections.abc import Callable, Iterator
 
-from rich.box import SIMPLE
-from rich.table import Table
-from rich.text import Text
-
-from haploop.doctor.finding import Finding, Status
-from haploop.doctor.patch_check import check_patches
-from haploop.doctor.sensor_check import cards, check_clock, check_force, check_gravity, check_noise
+from haploop.calibration.examination.finding import Finding, Status
+from haploop.calibration.examination.patch_check import check_patches
+from haploop.calibration.examination.sensor_check import (
+    cards,
+    check_clock,
+    check_force,
+    check_gravity,
+    check_noise,
+)
 from haploop.instruments import HaploopError, InstrumentError, Rig, RigFile, open_rig
 from haploop.instruments.config import ROLES
 from haploop.instruments.driver import Mode
 from haploop.instruments.progress import Progress, silent
-from haploop.progress import print_json, print_table
 
-__all__ = ["Finding", "examine", "find_each", "tell"]
-
-_STATUSES = get_args(Status)
+__all__ = ["examine", "examine_each"]
 
 
 def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Finding]:
     """Test every instrument and sensor of this rig, beginning with the tests that move nothing.
 
     `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is told
-    of each part. Raises InstrumentError only when the safe state
-    could not be confirmed.
+    of each part. Raises InstrumentError only when the safe state could not be confirmed.
     """
     parts: list[tuple[str, str, bool, Callable[[], Iterator[Finding]]]] = [
         ("Identities", "rig", True, lambda: _identities(rig)),
@@ -71,7 +67,7 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
     return findings
 
 
-def find_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list[Finding]:
+def examine_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list[Finding]:
     """Open each instrument by itself, for a rig that cannot be opened because of `error`."""
     findings: list[Finding] = []
     roles = [role for role in ROLES if role != "operator" and getattr(file, role) is not None]
@@ -92,24 +88,6 @@ def find_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list
         findings.append(Finding("Identity", "rig", "red", str(error)))
     findings.append(Finding("Everything else", "rig", "yellow", "Not tested: the rig could not be opened."))
     return findings
-
-
-def tell(findings: Sequence[Finding], rig: str, simulated: bool, as_json: bool) -> None:
-    """Print findings on standard output: a table, or one JSON object."""
-    worst = max((finding.status for finding in findings), key=_STATUSES.index)
-    if as_json:
-        found = [asdict(finding) for finding in findings]
-        print_json({"rig": rig, "simulated": simulated, "status": worst, "findings": found})
-        return
-    title = f"The rig {rig}{', simulated' if simulated else ''}: {worst}"
-    table = Table(box=SIMPLE, title=title, title_justify="left", show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column()
-    table.add_column(overflow="fold")
-    for finding in findings:
-        mark = Text(finding.status, style=finding.status)
-        table.add_row(mark, f"{finding.name} ({finding.instrument})", finding.sentence)
-    print_table(table)
 
 
 def _has_table(rig: Rig) -> bool:

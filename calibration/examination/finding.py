@@ -1,4 +1,4 @@
-"""A finding of `haploop doctor`."""
+"""A finding: the result of one test of a rig."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.signal import butter, correlate, sosfiltfilt
 
-from haploop.doctor.finding import Finding, Status
+from haploop.calibration.examination.finding import Finding, Status
 from haploop.instruments import Capture, HaploopError, Press, Rest, Rig
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.operator import Place, Remove

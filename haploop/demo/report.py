@@ -1,0 +1,156 @@
+"""The summary and the report of a demo."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+
+from haploop import figures
+from haploop.demo.result import PRESSES, ButtonResult, Demo
+from haploop.report import CaptionedFigure, render
+
+__all__ = ["report", "summarise"]
+
+
+def summarise(demo: Demo) -> dict[str, Any]:
+    """Summarise a run for `summary.json`: finite numbers, or null where nothing was measured."""
+    model, response = demo.calibration.model, demo.calibration.response
+    low, high = _band(demo)
+    inside = (response.frequencies >= low) & (response.frequencies <= high)
+    return {
+        "simulated": True,
+        "mode": demo.mode,
+        "rig": demo.rig,
+        "rig_file": demo.rig_file,
+        "seed": demo.simulation["seed"],
+        "simulation": dict(demo.simulation),
+        "participants": len(demo.buttons[0].recordings),
+        "buttons": {result.button: _button(result) for result in demo.buttons},
+        "patch": response.patch,
+        "point": response.point,
+        "resonance_hz": _number(model.resonance_hz),
+        "resonance_true_hz": _number(demo.true_resonance_hz),
+        "model_error": _number(model.error),
+        "coherence_min_in_band": _number(float(np.min(response.coherence[inside]))) if inside.any() else None,
+        "band_hz": [_number(low), _number(high)],
+        "notes": list(demo.notes),
+        "simulated_s": _number(demo.simulated_s),
+        "wall_s": _number(demo.wall_s),
+        "folder": str(demo.out),
+        "report": str(demo.out / "report.html"),
+        "software": _software(),
+        "date": response.created,
+        "passed": demo.passed,
+    }
+
+
+def _button(result: ButtonResult) -> dict[str, Any]:
+    forces = [force for by in _forces(result).values() for force in by]
+    measured, drive = result.check, result.check.drive
+    return {
+        "presses": PRESSES * len(result.recordings),
+        "presses_detected": sum(len(found) for found in result.presses),
+        "activation_force_n": _number(float(np.mean(forces))) if forces else None,
+        "activation_force_true_n": _number(float(np.mean(result.true_forces)))
+        if result.true_forces
+        else None,
+        "drive_peak_v": _number(drive.peak),
+        "drive_peak_to_peak_v": _number(float(np.ptp(drive.volts))),
+        "drive_measured_peak_v": _number(measured.drive_measured_peak),
+        "scale": _number(drive.scale),
+        "band_hz": [_number(edge) for edge in drive.band],
+        "in_band": _number(drive.in_band),
+        "predicted_error": _number(drive.predicted_error),
+        "nrmse": _number(measured.nrmse),
+        "correlation": _number(measured.correlation),
+        "envelope_correlation": _number(measured.envelope_correlation),
+        "third_octave_error_db": _number(measured.third_octave_error_db),
+        "floor": _number(measured.floor),
+        "tolerance": _number(measured.tolerance),
+        "plays": measured.plays,
+        "passed": bool(measured.passed),
+        "reasons": list(measured.reasons),
+        "left_out": list(result.press.left_out),
+        "sources": [{"file": r.path.name, "sha256": r.content_hash} for r in result.recordings],
+    }
+
+
+def _forces(result: ButtonResult) -> dict[str, list[float]]:
+    """Force (N) at activation of each press that has one, by participant."""
+    return {
+        recording.participant: [
+            press.force_at_activation for press in found if press.force_at_activation is not None
+        ]
+        for recording, found in zip(result.recordings, result.presses, strict=True)
+    }
+
+
+def _band(demo: Demo) -> tuple[float, float]:
+    """What the drives use of the response (Hz)."""
+    bands = [result.check.drive.band for result in demo.buttons]
+    return float(min(low for low, _ in bands)), float(max(high for _, high in bands))
+
+
+def report(demo: Demo, summary: Mapping[str, Any]) -> str:
+    """Render the report of a run as HTML."""
+    return render(summary, _captioned_figures(demo))
+
+
+def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
+    """The report's figures, each with the caption that says what is seen and which figure it follows."""
+    results = demo.buttons
+    response = demo.calibration.response
+    forces = {r.button: {p: np.array(f) for p, f in _forces(r).items()} for r in results}
+    truth = {r.button: float(np.mean(r.true_forces)) for r in results if r.true_forces}
+    carrier = results[0].check.drive.carrier_hz
+    return (
+        CaptionedFigure(
+            figures.profiles([figures.Profile.of(r.press) for r in results]),
+            "Representative press of each button",
+            "Normalised vertical acceleration (blue; the band is one standard deviation of the aligned "
+            "presses), force (red) and activation state (green), and the power spectral density (PSD) of "
+            "the acceleration. After the paper's figure 6.",
+        ),
+        CaptionedFigure(
+            figures.activation_forces(forces, truth),
+            "Force at activation",
+            "Each press (dots), and mean and standard deviation for each participant and for all together "
+            "(upper right). The black lines are the true values of the simulated plant. "
+            "After the paper's figure 7.",
+        ),
+        CaptionedFigure(
+            figures.response(demo.calibration, demo.true_response),
+            f"The table's response, patch {response.patch} to the button point",
+            "Velocity per volt measured at the patch (linear sine sweep), the fitted rational model, the "
+            "true response of the plant without patch hysteresis (dashed), and the coherence. The dotted "
+            "line is the resonance, which is the carrier frequency of the drive.",
+        ),
+        CaptionedFigure(
+            figures.drives([r.check.drive for r in results], demo.limits),
+            f"The drives at patch {response.patch}",
+            f"Each press modulated onto {carrier:.2f} Hz and divided by the response, as large as the "
+            "rig's limits allow. After the paper's figure 8.",
+        ),
+        CaptionedFigure(
+            figures.comparison([(r.press, r.check) for r in results]),
+            "Measured motion of the table",
+            "Left: the recorded press (blue) and the reconstructed acceleration (grey), each scaled to "
+            "its peak. Middle: target and measured acceleration around the largest peak. Right: their "
+            "spectra, and that of the recorded press to the same scale; the band that the drive uses is "
+            "shaded. After the paper's figure 9.",
+        ),
+    )
+
+
+def _software() -> dict[str, str]:
+    packages = ("haploop", "numpy", "scipy", "h5py", "nidaqmx", "dtaidistance", "scikit-rf", "matplotlib")
+    return {**{name: metadata.version(name) for name in packages}, "python": platform.python_version()}
+
+
+def _number(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None

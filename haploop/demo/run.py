@@ -1,0 +1,168 @@
+"""The complete workflow on a simulated rig: record, representative press, calibrate, drive, check, report."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from haploop.acquisition import Recording, Representative, accepted_presses, record, representative
+from haploop.calibration import Check, calibrate, drive_for
+from haploop.calibration.drive import check
+from haploop.demo.report import report, summarise
+from haploop.demo.result import BUTTONS, PRESSES, ButtonResult, Demo
+from haploop.instruments import ConfigurationError, Rig, load_rig_file, open_rig
+from haploop.instruments.clock import Clock, RealClock
+from haploop.instruments.driver import Mode
+from haploop.instruments.files import new_file
+from haploop.instruments.progress import Progress, part_of, prefixed, silent
+
+__all__ = ["claim_folder", "run_demo"]
+
+_RESULTS = ("recordings", "presses", "drives", "calibration.h5", "summary.json", "report.html")
+"""What a demo writes into its folder."""
+
+
+def run_demo(
+    out: str | Path | None = None,
+    rig: str | Path = "simulated",
+    *,
+    seed: int | None = None,
+    participants: int = 1,
+    mode: Mode | None = None,
+    progress: Progress = silent,
+    clock: Clock | None = None,
+) -> dict[str, Any]:
+    """Run the loop on a simulated rig and write all that it made into a folder (see `claim_folder`).
+
+    A lab's rig file is simulated too, as twins unless `mode` says wires: nothing real moves.
+    `seed` overrides the file's own. Returns the summary, which is also written as `summary.json`
+    beside `report.html`, `calibration.h5`, `recordings/`, `presses/` and `drives/`.
+
+    Raises ConfigurationError when `out` holds a demo already or cannot be written, and whatever
+    the steps raise.
+    """
+    clock = clock or RealClock()
+    began = clock.now()
+    file = load_rig_file(rig)
+    folder = claim_folder(out)
+    overrides = {} if seed is None else {"seed": seed}
+    with open_rig(file, simulate=mode or file.simulate or "twin", simulation=overrides) as opened:
+        demo = _loop(opened, folder, participants, str(rig), progress, lambda: clock.now() - began)
+    step = "Write the report"
+    progress(step, 0, 1, "")
+    summary = summarise(demo)
+    with new_file(folder / "summary.json") as part:
+        part.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    with new_file(folder / "report.html") as part:
+        part.write_text(report(demo, summary), encoding="utf-8", newline="\n")
+    progress(step, 1, 1, "")
+    return summary
+
+
+def claim_folder(out: str | Path | None) -> Path:
+    """The folder to write to, made if need be; None takes a new `haploop-demo`, `haploop-demo-2`, ...
+
+    Raises ConfigurationError when it holds a demo's files already, or cannot be made or written.
+    """
+    if out is None:
+        number, out = 1, Path("haploop-demo")
+        while out.exists():
+            number += 1
+            out = Path(f"haploop-demo-{number}")
+    out = Path(out)
+    taken = [name for name in _RESULTS if (out / name).exists()]
+    if taken:
+        raise ConfigurationError(
+            f"The folder {out} already holds {taken[0]} of an earlier demo, which is not overwritten: "
+            "choose another folder, or omit --out to create a new one."
+        )
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"The folder {out} cannot be written ({error.strerror or error}): choose another one with --out."
+        ) from None
+    return out
+
+
+def _loop(
+    rig: Rig, out: Path, participants: int, source: str, progress: Progress, wall: Callable[[], float]
+) -> Demo:
+    assert rig.simulation is not None
+    truth = rig.simulation.truth  # for the report; no step below is given it
+    start = rig.clock.now()
+    names = [f"P{number:02d}" for number in range(1, participants + 1)]
+
+    recordings: dict[str, list[Recording]] = {}
+    for button in BUTTONS:
+        step = f"Record the {button} button"
+        for index, name in enumerate(names):
+            each = part_of(progress, step, index * PRESSES, participants * PRESSES)
+            recorded = record(rig, button, name, PRESSES, out / "recordings", each)
+            recordings.setdefault(button, []).append(recorded)
+
+    presses: dict[str, Representative] = {}
+    (out / "presses").mkdir()
+    for button in BUTTONS:
+        step = f"Compute the representative press of the {button} button"
+        progress(step, 0, 1, "")
+        presses[button] = representative(recordings[button])
+        presses[button].save(out / "presses" / f"{button}.h5")
+        progress(step, 1, 1, "")
+
+    calibration = calibrate(rig, "A", "button", prefixed(progress, "Calibrate the table"))
+    calibration.save(out / "calibration.h5")
+
+    checks: dict[str, Check] = {}
+    (out / "drives").mkdir()
+    for button in BUTTONS:
+        step = f"Compute the drive of the {button} button"
+        progress(step, 0, 1, "")
+        drive = drive_for(presses[button], calibration, rig.limits)
+        drive.save(out / "drives" / f"{button}.h5")
+        progress(step, 1, 1, "")
+        checks[button] = check(rig, drive, progress=progress)
+
+    response = calibration.response
+    return Demo(
+        out=out,
+        rig=rig.name,
+        rig_file=source,
+        mode=str(rig.mode),
+        simulation=rig.file.simulation.model_dump(),
+        limits=(
+            max(rig.limits.min, -rig.limits.peak_to_peak / 2),
+            min(rig.limits.max, rig.limits.peak_to_peak / 2),
+        ),
+        buttons=tuple(
+            ButtonResult(
+                button,
+                tuple(recordings[button]),
+                tuple(accepted_presses(recording) for recording in recordings[button]),
+                presses[button],
+                checks[button],
+                tuple(
+                    p.activation_force
+                    for p in truth.presses
+                    if p.button == button and not p.flaw and p.activation_force is not None
+                ),
+            )
+            for button in BUTTONS
+        ),
+        calibration=calibration,
+        true_response=truth.velocity_response(response.patch, response.point, response.frequencies),
+        true_resonance_hz=truth.resonance_hz,
+        notes=tuple(n for n in [_loss(rig, calibration.model.resonance_hz)] if n),
+        simulated_s=rig.clock.now() - start,
+        wall_s=wall(),
+    )
+
+
+def _loss(rig: Rig, resonance_hz: float) -> str | None:
+    sensor = rig.sensors.acceleration
+    return sensor.loss(resonance_hz) if sensor else None

@@ -1,1 +1,0 @@
-"""`haploop doctor`: is the rig wired and set as its file says?"""

@@ -1,0 +1,15 @@
+from .button import button_figure as button_figure
+from .history import before_and_after as before_and_after
+from .history import responses as responses
+from .history import trend as trend
+from .map import animate_map as animate_map
+from .map import map_figure as map_figure
+from .paper import Profile as Profile
+from .paper import activation_forces as activation_forces
+from .paper import comparison as comparison
+from .paper import drives as drives
+from .paper import profiles as profiles
+from .paper import response as response
+from .plotting import mark_simulated as mark_simulated
+from .plotting import png as png
+from .press import recording_figure as recording_figure

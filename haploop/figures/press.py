@@ -1,0 +1,37 @@
+"""One press of a recording, drawn as in the paper's figure 6."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from haploop.acquisition import ButtonPress, Recording, high_pass
+from haploop.figures.paper import Profile, profiles
+from haploop.instruments import DataError
+
+__all__ = ["recording_figure"]
+
+
+def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Figure:
+    """The press whose force at activation is the median, as in the paper's figure 6."""
+    whole = [p for p in found if p.activation is not None and p.force_at_activation is not None]
+    if not whole:
+        raise DataError(
+            f"{recording.path} holds no accepted press with an activation, so there is nothing to plot."
+        )
+    press = sorted(whole, key=lambda p: p.force_at_activation or 0.0)[len(whole) // 2]
+    assert press.activation is not None
+    acceleration = high_pass(recording.acceleration[2], recording.rate_hz)
+    part = slice(press.start, press.stop)
+    sensor = recording.sensors.acceleration
+    profile = Profile(
+        button=recording.button,
+        time=np.asarray((np.arange(press.start, press.stop) - press.activation) / recording.rate_hz),
+        acceleration=acceleration[part],
+        force=recording.force[part],
+        # A maintained button opens at every other press: plot the change of state.
+        activation=np.abs(recording.activation[part] - recording.activation[press.start]),
+        rate_hz=recording.rate_hz,
+        bandwidth_hz=sensor.bandwidth_hz if sensor else None,
+    )
+    return profiles([profile])

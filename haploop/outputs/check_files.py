@@ -1,0 +1,31 @@
+"""The files of one check: press, drive and plot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from haploop.acquisition import Representative
+from haploop.calibration import Check
+from haploop.figures import comparison
+from haploop.instruments.files import check_destination
+from haploop.outputs.pictures import save_picture
+
+__all__ = ["claim_check", "save_check"]
+
+
+def claim_check(out: Path, button: str) -> None:
+    """Raise ConfigurationError, before anything is played, if `save_check` could not write there."""
+    for path in _names(out, button):
+        check_destination(path)
+
+
+def save_check(out: Path, press: Representative, result: Check) -> None:
+    """Save the inputs and results of a check in a folder. Raises ConfigurationError and DataError."""
+    press_file, drive_file, picture = _names(out, press.button)
+    press.save(press_file)
+    result.drive.save(drive_file)
+    save_picture(comparison([(press, result)]), picture, result.simulated)
+
+
+def _names(out: Path, button: str) -> tuple[Path, Path, Path]:
+    return out / f"{button}-press.h5", out / f"{button}-drive.h5", out / f"{button}-check.png"

@@ -1,0 +1,25 @@
+"""Pictures as new files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from haploop.figures import mark_simulated, png
+from haploop.instruments.files import check_destination, new_file
+
+__all__ = ["save_picture"]
+
+
+def save_picture(figure: Figure, path: Path, simulated: bool) -> None:
+    """Write a figure as a new PNG, marked if it shows simulated data.
+
+    Raises ConfigurationError when it exists or its folder cannot be written, DataError when the disk fails.
+    """
+    if simulated:
+        mark_simulated(figure)
+    content = png(figure)
+    check_destination(path)
+    with new_file(path) as part:
+        part.write_bytes(content)

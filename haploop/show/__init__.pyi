@@ -1,0 +1,17 @@
+from .check import show_check as show_check
+from .demo import show_demo as show_demo
+from .examination import show_findings as show_findings
+from .file import FileContents as FileContents
+from .file import file_contents as file_contents
+from .file import show_file as show_file
+from .forces import show_forces as show_forces
+from .history import describe as describe
+from .history import difference as difference
+from .history import listing as listing
+from .history import simulated as simulated
+from .log import show_log as show_log
+from .recalibration import OUTCOME_TITLES as OUTCOME_TITLES
+from .recalibration import show_outcome as show_outcome
+from .study import Counters as Counters
+from .study import rejection_line as rejection_line
+from .study import status as status

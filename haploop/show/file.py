@@ -1,0 +1,100 @@
+"""The contents of a file that haploop wrote: as values, as a table, and as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from haploop import figures
+from haploop.acquisition import Recording, Representative, accepted_presses, find_presses, hdf5
+from haploop.calibration import Calibration, DigitalButton, Drive
+from haploop.calibration.map import VibrationMap
+from haploop.instruments import DataError
+from haploop.outputs import check_new_picture, save_picture
+from haploop.progress import print_json, print_line, print_table
+from haploop.show.button import button_contents
+from haploop.show.calibration import calibration_contents, drive_contents
+from haploop.show.formatting import SIMULATED
+from haploop.show.map import map_contents
+from haploop.show.press import recording_contents, representative_contents
+
+__all__ = ["FileContents", "file_contents", "show_file"]
+
+
+@dataclass(frozen=True, eq=False)
+class FileContents:
+    """What a file holds."""
+
+    values: dict[str, Any]
+    """As JSON values; `kind` and `simulated` are always among them."""
+    table: Table
+    draw: Callable[[], Figure]
+    """Draws them. Raises DataError when there is nothing to draw."""
+
+
+def show_file(path: Path, as_json: bool, plot: Path | None = None) -> None:
+    """Print the contents of a file written by haploop, and plot it into `plot` (PNG).
+
+    Raises DataError for a file that is missing, damaged, or of another kind, and
+    ConfigurationError when `plot` cannot be written.
+    """
+    if plot is not None:
+        check_new_picture(plot)
+    found = file_contents(path)
+    values = found.values
+    if plot is not None:
+        save_picture(found.draw(), plot, values["simulated"])
+        values["plot"] = str(plot)
+    if as_json:
+        print_json(values)
+        return
+    print_table(found.table)
+    if values["simulated"]:
+        print_line(SIMULATED)
+    if plot is not None:
+        print_line(f"Plot: {plot}")
+
+
+def file_contents(path: Path) -> FileContents:
+    """What a file, or the folder of a vibration map, holds.
+
+    Raises DataError for a file that is missing, damaged, or of another kind.
+    """
+    if path.is_dir():
+        mapped = VibrationMap.load(path)
+        return FileContents(*map_contents(mapped), lambda: figures.map_figure(mapped))
+    kind = _kind(path)
+    if kind == "recording":
+        recording = Recording.open(path)
+        pressed = find_presses(recording)
+        counted = accepted_presses(recording, pressed)
+        return FileContents(
+            *recording_contents(recording, pressed, counted),
+            lambda: figures.recording_figure(recording, counted),
+        )
+    if kind == "representative":
+        press = Representative.load(path)
+        return FileContents(
+            *representative_contents(press), lambda: figures.profiles([figures.Profile.of(press)])
+        )
+    if kind == "calibration":
+        calibration = Calibration.load(path)
+        return FileContents(*calibration_contents(calibration), lambda: figures.response(calibration))
+    if kind == "button":
+        button = DigitalButton.load(path)
+        return FileContents(*button_contents(button), lambda: figures.button_figure(button))
+    drive = Drive.load(path)
+    return FileContents(*drive_contents(drive), lambda: figures.drives([drive]))
+
+
+def _kind(path: Path) -> str:
+    """The kind of a file: recording, representative, calibration, drive or button. Raises DataError."""
+    kind = hdf5.kind_of(path)
+    if kind not in ("recording", "representative", "calibration", "drive", "button"):
+        raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
+    return kind

@@ -1,0 +1,113 @@
+"""Force at activation in several recordings, by participant and button."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.table import Table
+
+from haploop.acquisition import Recording, accepted_presses, load_study
+from haploop.figures import activation_forces
+from haploop.instruments import DataError
+from haploop.instruments.arrays import FloatArray
+from haploop.outputs import check_new_picture, save_picture
+from haploop.progress import print_json, print_line, print_table
+from haploop.show.formatting import SIMULATED
+
+__all__ = ["forces_in", "show_forces"]
+
+Forces = Mapping[str, Mapping[str, FloatArray]]
+"""Force at activation (N) of each press: button -> participant -> (presses,)."""
+
+
+def forces_in(recordings: Sequence[Recording]) -> Forces:
+    """The force at activation of every accepted press. Raises DataError."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for recording in recordings:
+        mine = found.setdefault(recording.button, {}).setdefault(recording.participant, [])
+        mine += [
+            press.force_at_activation
+            for press in accepted_presses(recording)
+            if press.force_at_activation is not None
+        ]
+    return {
+        button: {participant: np.array(mine) for participant, mine in sorted(by.items()) if mine}
+        for button, by in found.items()
+        if any(by.values())
+    }
+
+
+def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None:
+    """Print and plot (the paper's figure 7) the force at activation by participant and button.
+
+    `paths` are recordings, or studies with all their recordings. Raises DataError when they hold no
+    accepted press, and ConfigurationError when `plot` cannot be written.
+    """
+    if plot is not None:
+        check_new_picture(plot)
+    recordings = [recording for path in paths for recording in _recordings(path)]
+    by_button = forces_in(recordings)
+    if not by_button:
+        raise DataError(
+            "The recordings hold no accepted press with an activation, so there is no force to show."
+        )
+    simulated = any(recording.simulated for recording in recordings)
+    if plot is not None:
+        save_picture(activation_forces(by_button), plot, simulated)
+    if as_json:
+        print_json(
+            {
+                "kind": "recordings",
+                "simulated": simulated,
+                "files": [str(recording.path) for recording in recordings],
+                "buttons": {
+                    button: {
+                        **_summary(np.concatenate(list(by.values()))),
+                        "participants": {name: _summary(mine) for name, mine in by.items()},
+                    }
+                    for button, by in by_button.items()
+                },
+                **({"plot": str(plot)} if plot else {}),
+            }
+        )
+        return
+    table = Table(box=SIMPLE, title="Force at activation", title_justify="left")
+    table.add_column("Participant")
+    for button in by_button:
+        table.add_column(button.capitalize(), justify="right", no_wrap=True)
+    for name in sorted({name for by in by_button.values() for name in by}):
+        table.add_row(name, *(_force(by.get(name)) for by in by_button.values()))
+    table.add_section()
+    table.add_row("All", *(_force(np.concatenate(list(by.values()))) for by in by_button.values()))
+    print_table(table)
+    if simulated:
+        print_line(SIMULATED)
+    if plot is not None:
+        print_line(f"Plot: {plot}")
+
+
+def _recordings(path: Path) -> list[Recording]:
+    """A recording, or all recordings of a study."""
+    if not path.is_dir() and path.suffix != ".toml":
+        return [Recording.open(path)]
+    study = load_study(path)
+    return [recording for button in study.file.buttons for recording in study.recordings(button)]
+
+
+def _summary(mine: FloatArray) -> dict[str, Any]:
+    return {
+        "presses": len(mine),
+        "activation_force_n": float(np.mean(mine)),
+        "activation_force_sd_n": float(np.std(mine, ddof=1)) if len(mine) > 1 else None,
+    }
+
+
+def _force(mine: FloatArray | None) -> str:
+    if mine is None or not len(mine):
+        return "-"
+    spread = f" ± {np.std(mine, ddof=1):.2f}" if len(mine) > 1 else ""
+    return f"{np.mean(mine):.2f}{spread} N ({len(mine)})"

@@ -1,0 +1,33 @@
+"""Settings that no software can read: declared in the rig file, confirmed by the operator."""
+
+from __future__ import annotations
+
+from haploop.instruments.errors import InstrumentError
+from haploop.instruments.operator import ConfirmSettings
+from haploop.instruments.rig.roles import Instruments
+
+__all__ = ["DeclaredSettings"]
+
+
+class DeclaredSettings:
+    """The declared settings of a rig's instruments, and which of them were confirmed already."""
+
+    def __init__(self, rig: Instruments) -> None:
+        self._rig = rig
+        self._confirmed: set[str] = set()
+
+    def confirm(self) -> None:
+        """See `Rig.confirm_settings`."""
+        rig = self._rig
+        declared = {rig.vibrometer.identity: rig.vibrometer.declared}
+        if rig.feeds_amplifier("player"):
+            declared[rig.player.identity] = rig.player.declared
+        for identity, sentence in declared.items():
+            if not sentence or sentence in self._confirmed:
+                continue
+            if not rig.operator.confirm(ConfirmSettings(sentence)):
+                raise InstrumentError(
+                    f"The operator did not confirm the settings of the {identity}: "
+                    "set them as the rig file says, or change the rig file."
+                )
+            self._confirmed.add(sentence)

@@ -1,0 +1,57 @@
+"""A play while it lasts: each block is tested, and the block that trips ends it and locks out the rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+
+from haploop.instruments.daq import Block
+from haploop.instruments.progress import Progress
+from haploop.instruments.rig.ratings import ratings
+from haploop.instruments.rig.roles import Instruments
+from haploop.instruments.safety import AbortMonitor, Audit, Limiter, combined, trip
+from haploop.instruments.signals import deliver
+
+__all__ = ["Monitoring"]
+
+
+class Monitoring:
+    """The abort monitor of each play of a rig. `hardware` is what a trip locks out."""
+
+    def __init__(self, rig: Instruments, audit: Audit, hardware: Collection[str], limiter: Limiter) -> None:
+        self._rig = rig
+        self._audit = audit
+        self._hardware = hardware
+        self._limiter = limiter
+
+    @contextmanager
+    def monitored(
+        self, patches: Collection[str], channels: Sequence[str], samples: int, progress: Progress
+    ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
+        """The channels to record, the monitored ones among them, and the function to call on every block.
+
+        The function renews the relay's dead man, tests the block, reports progress and delivers signals,
+        which are otherwise held back from before the first volt until the safe state. A block that trips
+        is an InstrumentError; the rig is locked out once the safe state has been tried.
+        """
+        rig = self._rig
+        laser = rig.vibrometer if rig.has("vibrometer") else None
+        limits = combined(ratings(rig, len(frozenset(patches))))
+        abort_monitor = AbortMonitor(rig.file.abort, rig.sensors, laser, limits)
+        recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
+        doing, total = f"Play into patch {', '.join(patches)}", samples / rig.table.rate_hz
+
+        def each(block: Block) -> None:
+            rig.relay.renew()
+            abort_monitor.check(block, recorded)
+            progress(doing, min(block.end / rig.table.rate_hz, total), total, "s")
+            deliver()
+
+        try:
+            yield recorded, each
+        finally:
+            if abort_monitor.tripped is not None:
+                rate_hz = rig.table.rate_hz
+                self._limiter.unsaved_lockout = trip(
+                    self._audit, self._hardware, abort_monitor, recorded, rate_hz
+                )

@@ -1,0 +1,248 @@
+"""Playing: a drive by the DAQ's outputs or by a player, and a sweep by a generator.
+
+The order is always the same: the limiter authorises, signals are held back, the block monitor stands ready,
+the output is zero, the relay connects; and after, whatever happened, the safe state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.clock import Clock
+from haploop.instruments.daq import Block, Capture, Stream
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.generator import Sweep
+from haploop.instruments.limits import Limits
+from haploop.instruments.progress import Progress, silent
+from haploop.instruments.rig.alignment import align, find
+from haploop.instruments.rig.monitoring import Monitoring
+from haploop.instruments.rig.ratings import ratings
+from haploop.instruments.rig.roles import Instruments
+from haploop.instruments.safety import Limiter, exit_within
+from haploop.instruments.signals import uninterrupted
+
+__all__ = ["Playing"]
+
+_SLACK = 0.5
+"""Seconds within which a generator has answered its trigger, and a block has come."""
+
+
+class Playing:
+    """What plays on a rig: nothing but what its limiter authorises, and `make_safe` after it."""
+
+    def __init__(
+        self,
+        rig: Instruments,
+        clock: Clock,
+        limiter: Limiter,
+        monitoring: Monitoring,
+        make_safe: Callable[[], None],
+    ) -> None:
+        self._rig = rig
+        self._clock = clock
+        self._limiter = limiter
+        self._monitoring = monitoring
+        self._make_safe = make_safe
+
+    def excite(
+        self,
+        drive: FloatArray,
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float = 0.0,
+        progress: Progress = silent,
+    ) -> Capture:
+        """See `Rig.excite`."""
+        rig = self._rig
+        if rig.amplifier.inputs:
+            return self.excite_each(dict.fromkeys(patches, drive), channels, tail, progress)
+        rate_hz = rig.table.rate_hz
+        _refuse_tail(tail)
+        if not rig.feeds_amplifier("player"):
+            return self._played({rig.amplifier.input: drive}, patches, channels, tail, progress)
+        output, rendered = rig.player.output, rig.player.rendered
+        permitted = self._limiter.permit(
+            {output: drive}, rate_hz, frozenset(patches), rig.amplifier, self._ratings, rendered
+        )
+        with uninterrupted(), permitted as volts:
+            count = len(drive) + max(1, round(tail * rate_hz))
+            return self._excite_by_player(drive, volts[output], patches, channels, count, progress)
+
+    def excite_each(
+        self,
+        drives: Mapping[str, FloatArray],
+        channels: Sequence[str],
+        tail: float = 0.0,
+        progress: Progress = silent,
+    ) -> Capture:
+        """See `Rig.excite_each`."""
+        rig = self._rig
+        inputs = rig.amplifier.inputs
+        missing = [patch for patch in drives if patch not in inputs]
+        if missing or not drives:
+            raise ConfigurationError(
+                f"The amplifier of the rig {rig.name!r} has no channel of its own for patch "
+                f"{', '.join(missing) or '(none was named)'}: play one patch at a time, or give 'input' in "
+                "[amplifier] a name for each patch."
+            )
+        _refuse_tail(tail)
+        own = {inputs[patch]: drive for patch, drive in drives.items()}
+        return self._played(own, tuple(drives), channels, tail, progress)
+
+    def sweep(
+        self,
+        sweep: Sweep,
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float = 0.0,
+        progress: Progress = silent,
+    ) -> Capture:
+        """See `Rig.sweep`."""
+        rig = self._rig
+        _refuse_tail(tail)
+        if not sweep.amplitude > 0:
+            raise ConfigurationError(f"A sweep needs an amplitude above 0 V, and this has {sweep.amplitude}.")
+        if not rig.feeds_amplifier("generator"):
+            raise ConfigurationError(
+                f"The generator of the rig {rig.name!r} is wired to {rig.generator.output!r}, and its "
+                f"amplifier's input is {rig.amplifier.input!r}: give both the same name in the rig file."
+            )
+        permitted = self._limiter.permit_sweep(
+            rig.generator.output, sweep, _SLACK, frozenset(patches), rig.amplifier, self._ratings
+        )
+        with uninterrupted(), permitted as at_output:
+            return self._swept(at_output, patches, channels, tail, progress)
+
+    def _played(
+        self,
+        drives: Mapping[str, FloatArray],
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float,
+        progress: Progress,
+    ) -> Capture:
+        """Drives (V at the patch) played on the DAQ's outputs."""
+        rig = self._rig
+        rate_hz = rig.table.rate_hz
+        permitted = self._limiter.permit(drives, rate_hz, frozenset(patches), rig.amplifier, self._ratings)
+        with uninterrupted(), permitted as volts:
+            samples = len(next(iter(volts.values())))
+            count = samples + max(1, round(tail * rate_hz))
+            padded = {output: np.pad(v, (0, count - samples)) for output, v in volts.items()}
+            with (
+                self._monitoring.monitored(patches, channels, count, progress) as (recorded, each),
+                self._connected(patches),
+                self._streamed(recorded, count, padded) as stream,
+            ):
+                return _only(channels, stream.capture(each), count)
+
+    def _excite_by_player(
+        self,
+        drive: FloatArray,
+        volts: FloatArray,
+        patches: Collection[str],
+        channels: Sequence[str],
+        count: int,
+        progress: Progress,
+    ) -> Capture:
+        rig = self._rig
+        rate_hz, monitor = rig.table.rate_hz, rig.drive_monitor()
+        total = count + round(rig.player.room * rate_hz)
+        with (
+            self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
+            self._connected(patches),
+            self._streamed(recorded, total) as stream,
+            exit_within(rig.player.identity, rig.player.play(volts, rate_hz)),
+        ):
+            capture = stream.capture(each)
+        if drive.any():
+            row = recorded.index(monitor.channels[0])
+            measured = monitor.to_si(capture.volts[[row]])[0]
+            delay = float(capture.delays[row])
+            capture = align(capture, find(measured, drive, rate_hz, delay, rig.player.response), count)
+        return _only(channels, capture, count)
+
+    def _swept(
+        self,
+        sweep: Sweep,
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float,
+        progress: Progress,
+    ) -> Capture:
+        """`sweep` is V at the generator's output."""
+        rig = self._rig
+        triggered: list[float] = []
+        ended = False
+        total = round((sweep.duration + tail + _SLACK) * rig.table.rate_hz)
+        rig.generator.configure(sweep)
+        with (
+            self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
+            self._connected(patches),
+        ):
+
+            def follow(block: Block) -> None:
+                nonlocal ended
+                each(block)
+                if not triggered:
+                    rig.generator.trigger()
+                    triggered.append(self._clock.now())
+                elif not ended and self._clock.now() >= triggered[0] + sweep.duration:
+                    rig.generator.off()
+                    ended = True
+
+            rig.generator.arm()
+            with self._streamed(recorded, total) as stream:
+                capture = _only(channels, stream.capture(follow), total)
+        if not ended:
+            raise InstrumentError(
+                f"The sweep of the {rig.generator.identity} had not ended when recording ended: it was too "
+                "late to follow its trigger. Try again, and check its cable."
+            )
+        return capture
+
+    def _streamed(
+        self, channels: Sequence[str], samples: int, play: Mapping[str, FloatArray] | None = None
+    ) -> AbstractContextManager[Stream]:
+        """A stream at the table's rate, in blocks of a tenth of a second."""
+        rig = self._rig
+        rate_hz = rig.table.rate_hz
+        stream = rig.daq.stream(channels, rate_hz, round(rate_hz / 10), samples, play)
+        return exit_within(rig.daq.identity, stream)
+
+    @contextmanager
+    def _connected(self, patches: Collection[str]) -> Iterator[None]:
+        """Exactly these patches, with nothing played before, and the safe state after."""
+        rig = self._rig
+        try:
+            rig.daq.zero()
+            rig.relay.connect(patches)
+            yield
+        finally:
+            # Zero first: the relay switches without voltage, and a patch is left without charge.
+            self._make_safe()
+
+    def _ratings(self, patches: int) -> dict[str, Limits]:
+        return ratings(self._rig, patches)
+
+
+def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:
+    """The channels that were asked for, and no more than `samples`."""
+    rows = [capture.channels.index(channel) for channel in channels]
+    return replace(
+        capture,
+        channels=tuple(channels),
+        volts=capture.volts[rows, :samples],
+        delays=capture.delays[rows],
+        overload=capture.overload[rows],
+    )
+
+
+def _refuse_tail(tail: float) -> None:
+    if not 0 <= tail < np.inf:
+        raise ConfigurationError(f"Recording can go on for 0 s or more after a drive, not for {tail} s.")

@@ -1,0 +1,199 @@
+"""Where things stand, and how they are reached. The rules:
+
+1. A folder with an `__init__` is installed: `[tool.setuptools] packages` lists it, and nothing else.
+2. A sub-package whose `__init__` hands on names is entered by that door: from outside it, product code says
+   `from haploop.calibration.response import Response`, not `from haploop.calibration.response.response import
+   Response`. A sub-package that hands on nothing (`haploop.commands`, those of `mocks`) is entered by its
+   modules, and so are the small modules of a room, which stand in no sub-package (`instruments.arrays`).
+   A driver may be imported by the module that its entry point names. A simulated instrument may import the
+   modules of the product that it stands for: `mocks/daq` those of `instruments/daq`, because it speaks with
+   the driver's codec and settings.
+3. A name with a leading underscore stays in its package.
+4. Inside a room, its own door is not used: it would import what stands above.
+5. A file that is named in code or documents is there.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+FOLDERS: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
+"""Where the rooms are that are not folders of `haploop`."""
+ROOMS = {"haploop", *FOLDERS}
+
+
+def folder_of(package: str) -> Path:
+    for room, folder in FOLDERS.items():
+        if package == room or package.startswith(f"{room}."):
+            return ROOT / folder / package[len(room) + 1 :].replace(".", "/")
+    return ROOT / package.replace(".", "/")
+
+
+def found_packages() -> set[str]:
+    found = set()
+    for room in ROOMS:
+        top = folder_of(room)
+        for init in top.rglob("__init__.py"):
+            found.add(".".join([room, *init.parent.relative_to(top).parts]))
+    return found
+
+
+PACKAGES = found_packages()
+MODULES = {
+    path: ".".join([package] if path.stem == "__init__" else [package, path.stem])
+    for package in PACKAGES
+    for path in folder_of(package).glob("*.py")
+}
+"""Every file of the product, and the name that it is imported by."""
+
+
+ENTRY_POINTS = {
+    module.partition(":")[0]
+    for group in PROJECT["project"]["entry-points"].values()
+    for module in group.values()
+}
+
+
+def handed_on(package: str) -> set[str]:
+    """The names that a package's door hands on."""
+    folder = folder_of(package)
+    if "__all__" not in (folder / "__init__.py").read_text(encoding="utf-8"):
+        return set()
+    stub = folder / "__init__.pyi"
+    door = stub if stub.is_file() else folder / "__init__.py"
+    return {
+        alias.asname or alias.name
+        for node in ast.walk(ast.parse(door.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+DOORS = {package: handed_on(package) for package in PACKAGES}
+
+
+def package_of(module: str) -> str:
+    return module if module in PACKAGES else module.rpartition(".")[0]
+
+
+def sub_package_of(module: str) -> str:
+    """The sub-package of a room that a module stands in, however deep; empty for a room's own module."""
+    parts = module.split(".")
+    depth = 2 if parts[1:] and ".".join(parts[:2]) not in ROOMS else 3
+    candidate = ".".join(parts[:depth])
+    return candidate if candidate in PACKAGES - ROOMS else ""
+
+
+def inside(module: str, package: str) -> bool:
+    return module == package or module.startswith(f"{package}.")
+
+
+def imports(path: Path) -> Iterator[tuple[int, str, str]]:
+    """Line, module, and name of every import of haploop's; the name is empty for `import module`."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                if inside(alias.name, "haploop"):
+                    yield node.lineno, alias.name, ""
+        elif isinstance(node, ast.ImportFrom) and node.module and inside(node.module, "haploop"):
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                if whole in MODULES.values() and alias.name not in DOORS[package_of(node.module)]:
+                    yield node.lineno, whole, ""
+                else:
+                    yield node.lineno, node.module, alias.name
+
+
+def role_of(module: str) -> str:
+    """The folder of a sub-package in its room: `daq` of `haploop.mocks.daq.ni.server`."""
+    parts = module.split(".")
+    return parts[2] if len(parts) > 2 else ""
+
+
+def stands_for(importer: str, module: str) -> bool:
+    """A simulated instrument and the product that it stands for."""
+    return (
+        inside(importer, "haploop.mocks")
+        and inside(module, "haploop.instruments")
+        and role_of(importer) == role_of(module)
+    )
+
+
+def each_import() -> list[tuple[str, str, str, str]]:
+    """Place, importer, module, and name of every import in the product."""
+    return [
+        (f"{path.relative_to(ROOT)}:{line}", MODULES[path], module, name)
+        for path in sorted(MODULES)
+        for line, module, name in imports(path)
+    ]
+
+
+def test_every_package_is_installed() -> None:
+    assert sorted(PROJECT["tool"]["setuptools"]["packages"]) == sorted(PACKAGES)
+
+
+def test_a_sub_package_is_entered_by_its_door() -> None:
+    wrong = [
+        f"{place}: {module}"
+        for place, importer, module, _ in each_import()
+        if (package := sub_package_of(module)) not in ("", module)
+        and DOORS[package]
+        and not inside(importer, package)
+        and module not in ENTRY_POINTS
+        and not stands_for(importer, module)
+    ]
+    assert not wrong, "\n".join(["Import these names from the door of their package:", *wrong])
+
+
+def test_private_names_stay_in_their_package() -> None:
+    wrong = [
+        f"{place}: {module} {name}"
+        for place, importer, module, name in each_import()
+        if any(part.startswith("_") and not part.startswith("__") for part in (*module.split("."), name))
+        and package_of(importer) != package_of(module)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_room_does_not_use_its_own_door() -> None:
+    wrong = [
+        f"{place}: {module}"
+        for place, importer, module, name in each_import()
+        if name and module in FOLDERS and inside(importer, module)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+NAMED = re.compile(r"(?<![\w/.*~<{:-])(?:\.{1,2}/)*[\w-]+(?:/[\w.-]+)*\.(?:md|py)\b")
+"""A document, or a Python file; neither is part of an address or of a pattern."""
+GUIDE = ROOT / "examples" / "haploop-acme-relay"
+
+
+def tracked() -> list[Path]:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    return [ROOT / name for name in listed.stdout.decode().split("\0") if name and (ROOT / name).is_file()]
+
+
+def test_a_file_that_is_named_is_there() -> None:
+    """Of Python files only those with their folder: a script beside a reader's rig file is not ours."""
+    files = set(tracked())
+    ours = {path.relative_to(ROOT).parts[0] for path in files}
+    wrong = []
+    for path in sorted(files):
+        if path.suffix not in {".py", ".pyi", ".md", ".toml", ".yml", ".cff"}:
+            continue
+        folders = (ROOT, ROOT / "docs", path.parent, GUIDE)
+        for name in NAMED.findall(path.read_text(encoding="utf-8")):
+            first, _, rest = name.partition("/")
+            if (name.endswith(".md") or (rest and first in {*ours, "..", "."})) and not any(
+                (folder / name).resolve() in files for folder in folders
+            ):
+                wrong.append(f"{path.relative_to(ROOT)}: {name}")
+    assert not wrong, "\n".join(["These files are named and are not there:", *wrong])
