@@ -13,7 +13,7 @@ from typing import Protocol
 from haploop.instruments.clock import Clock
 from haploop.mocks.generator.scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
 from haploop.mocks.generator.waveform import SHAPES, Playing, Waveform
-from haploop.mocks.plant.nodes import Source
+from haploop.mocks.plant import Source
 
 __all__ = ["DG1000Z", "KEYSIGHT_33500", "Box", "Input", "Product"]
 
@@ -122,7 +122,7 @@ class Input(Protocol):
         """The plant's time."""
 
     def drive(self, node: str, source: Source) -> None:
-        """See `haploop.mocks.plant.nodes.Nodes.drive`."""
+        """See `haploop.mocks.plant.Nodes.drive`."""
 
     def advance(self, until: float) -> None:
         """Take what sources have put out until then (s)."""

@@ -12,7 +12,7 @@ from haploop.acquisition import record
 from haploop.calibration import LinearSweep, linear_sweep, measure_response
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Rig, open_rig
 from haploop.instruments.operator.role import Place, Remove
-from haploop.mocks.faults import KINDS
+from haploop.mocks.plant import KINDS
 from tests.conftest import OpenRig
 
 SWEEP = linear_sweep(50_000.0, 0.5, 625.0, 10.0)
