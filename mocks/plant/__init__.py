@@ -11,7 +11,7 @@ from haploop.mocks.plant.fault import (
     ScheduledFault,
     TimedFault,
 )
-from haploop.mocks.plant.fault_kinds import KINDS, FaultKinds, Faults
+from haploop.mocks.plant.fault_kinds import KINDS, FaultKinds, Faults, fault_class
 from haploop.mocks.plant.nodes import LaserHead, Nodes, Run, SamplesLost, Source, Switched, Switches
 from haploop.mocks.plant.plant import Plant
 from haploop.mocks.plant.scene import AmplifierOutput
@@ -42,4 +42,5 @@ __all__ = [
     "Switches",
     "TimedFault",
     "Truth",
+    "fault_class",
 ]
