@@ -46,7 +46,7 @@ from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.twin import DaqTwin
-from haploop.mocks.generator.box import KEYSIGHT_33500, Box
+from haploop.mocks.generator import KEYSIGHT_33500, Box
 from haploop.mocks.operator.twin import OperatorTwin
 from haploop.mocks.plant import Plant
 from haploop.mocks.relay import BoxFault, RelayTwin

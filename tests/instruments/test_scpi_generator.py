@@ -17,7 +17,7 @@ from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.generator.role import Sweep
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box, Product
+from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
 from haploop.mocks.generator.scpi_generator import keysight, keysight_wire
 from haploop.mocks.plant import Plant, Run, Source
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
