@@ -119,7 +119,8 @@ def _refuse(settings: FaultSettings, file: RigFile) -> None:
     }
     for key, names in known.items():
         value = getattr(settings, key, None)
-        for name in (value,) if isinstance(value, str) else value or ():
+        named = value if isinstance(value, tuple | list) else (value,)
+        for name in (name for name in named if isinstance(name, str)):
             if name not in names:
                 raise ConfigurationError(
                     f"A fault of the kind {settings.kind!r} names the {key} {name!r}, and the rig "

@@ -151,8 +151,18 @@ def test_every_kind_of_haploops_own_is_a_fault() -> None:
     assert [kind for kind in KINDS if not (fault_class(kind).__doc__ or "").strip()] == []
 
 
+IDLE = """
+from haploop.mocks.plant import Fault, FaultSettings
+
+class Idle(Fault):
+    class Settings(FaultSettings):
+        device: int = 3
+"""
+
+
 def test_a_fault_without_hooks_changes_nothing(install: Install, open: OpenRig) -> None:
-    install("acme-none", "acme_none", "from haploop.mocks.plant import Fault\nclass Idle(Fault): ...", "Idle")
+    # Its setting `device` is no name of a card, and is none of haploop's business.
+    install("acme-none", "acme_none", IDLE, "Idle")
 
     def listened(faults: list[dict[str, object]]) -> np.ndarray:
         with open("haptable", faults=faults).daq.stream(("gauge0", "laser"), 5000, 500, 1000) as stream:
