@@ -55,7 +55,7 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
     from haploop.instruments.config import validate  # noqa: PLC0415
     from haploop.instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
     from haploop.mocks.daq.ni import inventory_from_file, inventory_of, run, wiring_of  # noqa: PLC0415
-    from haploop.mocks.plant.plant import Plant  # noqa: PLC0415
+    from haploop.mocks.plant import Plant  # noqa: PLC0415
 
     if devices is not None and rig is not None:
         raise click.UsageError("--rig and --devices exclude each other: use one of them")

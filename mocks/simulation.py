@@ -11,10 +11,8 @@ from haploop.instruments.config import Device, RigFile, validate
 from haploop.instruments.driver import Driver, Mode
 from haploop.instruments.errors import ConfigurationError
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.faults import KINDS, Faults, Reply
-from haploop.mocks.plant.plant import Plant
-from haploop.mocks.plant.truth import Truth
-from haploop.mocks.transport.faulty_line import faulty_lines
+from haploop.mocks.plant import KINDS, Faults, Plant, Truth
+from haploop.mocks.transport import ReplyFault, faulty_line
 
 __all__ = ["Simulation"]
 
@@ -29,7 +27,7 @@ class Simulation:
     """
 
     fault_kinds = KINDS
-    """See `haploop.mocks.faults`."""
+    """See `haploop.mocks.plant.FaultKinds`."""
 
     def __init__(self, file: RigFile, clock: Clock | None = None) -> None:
         self.clock = clock or VirtualClock()
@@ -39,7 +37,7 @@ class Simulation:
 
     @property
     def truth(self) -> Truth:
-        """See `haploop.mocks.plant.truth.Truth`."""
+        """See `haploop.mocks.plant.Truth`."""
         return self.plant.truth
 
     @property
@@ -51,16 +49,23 @@ class Simulation:
         """See `haploop.instruments.rig.rig.Simulation.instrument`."""
         settings = validate(driver.Settings, device.settings, f"[{role}] of {self._file.name}")
         wires = metadata.entry_points(group="haploop.wires", name=device.driver)
-        disturbed = [fault for fault in self.faults.of(Reply) if fault.settings.instrument == role]
+        disturbed = [fault for fault in self.faults if fault.line == role]
         if disturbed and (mode == "twin" or not wires):
             raise ConfigurationError(
-                f"A fault of the kind 'reply' needs a line to the {role}, and {device.driver} has none when "
-                f"it is simulated as {mode}: simulate as wire, with a driver that speaks to something."
+                f"A fault of the kind {disturbed[0].kind!r} needs a line to the {role}, and {device.driver} "
+                f"has none when it is simulated as {mode}: simulate as wire, with a driver that speaks to "
+                "something."
             )
         if mode == "wire" and wires:
             address = self.serve(device.driver, settings)
             if disturbed:
-                address = self._stack.enter_context(faulty_lines(address, disturbed, self.clock))
+
+                def disturbance(request: str) -> ReplyFault | None:
+                    now = self.clock.now()
+                    answers = (fault.answer(request, now) for fault in disturbed)
+                    return next((answer for answer in answers if answer), None)
+
+                address = self._stack.enter_context(faulty_line(address, disturbance))
             return driver.open(settings.model_copy(update=address), self.clock)
         twins = metadata.entry_points(group="haploop.twins", name=device.driver)
         if twins:

@@ -32,9 +32,9 @@ from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.generator.scpi_generator import Keysight33500
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
-from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant
 from haploop.mocks.simulation import Simulation
-from haploop.mocks.transport.loopback import Loopback
+from haploop.mocks.transport import Loopback
 
 DEAD_MAN = 2.0
 SLACK = 1.5

@@ -27,7 +27,7 @@ from haploop.calibration.upkeep.history import History
 from haploop.cli import cli
 from haploop.exits import Commands
 from haploop.instruments import DataError, signals
-from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant
 from haploop.mocks.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX timers")

@@ -19,7 +19,7 @@ def test_listeners_are_on_loopback_only(monkeypatch: pytest.MonkeyPatch) -> None
     from haploop.instruments import RealClock, load_rig_file
     from haploop.instruments.config.rig_file import validate
     from haploop.mocks.simulation import Simulation
-    from haploop.mocks.transport.loopback import Loopback
+    from haploop.mocks.transport import Loopback
 
     bound: list[str] = []
     bind, serve = socket.socket.bind, grpc.server

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib import metadata
 from typing import Any
 
 from pydantic import BaseModel
 
 from haploop.instruments.config import RigFile, fault_kinds
+from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.rig.roles import ROLES
 
 __all__ = ["rig_schema"]
@@ -28,7 +30,7 @@ def rig_schema() -> dict[str, Any]:
         settings = {name: driver.Settings for name, driver in drivers.items() if issubclass(driver, kind)}
         schema["properties"][role] = _chosen("driver", settings, definitions)
     faults = definitions["SimulationSettings"]["properties"]["faults"]
-    faults["items"] = _chosen("kind", fault_kinds(), definitions)
+    faults["items"] = _chosen("kind", _usable(fault_kinds()), definitions)
     schema["properties"]["base"] = {
         "type": "string",
         "description": "Another rig file, of which this one says only how it differs.",
@@ -36,6 +38,15 @@ def rig_schema() -> dict[str, Any]:
     del definitions["Device"]
     _soften(schema)
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema, "title": "A rig of haploop"}
+
+
+def _usable(kinds: Mapping[str, type[BaseModel]]) -> dict[str, type[BaseModel]]:
+    """Those kinds of fault that can be loaded: a broken one is told to the rig that asks for it."""
+    usable = {}
+    for kind in kinds:
+        with suppress(ConfigurationError):
+            usable[kind] = kinds[kind]
+    return usable
 
 
 def _chosen(key: str, choices: Mapping[str, type[BaseModel]], definitions: dict[str, Any]) -> dict[str, Any]:

@@ -1,15 +1,22 @@
-"""The converters that twin and wire share, so that both give the same samples."""
+"""The converters that twin and wire share, so that both give the same samples, and lose them alike."""
 
 from __future__ import annotations
 
 import zlib
 
 import numpy as np
+from nidaqmx.error_codes import DAQmxErrors
 
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.mocks.daq.products import Product, code_width
 
-__all__ = ["convert", "noise_of", "put_out"]
+__all__ = ["LOST", "convert", "noise_of", "put_out"]
+
+LOST = {
+    "overrun": DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
+    "overflow": DAQmxErrors.INPUT_FIFO_OVERFLOW,
+}
+"""NI's error for the two ways of `haploop.mocks.plant.SamplesLost`."""
 
 
 def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:

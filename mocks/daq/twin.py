@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from itertools import groupby
 
 import numpy as np
+from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqError
 
 from haploop.instruments.arrays import FloatArray
@@ -14,11 +15,9 @@ from haploop.instruments.daq import Block, Daq, Stream
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.ni_errors import translated
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.mocks.daq.converter import convert, noise_of, put_out
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.converter import LOST, convert, noise_of, put_out
 from haploop.mocks.daq.products import PRODUCTS, Product, convert_interval, input_range
-from haploop.mocks.plant.nodes import Run
-from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant, Run, SamplesLost
 
 __all__ = ["DaqTwin"]
 
@@ -40,7 +39,7 @@ class _Output:
         self._run, self._next = run, 0
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.plant.nodes.Source.take`."""
+        """See `haploop.mocks.plant.Source.take`."""
         run = self._run
         if run is None or run.start > until:
             return []
@@ -222,11 +221,11 @@ class _TwinStream(Stream):
 
 @contextmanager
 def _as_driver() -> Iterator[None]:
-    """What the plant says in a wire's words, as NI's library would raise it."""
+    """Raise what the plant says of a card as NI's library would raise it."""
     try:
         yield
-    except DaqmxError as error:
-        raise DaqError(str(error), error.code) from None
+    except SamplesLost as lost:
+        raise DaqError(str(lost), LOST[lost.how].value) from None
 
 
 def _card(terminal: str) -> str:

@@ -6,16 +6,16 @@ Ranges and words are the families'; where a limit was not found, it is that of t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
 from haploop.instruments.clock import Clock
+from haploop.mocks.generator.products import Product
 from haploop.mocks.generator.scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
 from haploop.mocks.generator.waveform import SHAPES, Playing, Waveform
-from haploop.mocks.plant.nodes import Source
+from haploop.mocks.plant import Source
 
-__all__ = ["DG1000Z", "KEYSIGHT_33500", "Box", "Input", "Product"]
+__all__ = ["Box", "Input"]
 
 _CHANNELS = (1, 2)
 _SOURCE = 50.0
@@ -25,42 +25,6 @@ _HIGHEST = 20.0
 _LOWEST = 2e-3
 _INFINITE = 9.9e37
 
-
-@dataclass(frozen=True)
-class Product:
-    """How one family differs from another, as seen from outside."""
-
-    identity: str
-    number: str
-    """How it writes a number."""
-    booleans: tuple[str, str]
-    infinite: str
-    """How it writes the load of an open input."""
-    sweep: dict[str, tuple[float, float, float]]
-    """Numbers of the sweep that only this family has: header, default, lowest and highest."""
-    by_mode: bool
-    """Keysight's: the sweep is a mode of the frequency, and the trigger is common to all functions."""
-
-
-KEYSIGHT_33500 = Product(
-    identity="Agilent Technologies,33522B,MY00000001,5.00-1.19-2.00-58-00",
-    number="+.15E",
-    booleans=("0", "1"),
-    infinite="+9.900000000000000E+37",
-    sweep={"[:SOURce#]:SWEep:HTIMe": (0, 0, 3600)},
-    by_mode=True,
-)
-DG1000Z = Product(
-    identity="Rigol Technologies,DG1062Z,DG1ZA000000001,03.01.12",
-    number=".6E",
-    booleans=("OFF", "ON"),
-    infinite="INFINITY",
-    sweep={
-        "[:SOURce#]:SWEep:HTIMe[:STARt]": (0, 0, 500),
-        "[:SOURce#]:SWEep:HTIMe:STOP": (0, 0, 500),
-    },
-    by_mode=False,
-)
 
 # Header, default, lowest, highest. What the plant never sees is only kept and given back.
 _NUMBERS = {
@@ -122,7 +86,7 @@ class Input(Protocol):
         """The plant's time."""
 
     def drive(self, node: str, source: Source) -> None:
-        """See `haploop.mocks.plant.nodes.Nodes.drive`."""
+        """See `haploop.mocks.plant.Nodes.drive`."""
 
     def advance(self, until: float) -> None:
         """Take what sources have put out until then (s)."""

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
-from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box, Input, Product
-from haploop.mocks.transport.line_server import DirectLine, LineServer
+from haploop.mocks.generator.box import Box, Input
+from haploop.mocks.generator.products import DG1000Z, KEYSIGHT_33500, Product
+from haploop.mocks.transport import DirectLine, LineServer
 
 __all__ = ["dg1000z", "dg1000z_wire", "keysight", "keysight_wire"]
 

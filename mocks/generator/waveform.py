@@ -10,7 +10,7 @@ import numpy as np
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
-from haploop.mocks.plant.nodes import Run
+from haploop.mocks.plant import Run
 
 __all__ = ["SHAPES", "Playing", "Waveform"]
 
@@ -115,7 +115,7 @@ class Playing:
             self._fired = True
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.plant.nodes.Source.take`."""
+        """See `haploop.mocks.plant.Source.take`."""
         with self._guard:
             # A step on the very edge of `until` has happened, whatever rounding says.
             past = int((until - self._since) / _PERIOD + 1e-3) + 1 if until >= self._since else 0

@@ -16,7 +16,7 @@ from haploop.instruments.operator import (
     Request,
     Rest,
 )
-from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant
 
 __all__ = ["OperatorTwin"]
 

@@ -14,8 +14,7 @@ from scipy.signal import lfilter
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.player.sound_card import SoundCard
-from haploop.mocks.plant.nodes import Run
-from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant, Run
 
 __all__ = ["Card", "Jack", "twin"]
 
@@ -94,7 +93,7 @@ class Jack:
             self._silence()
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.plant.nodes.Source.take`."""
+        """See `haploop.mocks.plant.Source.take`."""
         # A step on the very edge of `until` has happened, whatever rounding says.
         past = int((until - self._start) / self._period + 1e-3) + 1 if until >= self._start else 0
         while self._given + len(self._ready) < past and self._goes_on():

@@ -6,13 +6,14 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from haploop.instruments.clock import Clock
 from haploop.instruments.relay import ChannelRelay, ChannelState
 from haploop.instruments.relay.yocto import Yocto
+from haploop.mocks.plant import Fault, RelayFailure, Switched, Switches
 
 __all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
 
@@ -20,9 +21,6 @@ _LATENCY = (3e-3, 10e-3)
 """Seconds from the command to the box's own processor, jittered (estimate; docs/hardware.md, "Relay box")."""
 _OPERATE = 1e-3
 """Seconds from there to the contact (estimate; docs/hardware.md, "Relay box")."""
-
-Switched = tuple[str, bool, float]
-"""A patch, whether its contact closed, and when (s)."""
 
 
 class Contacts(Protocol):
@@ -35,33 +33,50 @@ class Contacts(Protocol):
     def rng(self, name: str) -> np.random.Generator:
         """The plant's seeded randomness for one of its parts."""
 
-    def wire(self, box: SimulatedBox) -> None:
+    @property
+    def faults(self) -> Sequence[Fault]:
+        """The plant's faults, of which the box asks `Fault.relay`."""
+
+    def wire(self, box: Switches) -> None:
         """Have a box's contacts switch patches: `box.take(until)` is asked before every step to `until`."""
 
-    def box_faults(self, patches: Mapping[str, int]) -> Sequence[BoxFault]:
-        """The faults of a box whose channels are wired to patches as given."""
+
+class Misbehaviour(Protocol):
+    """What makes a box fail, as the box sees it."""
+
+    def fires(self, kind: RelayFailure, channel: int) -> bool:
+        """Whether a channel fails in this way now; if so, count it."""
 
 
 @dataclass
 class BoxFault:
-    """A misbehaviour of the box, put into `SimulatedBox.faults`.
+    """A misbehaviour of one channel, put into `SimulatedBox.faults` by hand: see `RelayFailure`."""
 
-    lost: the command never reaches the box. stuck: the channel keeps its state through commands and
-    timers, and reports it. welded: the contact keeps its state while the box reports the commanded one, so
-    that only the drive monitor can tell.
-    """
-
-    kind: Literal["lost", "stuck", "welded"]
+    kind: RelayFailure
     channel: int
     times: float = math.inf
     """How often it fires."""
     fired: int = 0
 
-    def fires(self, kind: str, channel: int) -> bool:
-        """Whether it fires now; if so, count it."""
+    def fires(self, kind: RelayFailure, channel: int) -> bool:
+        """See `Misbehaviour.fires`."""
         fires = (kind, channel) == (self.kind, self.channel) and self.fired < self.times
         self.fired += fires
         return fires
+
+
+@dataclass(frozen=True)
+class _PlantFault:
+    """A fault of the plant, which knows patches, as the box sees it, which knows channels."""
+
+    fault: Fault
+    patches: Mapping[int, str]
+    clock: Clock
+
+    def fires(self, kind: RelayFailure, channel: int) -> bool:
+        """See `Misbehaviour.fires`."""
+        patch = self.patches.get(channel)
+        return patch is not None and self.fault.relay(kind, patch, self.clock.now())
 
 
 @dataclass
@@ -99,7 +114,7 @@ class SimulatedBox:
         rng: np.random.Generator,
         numbers: Iterable[int] = range(1, 9),
     ) -> None:
-        self.faults: list[BoxFault] = []
+        self.faults: list[Misbehaviour] = []
         self._patches = dict(channels)
         self._clock = clock
         self._rng = rng
@@ -211,7 +226,7 @@ class SimulatedBox:
             if number in self._patches and not self._fires("welded", number):
                 self._switched.append((self._patches[number], closed, at + _OPERATE))
 
-    def _fires(self, kind: str, channel: int) -> bool:
+    def _fires(self, kind: RelayFailure, channel: int) -> bool:
         return any(fault.fires(kind, channel) for fault in self.faults)
 
 
@@ -219,7 +234,7 @@ def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] =
     """A box wired to a plant: each patch on its channel."""
     wiring = {channel: patch for patch, channel in patches.items()}
     box = SimulatedBox(wiring, plant.clock, plant.rng("relay"), numbers)
-    box.faults.extend(plant.box_faults(patches))
+    box.faults.extend(_PlantFault(fault, wiring, plant.clock) for fault in plant.faults)
     plant.wire(box)
     return box
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from haploop.instruments.relay import ChannelRelay
 from haploop.instruments.relay.serial_relay import DIGITS, PROMPT, SerialRelay
 from haploop.mocks.relay.box import BoxAdapter, Contacts, SimulatedBox, box_in
-from haploop.mocks.transport.loopback import Loopback, ReplyFault
+from haploop.mocks.transport import Loopback, ReplyFault
 
 __all__ = ["SerialRelayTwin", "SerialRelayWire", "wire"]
 

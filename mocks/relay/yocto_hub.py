@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from haploop.instruments.relay.yocto import Yocto
 from haploop.mocks.relay.box import Contacts, SimulatedBox, box_in
-from haploop.mocks.transport.loopback import Loopback, ReplyFault
+from haploop.mocks.transport import Loopback, ReplyFault
 
 __all__ = ["YoctoHub", "wire"]
 

@@ -1,1 +1,16 @@
 """Servers and lines on loopback that simulated instruments speak through."""
+
+from haploop.mocks.transport.faulty_line import Disturbance, faulty_line
+from haploop.mocks.transport.line_server import Answer, DirectLine, LineServer
+from haploop.mocks.transport.loopback import HOST, Loopback, ReplyFault
+
+__all__ = [
+    "HOST",
+    "Answer",
+    "DirectLine",
+    "Disturbance",
+    "LineServer",
+    "Loopback",
+    "ReplyFault",
+    "faulty_line",
+]

@@ -10,26 +10,25 @@ from __future__ import annotations
 import re
 import socket
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
-from haploop.instruments.clock import Clock
-from haploop.mocks.faults import Fault, Reply
 from haploop.mocks.transport.loopback import Loopback, ReplyFault
 
-__all__ = ["faulty_lines"]
+__all__ = ["Disturbance", "faulty_line"]
+
+Disturbance = Callable[[str], ReplyFault | None]
+"""How the answer to a request is disturbed; None leaves it whole."""
 
 _PLACE = re.compile(r"(?P<host>127\.0\.0\.1)(?P<between>:+)(?P<port>\d+)")
 
 
 @contextmanager
-def faulty_lines(
-    address: Mapping[str, object], faults: Sequence[Fault[Reply]], clock: Clock
-) -> Iterator[dict[str, object]]:
-    """A wire's address (settings of its driver), led through a line with faults."""
+def faulty_line(address: Mapping[str, object], disturbance: Disturbance) -> Iterator[dict[str, object]]:
+    """A wire's address (settings of its driver), led through a line that disturbs answers."""
     found = [(key, match) for key, value in address.items() if (match := _PLACE.search(str(value)))]
     (key, match), *_ = found
-    line = _Line(int(match["port"]), faults, clock)
+    line = _Line(int(match["port"]), disturbance)
     with Loopback(line.serve) as loopback:
         line.closing = loopback.closing
         place = f"{match['host']}{match['between']}{loopback.port}"
@@ -37,19 +36,19 @@ def faulty_lines(
 
 
 class _Line:
-    def __init__(self, port: int, faults: Sequence[Fault[Reply]], clock: Clock) -> None:
+    def __init__(self, port: int, disturbance: Disturbance) -> None:
         self.closing = threading.Event()
-        self._port, self._faults, self._clock = port, faults, clock
+        self._port, self._disturbance = port, disturbance
 
     def serve(self, client: socket.socket) -> None:
         """One connection: requests go on as they are, answers as the faults would have them."""
         with socket.create_connection(("127.0.0.1", self._port)) as server:
-            current: list[Fault[Reply] | None] = [None]
+            current: list[ReplyFault | None] = [None]
             back = threading.Thread(target=self._answers, args=(server, client, current))
             back.start()
             try:
                 while request := client.recv(1 << 16):
-                    current[0] = self._fault_for(request)
+                    current[0] = self._disturbance(request.decode("latin-1"))
                     server.sendall(request)
             finally:
                 for end in (server, client):
@@ -57,30 +56,26 @@ class _Line:
                         end.shutdown(socket.SHUT_RDWR)
                 back.join()
 
-    def _fault_for(self, request: bytes) -> Fault[Reply] | None:
-        text, now = request.decode("latin-1"), self._clock.now()
-        return next((f for f in self._faults if f.settings.asked in text and f.fires(now)), None)
-
     def _answers(
-        self, server: socket.socket, client: socket.socket, current: list[Fault[Reply] | None]
+        self, server: socket.socket, client: socket.socket, current: list[ReplyFault | None]
     ) -> None:
         with suppress(OSError):
             while answer := server.recv(1 << 16):
                 fault = current[0]
                 if fault is None:
                     client.sendall(answer)
-                elif not self._disturbed(fault.settings, client, answer):
+                elif not self._disturbed(fault, client, answer):
                     break
-            if current[0] is not None and current[0].settings.how == "silence":
+            if current[0] is not None and current[0].kind == "silence":
                 return  # The far end has hung up, as in HTTP, and the client still waits.
         # The far end has gone: the other direction waits for the client no longer.
         for end in (server, client):
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
 
-    def _disturbed(self, fault: Reply, client: socket.socket, answer: bytes) -> bool:
+    def _disturbed(self, fault: ReplyFault, client: socket.socket, answer: bytes) -> bool:
         """Send an answer with a fault; False when the connection ends with it."""
-        if fault.how == "silence":
+        if fault.kind == "silence":
             return True
         head = answer.find(b"\r\n\r\n") + 4 if answer.startswith(b"HTTP/") else 0
-        return ReplyFault(fault.how, delay=fault.delay).send(client, answer, self.closing, spare=head)
+        return fault.send(client, answer, self.closing, spare=head)

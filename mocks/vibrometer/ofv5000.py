@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from haploop.instruments.clock import Clock
 from haploop.instruments.vibrometer.ofv5000 import Ofv5000
 from haploop.instruments.vibrometer.ofv5000_codec import LEVEL_FULL, Command, scale_of, scale_text
-from haploop.mocks.plant.plant import LaserHead, Plant
-from haploop.mocks.transport.line_server import DirectLine, LineServer
+from haploop.mocks.plant import LaserHead, Plant
+from haploop.mocks.transport import DirectLine, LineServer
 
 __all__ = ["Controller", "twin", "wire"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from haploop.instruments.vibrometer.pdv100 import Pdv100
-from haploop.mocks.plant.plant import LaserHead, Plant
+from haploop.mocks.plant import LaserHead, Plant
 
 __all__ = ["pdv100"]
 

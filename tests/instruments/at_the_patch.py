@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from haploop.mocks.plant.truth import AmplifierOutput
+from haploop.mocks.plant import AmplifierOutput
 
 STEP = 20e-6
 """Seconds in which an output changes that had been resting."""

@@ -46,11 +46,11 @@ from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.twin import DaqTwin
-from haploop.mocks.generator.box import KEYSIGHT_33500, Box
+from haploop.mocks.generator import KEYSIGHT_33500, Box
 from haploop.mocks.operator.twin import OperatorTwin
-from haploop.mocks.plant.plant import Plant
-from haploop.mocks.relay.box import BoxFault, RelayTwin
-from haploop.mocks.transport.line_server import DirectLine
+from haploop.mocks.plant import Plant
+from haploop.mocks.relay import BoxFault, RelayTwin
+from haploop.mocks.transport import DirectLine
 from tests.instruments.contacts import Contacts
 
 PATCHES = {"A": 1, "B": 2, "D": 8}

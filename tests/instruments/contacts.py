@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.relay.box import BoxFault, SimulatedBox
+from haploop.mocks.plant import Fault, Switches
 
 
 class Contacts:
     def __init__(self, patches: Iterable[str]) -> None:
         self.clock = VirtualClock()
+        self.faults: tuple[Fault, ...] = ()
         self.events: list[tuple[float, str, bool]] = []
         self._patches = tuple(patches)
-        self._boxes: list[SimulatedBox] = []
+        self._boxes: list[Switches] = []
 
     def rng(self, name: str) -> np.random.Generator:
         return np.random.default_rng(7)
 
-    def wire(self, box: SimulatedBox) -> None:
+    def wire(self, box: Switches) -> None:
         self._boxes.append(box)
-
-    def box_faults(self, patches: Mapping[str, int]) -> list[BoxFault]:
-        return []
 
     def closed(self) -> set[str]:
         """Which contacts are closed now."""

@@ -36,15 +36,13 @@ from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.ni import NiServer, inventory_of
 from haploop.mocks.daq.twin import DaqTwin
-from haploop.mocks.faults import Faults
-from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box, Product
+from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
 from haploop.mocks.operator.twin import OperatorTwin
-from haploop.mocks.plant.plant import LaserHead, Plant
-from haploop.mocks.relay.box import BoxFault, RelayTwin, SimulatedBox, box_in
+from haploop.mocks.plant import Faults, LaserHead, Plant
+from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire
 from haploop.mocks.relay.yocto_hub import YoctoHub
-from haploop.mocks.transport.line_server import DirectLine, LineServer
-from haploop.mocks.transport.loopback import ReplyFault
+from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.mocks.vibrometer.ofv5000 import Controller
 from tests.instruments import broken_drivers
 from tests.instruments.contacts import Contacts

@@ -25,7 +25,7 @@ from haploop.instruments import (
 )
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config.rig_file import Device, DriveLimits
-from haploop.mocks.plant.plant import AMPLIFIER_GAIN_ERROR
+from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
 from tests.instruments.at_the_patch import Burst, bursts, busiest_minute, of_patch
 
 CODE = 0.5 * 50 * 20 / 2**16

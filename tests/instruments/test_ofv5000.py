@@ -20,9 +20,8 @@ from haploop.instruments.vibrometer.ofv5000_codec import (
     scale_text,
 )
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.plant.plant import LaserHead, Plant
-from haploop.mocks.transport.line_server import DirectLine, LineServer
-from haploop.mocks.transport.loopback import ReplyFault
+from haploop.mocks.plant import LaserHead, Plant
+from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.mocks.vibrometer.ofv5000 import Controller, twin, wire
 
 RANGE = "Get,VeloDec,0,Range"

@@ -17,12 +17,10 @@ from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.generator.role import Sweep
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box, Product
+from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
 from haploop.mocks.generator.scpi_generator import keysight, keysight_wire
-from haploop.mocks.plant.nodes import Run, Source
-from haploop.mocks.plant.plant import Plant
-from haploop.mocks.transport.line_server import DirectLine, LineServer
-from haploop.mocks.transport.loopback import ReplyFault
+from haploop.mocks.plant import Plant, Run, Source
+from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 
 SWEEP = Sweep(start_hz=1, stop_hz=625, duration=2, amplitude=0.8)
 FAMILIES = {"keysight": (Keysight33500, KEYSIGHT_33500), "rigol": (Dg1000z, DG1000Z)}

@@ -13,9 +13,9 @@ from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.role import Relay
 from haploop.instruments.relay.serial_relay import SerialRelay, answer_in
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.relay.box import BoxFault, SimulatedBox, box_in
+from haploop.mocks.relay import BoxFault, SimulatedBox, box_in
 from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire, wire
-from haploop.mocks.transport.loopback import Loopback, ReplyFault
+from haploop.mocks.transport import Loopback, ReplyFault
 from tests.instruments.contacts import Contacts
 
 PATCHES = {"A": 0, "B": 1, "D": 7}

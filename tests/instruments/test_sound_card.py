@@ -19,7 +19,7 @@ from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.player.sound_card import SoundCard, at_rate
 from haploop.instruments.rig.alignment import Aligned, Timing, find
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant
 from haploop.mocks.player.sound_card import DRIFT, Card, Jack, twin
 from tests.calibration.conftest import make_press
 from tests.conftest import OpenRig

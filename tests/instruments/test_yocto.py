@@ -17,9 +17,9 @@ from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.role import Relay
 from haploop.instruments.relay.yocto import Yocto
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.relay.box import BoxFault, RelayTwin, SimulatedBox, box_in
+from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
 from haploop.mocks.relay.yocto_hub import YoctoHub, wire
-from haploop.mocks.transport.loopback import Loopback, ReplyFault
+from haploop.mocks.transport import Loopback, ReplyFault
 from tests.instruments.contacts import Contacts
 
 PATCHES = {"A": 1, "B": 2, "C": 3, "D": 8}

@@ -12,7 +12,7 @@ import numpy as np
 from haploop.instruments.arrays import FloatArray
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.daq.ni import NiServer
-from haploop.mocks.plant.nodes import Source
+from haploop.mocks.plant import Source
 
 EXPORT = """
 [DAQmx]

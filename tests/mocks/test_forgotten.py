@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from haploop.instruments import open_rig
-from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.generator.box import DG1000Z, KEYSIGHT_33500, Box
-from haploop.mocks.plant.nodes import Source
+from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box
+from haploop.mocks.plant import Source
 
 
 class Bench:

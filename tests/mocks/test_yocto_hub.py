@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.relay.box import SimulatedBox
+from haploop.mocks.relay import SimulatedBox
 from haploop.mocks.relay.yocto_hub import YoctoHub
 
 NATIVE_INFO = (

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from haploop.mocks.relay.box import Contacts, SimulatedBox, box_in
-from haploop.mocks.transport.line_server import DirectLine, LineServer
+from haploop.mocks.relay import Contacts, SimulatedBox, box_in
+from haploop.mocks.transport import DirectLine, LineServer
 from haploop_acme.relay import AcmeRelay
 
 

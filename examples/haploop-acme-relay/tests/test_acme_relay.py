@@ -14,10 +14,9 @@ from haploop_acme.twin import reply, twin
 from haploop.instruments import Clock, InstrumentError, Relay, Rig, load_rig_file
 from haploop.instruments.conformance import Fired, RelayConformance
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.plant.plant import Plant
-from haploop.mocks.relay.box import box_in
-from haploop.mocks.transport.line_server import DirectLine, LineServer
-from haploop.mocks.transport.loopback import ReplyFault
+from haploop.mocks.plant import Plant
+from haploop.mocks.relay import box_in
+from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 
 RIG = load_rig_file(Path(__file__).parents[1] / "acme.toml")
 SETTINGS = AcmeRelay.Settings(port="", patches={"A": 1, "B": 2, "C": 3, "D": 4}, rating=60, timeout=0.2)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from nidaqmx.constants import (
     CurrentShuntResistorLocation,
     LineGrouping,
@@ -16,14 +15,13 @@ from nidaqmx.constants import (
     UsageTypeCO,
 )
 
-from haploop.instruments.arrays import FloatArray
 from haploop.mocks.daq.ni.devices import NiDevice
 from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
 from haploop.mocks.daq.ni.scales import Scale
 from haploop.mocks.daq.ni.system import NiSystem
 from haploop.mocks.daq.ni.tasks import Channel, Kind, Task
 
-__all__ = ["CREATES", "field", "line_order", "port_words", "word_lines"]
+__all__ = ["CREATES", "field"]
 
 
 def field(request: Any, name: str) -> Any:
@@ -33,39 +31,6 @@ def field(request: Any, name: str) -> Any:
     if raw in fields and getattr(request, raw):
         return getattr(request, raw)
     return getattr(request, name) if name in fields else None
-
-
-def port_words(channels: Sequence[Channel], rows: Any) -> Any:
-    """(lines, samples) bool as (channels, samples) words: bit i is line i, ports one above the other."""
-    words, row = [], 0
-    for channel in channels:
-        bits = _bits(channel)
-        mine = rows[row : row + len(bits)].astype(np.uint32)
-        words.append((mine << np.array(bits, dtype=np.uint32)[:, np.newaxis]).sum(axis=0, dtype=np.uint32))
-        row += len(bits)
-    return np.array(words, dtype=np.uint32)
-
-
-def word_lines(channels: Sequence[Channel], words: Any) -> FloatArray:
-    """The reverse of `port_words`: (channels, samples) words as (lines, samples) of 0 and 1."""
-    lines = []
-    for channel, row in zip(channels, words, strict=True):
-        lines += [(np.asarray(row, dtype=np.int64) >> bit) & 1 for bit in _bits(channel)]
-    return np.array(lines, dtype=np.float64)
-
-
-def _bits(channel: Channel) -> list[int]:
-    base, bases = 0, {}
-    for port in sorted({line.partition("/")[0] for line in channel.physical}):
-        bases[port] = base
-        base += channel.product.ports[int(port.removeprefix("port"))]
-    return [bases[p] + int(n) for p, _, n in (line.partition("/line") for line in channel.physical)]
-
-
-def line_order(channel: Channel) -> list[int]:
-    """Order of a channel's lines in the driver's arrays of lines: going up, however they were named."""
-    bits = _bits(channel)
-    return sorted(range(len(bits)), key=bits.__getitem__)
 
 
 def _add(task: Task, channels: list[Channel]) -> None:

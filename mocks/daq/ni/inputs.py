@@ -8,9 +8,11 @@ import numpy as np
 from nidaqmx.constants import Edge
 
 from haploop.instruments.arrays import BoolArray, FloatArray
-from haploop.mocks.daq.converter import convert
+from haploop.mocks.daq.converter import LOST, convert
+from haploop.mocks.daq.ni.errors import DaqmxError
 from haploop.mocks.daq.ni.system import NiSystem
 from haploop.mocks.daq.ni.tasks import Channel, Chunk, Task
+from haploop.mocks.plant import SamplesLost
 
 __all__ = ["acquire", "samples"]
 
@@ -86,7 +88,10 @@ def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) ->
             output = f"{channel.device.name}/{name[1:].split('_')[0]}"
             volts[row] = system.outputs[output].at(times[row])
         elif node is not None and system.nodes is not None:
-            volts[row] = system.nodes.read(node, times[row])
+            try:
+                volts[row] = system.nodes.read(node, times[row])
+            except SamplesLost as lost:
+                raise DaqmxError(LOST[lost.how], str(lost), read=0) from None
         else:
             driven[row] = False
             volts[row] = _sine(channel, row, index)

@@ -1,199 +1,37 @@
-"""The read calls: wait for samples, then hand them over in the form that the call asks for."""
+"""The read calls: each hands samples over in the form that it asks for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx.constants import FillMode, OverwriteMode, ReadRelativeTo
-from nidaqmx.utils import unflatten_channel_string
+from nidaqmx.constants import FillMode
 
 from haploop.instruments.arrays import FloatArray
-from haploop.mocks.daq.ni import inputs
-from haploop.mocks.daq.ni.channels import line_order, port_words
 from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.lines import line_order, port_words
 from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Channel, Task
+from haploop.mocks.daq.ni.taking import Alive, Taken, take, wanted_channels
+from haploop.mocks.daq.ni.tasks import Task
 
 __all__ = ["READS"]
-
-Alive = Callable[[], bool]
 
 _TIMING, _PROPERTIES = 1, 2
 """Bits of NI's WaveformAttributeMode, which older clients do not know."""
 
 
-@dataclass(frozen=True)
-class _Read:
-    """What one read took: (rows, samples) of `channels`, from sample `first`."""
-
-    channels: tuple[Channel, ...]
-    rows: Any
-    first: int
-    status: int = 0
-
-    @property
-    def count(self) -> int:
-        return int(self.rows.shape[1])
-
-
-def _read(
-    system: NiSystem, task: Task, wanted: int, timeout: float, alive: Alive, space: int | None = None
-) -> _Read:
-    """Wait for `wanted` samples per channel.
-
-    -1 asks for all of a finite task, or for those there are now, as far as `space` samples of the
-    program's array hold them: it made the array a moment ago.
-    """
-    _refuse_unreadable(system, task)
-    if not task.running:
-        system.start(task, auto=True)
-    if not task.timed:
-        taken = inputs.acquire(system, task, max(1, wanted))
-        result = _Read(*_wanted(task, taken), max(0, task.on_demand - taken.shape[1]))
-        if task.auto_started:
-            count = task.on_demand
-            system.stop(task)
-            # A program that polls a line by software sees it count on from read to read.
-            task.on_demand = count
-        return result
-    first = _position(system, task)
-    left = None if task.total is None else max(0, task.total - first)
-    if left == 0 and wanted != 0:
-        raise DaqmxError(
-            DAQmxErrors.SAMPLES_WILL_NEVER_BE_AVAILABLE,
-            "The application is not able to read the requested samples, because all samples of the "
-            f"finite task {task.name!r} have been read.",
-            read=0,
-        )
-    if wanted < 0:
-        wanted = left if left is not None else max(0, task.count(system.clock.now()) - first)
-        if left is None and space is not None:
-            wanted = min(wanted, space)
-    elif left is not None:
-        wanted = min(wanted, left)
-    _refuse_lost(system, task, first)
-    end = first + wanted
-    reached = system.wait(
-        lambda: not task.running or task.count(system.clock.now()) >= end or task.failure is not None,
-        lambda: task.ready(end),
-        timeout,
-        alive,
-    )
-    if not task.running:
-        raise DaqmxError(
-            DAQmxErrors.OPERATION_ABORTED, f"Task {task.name!r} was stopped while it was being read.", read=0
-        )
-    if task.failure is not None:
-        raise task.failure
-    _refuse_lost(system, task, first)
-    count = min(wanted, max(0, task.count(system.clock.now()) - first))
-    lines = sum(len(channel.physical) for channel in task.channels)
-    rows = inputs.samples(system, task, first, count) if count else np.zeros((lines, 0))
-    result = _Read(
-        *_wanted(task, rows),
-        first,
-        0 if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value,
-    )
-    task.read_position = first + count
-    if task.auto_started and task.total is not None and task.read_position >= task.total:
-        system.stop(task)
-    system.changed.notify_all()
-    return result
-
-
-def _refuse_unreadable(system: NiSystem, task: Task) -> None:
-    """Outputs and counters cannot be read, nor a device with an injected failure."""
-    if not task.is_input and (task.kind != "do" or task.timed):
-        raise DaqmxError(
-            DAQmxErrors.READ_NO_INPUT_CHANS_IN_TASK,
-            f"Read cannot be performed, because task {task.name!r} has no input channels: only the lines "
-            "of an output that programs step can be read back.",
-        )
-    if task.kind == "ci":
-        system.unserved["reading a counter"] += 1
-        raise DaqmxError(
-            DAQmxErrors.ATTR_NOT_SUPPORTED, f"haploop's NI wire counts nothing: {task.name!r} cannot be read."
-        )
-    injected = system.injected(task)
-    if injected is not None:
-        system.stop(task)
-        raise DaqmxError(injected, f"The acquisition of {task.device.name} was stopped.", read=0)
-
-
-def _wanted_channels(task: Task) -> tuple[Channel, ...]:
-    """The channels that the program wants to read."""
-    names = task.setting("Read", "CHANNELS_TO_READ")
-    if not names:
-        return tuple(task.channels)
-    listed = {name.strip().lower() for name in unflatten_channel_string(names)}
-    return tuple(channel for channel in task.channels if channel.name.lower() in listed)
-
-
-def _wanted(task: Task, rows: Any) -> tuple[tuple[Channel, ...], Any]:
-    """The channels that the program wants to read, and their rows."""
-    wanted = _wanted_channels(task)
-    places: list[int] = []
-    row = 0
-    for channel in task.channels:
-        if channel in wanted:
-            places += range(row, row + len(channel.physical))
-        row += len(channel.physical)
-    return wanted, rows if len(places) == len(rows) else rows[places]
-
-
-def _position(system: NiSystem, task: Task) -> int:
-    """The sample that the next read begins with."""
-    relative = task.setting("Read", "RELATIVE_TO", ReadRelativeTo.CURRENT_READ_POSITION.value)
-    offset = int(task.setting("Read", "OFFSET", 0))
-    acquired = task.count(system.clock.now())
-    base = {
-        ReadRelativeTo.FIRST_SAMPLE.value: 0,
-        ReadRelativeTo.MOST_RECENT_SAMPLE.value: acquired,
-    }.get(relative, task.read_position)
-    if _overwrites(task):
-        base = max(base, acquired - task.buffer_size)
-    return max(0, base + offset)
-
-
-def _overwrites(task: Task) -> bool:
-    mode = task.setting("Read", "OVERWRITE", OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES.value)
-    return bool(mode == OverwriteMode.OVERWRITE_UNREAD_SAMPLES.value)
-
-
-def _refuse_lost(system: NiSystem, task: Task, first: int) -> None:
-    """A circular buffer has written over what was not read in time."""
-    if (
-        task.total is None
-        and task.count(system.clock.now()) - first > task.buffer_size
-        and not _overwrites(task)
-    ):
-        task.failure = DaqmxError(
-            DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
-            "The application is not able to keep up with the hardware acquisition: sample "
-            f"{first} of {task.name!r} has been written over in a buffer of {task.buffer_size} samples "
-            "per channel. Read more often, or make the buffer larger.",
-            read=0,
-        )
-        raise task.failure
-
-
-# The calls
-
-
 def _reader(
-    reply: type[Any], form: Callable[[_Read], Any], read_array: Callable[[Any, Any], bytes | None]
+    reply: type[Any], form: Callable[[Taken], Any], read_array: Callable[[Any, Any], bytes | None]
 ) -> Callable[[NiSystem, Any, Alive], Any]:
     """A call that answers with one array in the order of its fill mode."""
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
         task = system.task(request.task.name)
-        space = request.array_size_in_samps // max(1, len(_wanted_channels(task)))
-        result = _read(system, task, request.num_samps_per_chan, request.timeout, alive, space)
+        space = request.array_size_in_samps // max(1, len(wanted_channels(task)))
+        result = take(system, task, request.num_samps_per_chan, request.timeout, alive, space)
         rows = form(result)
         _refuse_small(request.array_size_in_samps, rows.size)
         flat = rows.T if _fill(request) == FillMode.GROUP_BY_SCAN_NUMBER.value else rows
@@ -239,17 +77,17 @@ def _bytes(answer: Any, flat: Any) -> None:
     answer.read_array = flat.astype(np.uint8).tobytes()
 
 
-def _codes(read: _Read) -> Any:
+def _codes(read: Taken) -> Any:
     """Codes of the converter."""
     widths = np.array([channel.width for channel in read.channels])[:, np.newaxis]
     return np.rint(read.rows / widths).astype(np.int64)
 
 
-def _unsigned(bits: int) -> Callable[[_Read], Any]:
+def _unsigned(bits: int) -> Callable[[Taken], Any]:
     return lambda read: _codes(read) & (2**bits - 1)
 
 
-def _scaled(read: _Read) -> Any:
+def _scaled(read: Taken) -> Any:
     """In the units of each channel's custom scale, else volts."""
     if all(channel.scale is None for channel in read.channels):
         return read.rows
@@ -259,15 +97,15 @@ def _scaled(read: _Read) -> Any:
     ]).reshape(read.rows.shape)  # fmt: skip
 
 
-def _words(read: _Read) -> Any:
+def _words(read: Taken) -> Any:
     return port_words(read.channels, read.rows)
 
 
 def _raw(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
     width = 2 if task.kind == "ai" else 4
-    space = request.array_size_in_bytes // max(1, width * len(_wanted_channels(task)))
-    result = _read(system, task, request.num_samps_per_chan, request.timeout, alive, space)
+    space = request.array_size_in_bytes // max(1, width * len(wanted_channels(task)))
+    result = take(system, task, request.num_samps_per_chan, request.timeout, alive, space)
     if task.kind == "ai":
         data = _codes(result).astype("<i2").T
     else:
@@ -285,7 +123,7 @@ def _raw(system: NiSystem, request: Any, alive: Alive) -> Any:
 
 def _digital_lines(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
-    result = _read(system, task, request.num_samps_per_chan, request.timeout, alive)
+    result = take(system, task, request.num_samps_per_chan, request.timeout, alive)
     width = max(len(channel.physical) for channel in result.channels)
     lines = np.zeros((len(result.channels), result.count, width), dtype=np.uint8)
     row = 0
@@ -317,8 +155,8 @@ def _scalar_digital(system: NiSystem, request: Any, alive: Alive) -> Any:
     return pb.ReadDigitalScalarU32Response(value=int(words[0, 0]))
 
 
-def _scalar(system: NiSystem, request: Any, alive: Alive) -> _Read:
-    result = _read(system, system.task(request.task.name), 1, request.timeout, alive)
+def _scalar(system: NiSystem, request: Any, alive: Alive) -> Taken:
+    result = take(system, system.task(request.task.name), 1, request.timeout, alive)
     if not result.count:
         raise DaqmxError(
             DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE,
@@ -330,7 +168,7 @@ def _scalar(system: NiSystem, request: Any, alive: Alive) -> _Read:
 
 def _analog_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
-    result = _read(system, task, request.num_samps_per_chan, request.timeout, alive)
+    result = take(system, task, request.num_samps_per_chan, request.timeout, alive)
     answer = pb.ReadAnalogWaveformsResponse(status=result.status, samps_per_chan_read=result.count)
     for channel, row in zip(result.channels, _scaled(result), strict=True):
         waveform = answer.waveforms.add()
@@ -343,7 +181,7 @@ def _analog_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any:
 
 def _digital_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
-    result = _read(system, task, request.num_samps_per_chan, request.timeout, alive)
+    result = take(system, task, request.num_samps_per_chan, request.timeout, alive)
     answer = pb.ReadDigitalWaveformsResponse(status=result.status, samps_per_chan_read=result.count)
     row = 0
     for channel in result.channels:

@@ -24,8 +24,8 @@ from haploop.mocks.daq.ni.devices import Inventory, NiDevice
 from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
 from haploop.mocks.daq.ni.events import Events
 from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.plant.nodes import Nodes
-from haploop.mocks.transport.loopback import HOST
+from haploop.mocks.plant import Nodes
+from haploop.mocks.transport import HOST
 
 __all__ = ["NiServer"]
 

@@ -12,7 +12,7 @@ from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.mocks.daq.ni.devices import Inventory, NiDevice, devices_from_ini
 from haploop.mocks.daq.ni.server import NiServer
 from haploop.mocks.daq.products import PRODUCTS
-from haploop.mocks.plant.nodes import Nodes
+from haploop.mocks.plant import Nodes
 
 __all__ = ["inventory_from_file", "inventory_of", "run"]
 

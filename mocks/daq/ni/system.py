@@ -17,7 +17,7 @@ from haploop.mocks.daq.ni.devices import Inventory, NiDevice
 from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
 from haploop.mocks.daq.ni.tasks import State, Task
 from haploop.mocks.daq.ni.terminals import OutputTerminal, Timebase
-from haploop.mocks.plant.nodes import Nodes
+from haploop.mocks.plant import Nodes
 
 __all__ = ["NiSystem"]
 

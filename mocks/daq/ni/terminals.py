@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haploop.instruments.arrays import FloatArray
-from haploop.mocks.plant.nodes import Run
+from haploop.mocks.plant import Run
 
 __all__ = ["OutputTerminal", "Timebase"]
 
@@ -95,7 +95,7 @@ class OutputTerminal:
             self._clock = None
 
     def take(self, until: float) -> Sequence[Run]:
-        """See `haploop.mocks.plant.nodes.Source.take`."""
+        """See `haploop.mocks.plant.Source.take`."""
         with self._lock:
             self._advance(until)
             runs = []

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.mocks.daq.ni.server import NiServer
 from haploop.mocks.daq.ni.standalone import inventory_of
-
-if TYPE_CHECKING:  # The plant is not needed to serve devices that nothing drives.
-    from haploop.instruments.daq.ni_daqmx import NiDaq
-    from haploop.mocks.plant.plant import Plant
+from haploop.mocks.plant import Plant
 
 __all__ = ["wire", "wiring_of"]
 

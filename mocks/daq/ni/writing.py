@@ -11,8 +11,9 @@ from nidaqmx.constants import FillMode, WriteRelativeTo
 
 from haploop.instruments.arrays import FloatArray
 from haploop.mocks.daq.converter import put_out
-from haploop.mocks.daq.ni.channels import field, line_order, word_lines
+from haploop.mocks.daq.ni.channels import field
 from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.lines import line_order, word_lines
 from haploop.mocks.daq.ni.system import NiSystem
 from haploop.mocks.daq.ni.tasks import Channel, Task
 

@@ -1,0 +1,177 @@
+"""What a read takes: wait for samples of a task, and hand over those that the program wants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from nidaqmx.constants import OverwriteMode, ReadRelativeTo
+from nidaqmx.utils import unflatten_channel_string
+
+from haploop.mocks.daq.ni import inputs
+from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from haploop.mocks.daq.ni.system import NiSystem
+from haploop.mocks.daq.ni.tasks import Channel, Task
+
+__all__ = ["Alive", "Taken", "take", "wanted_channels"]
+
+Alive = Callable[[], bool]
+"""Whether the client that waits is still there."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What one read took: (rows, samples) of `channels`, from sample `first`."""
+
+    channels: tuple[Channel, ...]
+    rows: Any
+    first: int
+    status: int = 0
+
+    @property
+    def count(self) -> int:
+        """Samples per channel."""
+        return int(self.rows.shape[1])
+
+
+def take(
+    system: NiSystem, task: Task, wanted: int, timeout: float, alive: Alive, space: int | None = None
+) -> Taken:
+    """Wait for `wanted` samples per channel.
+
+    -1 asks for all of a finite task, or for those there are now, as far as `space` samples of the
+    program's array hold them: it made the array a moment ago.
+    """
+    _refuse_unreadable(system, task)
+    if not task.running:
+        system.start(task, auto=True)
+    if not task.timed:
+        taken = inputs.acquire(system, task, max(1, wanted))
+        result = Taken(*_wanted(task, taken), max(0, task.on_demand - taken.shape[1]))
+        if task.auto_started:
+            count = task.on_demand
+            system.stop(task)
+            # A program that polls a line by software sees it count on from read to read.
+            task.on_demand = count
+        return result
+    first = _position(system, task)
+    left = None if task.total is None else max(0, task.total - first)
+    if left == 0 and wanted != 0:
+        raise DaqmxError(
+            DAQmxErrors.SAMPLES_WILL_NEVER_BE_AVAILABLE,
+            "The application is not able to read the requested samples, because all samples of the "
+            f"finite task {task.name!r} have been read.",
+            read=0,
+        )
+    if wanted < 0:
+        wanted = left if left is not None else max(0, task.count(system.clock.now()) - first)
+        if left is None and space is not None:
+            wanted = min(wanted, space)
+    elif left is not None:
+        wanted = min(wanted, left)
+    _refuse_lost(system, task, first)
+    end = first + wanted
+    reached = system.wait(
+        lambda: not task.running or task.count(system.clock.now()) >= end or task.failure is not None,
+        lambda: task.ready(end),
+        timeout,
+        alive,
+    )
+    if not task.running:
+        raise DaqmxError(
+            DAQmxErrors.OPERATION_ABORTED, f"Task {task.name!r} was stopped while it was being read.", read=0
+        )
+    if task.failure is not None:
+        raise task.failure
+    _refuse_lost(system, task, first)
+    count = min(wanted, max(0, task.count(system.clock.now()) - first))
+    lines = sum(len(channel.physical) for channel in task.channels)
+    rows = inputs.samples(system, task, first, count) if count else np.zeros((lines, 0))
+    result = Taken(
+        *_wanted(task, rows),
+        first,
+        0 if reached else DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE.value,
+    )
+    task.read_position = first + count
+    if task.auto_started and task.total is not None and task.read_position >= task.total:
+        system.stop(task)
+    system.changed.notify_all()
+    return result
+
+
+def _refuse_unreadable(system: NiSystem, task: Task) -> None:
+    """Outputs and counters cannot be read, nor a device with an injected failure."""
+    if not task.is_input and (task.kind != "do" or task.timed):
+        raise DaqmxError(
+            DAQmxErrors.READ_NO_INPUT_CHANS_IN_TASK,
+            f"Read cannot be performed, because task {task.name!r} has no input channels: only the lines "
+            "of an output that programs step can be read back.",
+        )
+    if task.kind == "ci":
+        system.unserved["reading a counter"] += 1
+        raise DaqmxError(
+            DAQmxErrors.ATTR_NOT_SUPPORTED, f"haploop's NI wire counts nothing: {task.name!r} cannot be read."
+        )
+    injected = system.injected(task)
+    if injected is not None:
+        system.stop(task)
+        raise DaqmxError(injected, f"The acquisition of {task.device.name} was stopped.", read=0)
+
+
+def wanted_channels(task: Task) -> tuple[Channel, ...]:
+    """The channels that the program wants to read."""
+    names = task.setting("Read", "CHANNELS_TO_READ")
+    if not names:
+        return tuple(task.channels)
+    listed = {name.strip().lower() for name in unflatten_channel_string(names)}
+    return tuple(channel for channel in task.channels if channel.name.lower() in listed)
+
+
+def _wanted(task: Task, rows: Any) -> tuple[tuple[Channel, ...], Any]:
+    """The channels that the program wants to read, and their rows."""
+    wanted = wanted_channels(task)
+    places: list[int] = []
+    row = 0
+    for channel in task.channels:
+        if channel in wanted:
+            places += range(row, row + len(channel.physical))
+        row += len(channel.physical)
+    return wanted, rows if len(places) == len(rows) else rows[places]
+
+
+def _position(system: NiSystem, task: Task) -> int:
+    """The sample that the next read begins with."""
+    relative = task.setting("Read", "RELATIVE_TO", ReadRelativeTo.CURRENT_READ_POSITION.value)
+    offset = int(task.setting("Read", "OFFSET", 0))
+    acquired = task.count(system.clock.now())
+    base = {
+        ReadRelativeTo.FIRST_SAMPLE.value: 0,
+        ReadRelativeTo.MOST_RECENT_SAMPLE.value: acquired,
+    }.get(relative, task.read_position)
+    if _overwrites(task):
+        base = max(base, acquired - task.buffer_size)
+    return max(0, base + offset)
+
+
+def _overwrites(task: Task) -> bool:
+    mode = task.setting("Read", "OVERWRITE", OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES.value)
+    return bool(mode == OverwriteMode.OVERWRITE_UNREAD_SAMPLES.value)
+
+
+def _refuse_lost(system: NiSystem, task: Task, first: int) -> None:
+    """A circular buffer has written over what was not read in time."""
+    if (
+        task.total is None
+        and task.count(system.clock.now()) - first > task.buffer_size
+        and not _overwrites(task)
+    ):
+        task.failure = DaqmxError(
+            DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
+            "The application is not able to keep up with the hardware acquisition: sample "
+            f"{first} of {task.name!r} has been written over in a buffer of {task.buffer_size} samples "
+            "per channel. Read more often, or make the buffer larger.",
+            read=0,
+        )
+        raise task.failure

@@ -1,0 +1,1 @@
+"""haploop's own kinds of fault, a file for each place where they act. Rig files name them by entry point."""

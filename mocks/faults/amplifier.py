@@ -1,0 +1,37 @@
+"""Faults of the amplifier."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from haploop.instruments.arrays import FloatArray
+from haploop.mocks.plant import Fault, FaultSettings, Positive, Run, TimedFault
+
+__all__ = ["AmplifierGain", "AmplifierTrip"]
+
+
+class AmplifierGain(Fault):
+    """The amplifier's gain is another than the rig file says."""
+
+    class Settings(FaultSettings):
+        """See `FaultSettings`."""
+
+        gain: Positive = 25.0
+        """V per V."""
+
+    settings: Settings
+
+    def gain(self, gain: float, run: Run) -> float:
+        """See `Fault.gain`."""
+        if run.values.any():
+            self.mark(run.start)
+        return self.settings.gain
+
+
+class AmplifierTrip(TimedFault):
+    """The amplifier's protection trips: its output falls to zero."""
+
+    def output(self, volts: FloatArray, times: FloatArray) -> FloatArray:
+        """See `Fault.output`."""
+        # A trip at zero output has no effect, so it does not fire.
+        return np.asarray(volts * ~self.active(times)) if volts.any() else volts

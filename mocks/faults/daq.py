@@ -1,0 +1,87 @@
+"""Faults of the DAQ's cards and of the cable between them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.config import RigFile
+from haploop.mocks.plant import Fault, PerEventFault, SamplesLost, ScheduledFault
+
+__all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "RtsiMissing"]
+
+
+class RtsiMissing(Fault):
+    """There is no RTSI cable between the cards."""
+
+    def rtsi(self, now: float) -> bool:
+        """See `Fault.rtsi`."""
+        self.mark(now)
+        return False
+
+
+class ClockDrift(ScheduledFault):
+    """A card samples on a clock of its own, which is slower than the other card's."""
+
+    class Settings(ScheduledFault.Settings):
+        """See `FaultSettings`."""
+
+        drift: Annotated[float, Field(gt=0, le=0.5)] = 500e-6
+        """How much slower, as a fraction. Two free clocks differ by 5 to 50e-6 (estimate; docs/hardware.md,
+        "Two cards on one clock"); an input that counts noise instead of clock edges, by any amount."""
+        device: str | None = None
+        """None takes the first card that has no output."""
+
+    settings: Settings
+
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        owners = {
+            str(output["terminal"]).split("/")[0]
+            for output in file.daq.settings.get("outputs", {}).values()
+            if isinstance(output, dict) and "terminal" in output
+        }
+        without = (device for device in file.daq.settings.get("devices", {}) if device not in owners)
+        self._device = settings.device or next(without, None)
+
+    def lateness(self, device: str, times: FloatArray) -> FloatArray:
+        """See `Fault.lateness`."""
+        if device != self._device:
+            return np.zeros(len(times))
+        late = np.asarray(self.settings.drift * np.maximum(times - self.begin, 0.0))
+        if late[-1] > 0:
+            self.mark(float(times[-1]))
+        return late
+
+
+class _OfCard(PerEventFault):
+    class Settings(PerEventFault.Settings):
+        times: Annotated[int, Field(ge=1)] | None = 1
+        device: str | None = None
+        """None takes every card."""
+
+    settings: Settings
+
+    def _strikes(self, device: str, now: float) -> bool:
+        return self.settings.device in (None, device) and self.fires(now)
+
+
+class DaqOverrun(_OfCard):
+    """Samples are not read in time, and the host's buffer runs over (NI's -200279)."""
+
+    def samples(self, device: str, now: float) -> None:
+        """See `Fault.samples`."""
+        if self._strikes(device, now):
+            raise SamplesLost(device, "overrun")
+
+
+class DaqOverflow(_OfCard):
+    """A card's own memory runs over (NI's -200010)."""
+
+    def samples(self, device: str, now: float) -> None:
+        """See `Fault.samples`."""
+        if self._strikes(device, now):
+            raise SamplesLost(device, "overflow")

@@ -1,0 +1,40 @@
+"""Faults of the lines to instruments."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from haploop.mocks.plant import PerEventFault
+from haploop.mocks.transport import ReplyFault
+
+__all__ = ["Reply"]
+
+
+class Reply(PerEventFault):
+    """An instrument's answers are disturbed on their way. On a wire only: a twin has no line."""
+
+    class Settings(PerEventFault.Settings):
+        """See `FaultSettings`."""
+
+        instrument: str
+        """The role: relay, vibrometer, ..."""
+        how: Literal["silence", "delay", "drip", "garbled", "truncated", "disconnect"] = "silence"
+        asked: str = ""
+        """Only answers to requests that contain this."""
+        delay: Annotated[float, Field(gt=0, le=60)] = 0.05
+        """Real seconds: before the answer with "delay", between its bytes with "drip"."""
+
+    settings: Settings
+
+    @property
+    def line(self) -> str | None:
+        """See `Fault.line`."""
+        return self.settings.instrument
+
+    def answer(self, request: str, now: float) -> ReplyFault | None:
+        """See `Fault.answer`."""
+        if self.settings.asked not in request or not self.fires(now):
+            return None
+        return ReplyFault(self.settings.how, delay=self.settings.delay)

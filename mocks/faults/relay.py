@@ -1,0 +1,67 @@
+"""Faults of the relay box and of the wires behind it."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pydantic import field_validator
+
+from haploop.mocks.plant import Fault, FaultSettings, PerEventFault, RelayFailure
+
+__all__ = ["RelayLost", "RelayStuck", "RelaySwapped", "RelayWelded"]
+
+
+class RelaySwapped(Fault):
+    """The wires of two patches are swapped behind the relay."""
+
+    class Settings(FaultSettings):
+        """See `FaultSettings`."""
+
+        patches: tuple[str, str] = ("A", "B")
+
+        @field_validator("patches")
+        @classmethod
+        def _two(cls, patches: tuple[str, str]) -> tuple[str, str]:
+            if patches[0] == patches[1]:
+                raise ValueError(f"name two different patches (found {patches[0]!r} twice)")
+            return patches
+
+    settings: Settings
+
+    def contact(self, patch: str, at: float) -> str:
+        """See `Fault.contact`."""
+        one, other = self.settings.patches
+        if patch not in (one, other):
+            return patch
+        self.mark(at)
+        return other if patch == one else one
+
+
+class _OfRelay(PerEventFault):
+    class Settings(PerEventFault.Settings):
+        patch: str = "A"
+
+    settings: Settings
+    how: ClassVar[RelayFailure]
+
+    def relay(self, how: RelayFailure, patch: str, now: float) -> bool:
+        """See `Fault.relay`."""
+        return (how, patch) == (self.how, self.settings.patch) and self.fires(now)
+
+
+class RelayLost(_OfRelay):
+    """A command to the channel of a patch never reaches the box."""
+
+    how = "lost"
+
+
+class RelayStuck(_OfRelay):
+    """A channel keeps its state, and reports it."""
+
+    how = "stuck"
+
+
+class RelayWelded(_OfRelay):
+    """A contact keeps its state, while the box reports the commanded one."""
+
+    how = "welded"

@@ -1,0 +1,44 @@
+"""The families of function generators that can be simulated, by what differs between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["DG1000Z", "KEYSIGHT_33500", "Product"]
+
+
+@dataclass(frozen=True)
+class Product:
+    """How one family differs from another, as seen from outside."""
+
+    identity: str
+    number: str
+    """How it writes a number."""
+    booleans: tuple[str, str]
+    infinite: str
+    """How it writes the load of an open input."""
+    sweep: dict[str, tuple[float, float, float]]
+    """Numbers of the sweep that only this family has: header, default, lowest and highest."""
+    by_mode: bool
+    """Keysight's: the sweep is a mode of the frequency, and the trigger is common to all functions."""
+
+
+KEYSIGHT_33500 = Product(
+    identity="Agilent Technologies,33522B,MY00000001,5.00-1.19-2.00-58-00",
+    number="+.15E",
+    booleans=("0", "1"),
+    infinite="+9.900000000000000E+37",
+    sweep={"[:SOURce#]:SWEep:HTIMe": (0, 0, 3600)},
+    by_mode=True,
+)
+DG1000Z = Product(
+    identity="Rigol Technologies,DG1062Z,DG1ZA000000001,03.01.12",
+    number=".6E",
+    booleans=("OFF", "ON"),
+    infinite="INFINITY",
+    sweep={
+        "[:SOURce#]:SWEep:HTIMe[:STARt]": (0, 0, 500),
+        "[:SOURce#]:SWEep:HTIMe:STOP": (0, 0, 500),
+    },
+    by_mode=False,
+)

@@ -1,0 +1,41 @@
+"""The amplifier of a simulated rig: its gain, its rails, and which of its inputs drives which patch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.config import RigFile
+from haploop.mocks.plant.fault import Fault
+from haploop.mocks.plant.nodes import Run
+
+__all__ = ["AMPLIFIER_GAIN_ERROR", "Amplifier"]
+
+AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01
+AMPLIFIER_LOW, AMPLIFIER_HIGH = -100.0, 400.0
+
+
+class Amplifier:
+    """See the module. `inputs` is the node that drives each patch."""
+
+    def __init__(self, file: RigFile, patches: Sequence[str], rng: np.random.Generator) -> None:
+        self._tolerance = 1 + AMPLIFIER_GAIN_ERROR * rng.uniform(-1, 1)
+        named = file.amplifier.settings.get("input") if file.amplifier else None
+        if isinstance(named, dict):
+            self.inputs = {str(patch): str(node) for patch, node in named.items()}
+        else:
+            self.inputs = dict.fromkeys(patches, str(named)) if named else {}
+
+    def output(self, run: Run, faults: Sequence[Fault]) -> FloatArray:
+        """(steps,) V that a run of an input makes at the output."""
+        gain = AMPLIFIER_GAIN
+        for fault in faults:
+            gain = fault.gain(gain, run)
+        volts = np.clip(run.values * (gain * self._tolerance), AMPLIFIER_LOW, AMPLIFIER_HIGH)
+        if faults:
+            times = np.asarray(run.start + np.arange(len(volts)) * run.period, dtype=np.float64)
+            for fault in faults:
+                volts = fault.output(volts, times)
+        return np.asarray(volts)
