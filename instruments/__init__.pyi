@@ -26,10 +26,14 @@ from .operator import Remove as Remove
 from .operator import Request as Request
 from .operator import Rest as Rest
 from .player import Player as Player
+from .recorded_along import NewFile as NewFile
+from .recorded_along import Reading as Reading
+from .recorded_along import RecordedAlong as RecordedAlong
 from .relay import Relay as Relay
 from .rig import Rig as Rig
 from .rig import open_rig as open_rig
 from .sensors import Accelerometer as Accelerometer
+from .sensors import AnalogChannel as AnalogChannel
 from .sensors import Divider as Divider
 from .sensors import ForceTorque as ForceTorque
 from .sensors import Sensor as Sensor

@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.instruments.clock import Clock
-from haploop.instruments.config import ROLES, RigFile, validate_kind
+from haploop.instruments.config import RigFile, roles, validate_kind
 from haploop.instruments.errors import ConfigurationError
 from haploop.mocks.relay.box import BoxFault
 
@@ -385,7 +385,7 @@ def _refuse(settings: FaultSettings, file: RigFile) -> None:
         "patches": file.table.patches if file.table else (),
         "channel": tuple(daq.get("channels", ())),
         "device": tuple(daq.get("devices", ())),
-        "instrument": ROLES,
+        "instrument": roles(),
     }
     for key, names in known.items():
         value = getattr(settings, key, None)

@@ -12,6 +12,7 @@ from haploop.acquisition.recording.file_format import (
     file_name,
     to_codes,
 )
+from haploop.acquisition.recording.readings import AlongFile, AlongReading, reading_event
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.recovery import recover
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
@@ -23,6 +24,8 @@ __all__ = [
     "EVENT",
     "FLAGS",
     "VERDICT",
+    "AlongFile",
+    "AlongReading",
     "Contents",
     "Event",
     "Header",
@@ -36,6 +39,7 @@ __all__ = [
     "finish",
     "fresh_file",
     "opened",
+    "reading_event",
     "recover",
     "sync_folder",
     "to_codes",

@@ -18,10 +18,12 @@ from haploop.acquisition.recording.file_format import (
     Codes,
     Contents,
     Header,
+    events_in,
     read_header,
     whole,
     write_header,
 )
+from haploop.acquisition.recording.readings import file_problems
 from haploop.acquisition.recording.writer import fresh_file
 from haploop.instruments import DataError, InstrumentError
 
@@ -132,6 +134,7 @@ def verify(path: str | Path) -> tuple[str, ...]:
         problems.append(f"{path} has a gap between two blocks.")
     if np.any(contents.presses["end"] > contents.codes.shape[1]):
         problems.append(f"{path} has a press that ends after its last sample.")
+    problems += file_problems(events_in(contents.events), path.parent)
     return tuple(problems)
 
 

@@ -18,7 +18,6 @@ from haploop.doctor.finding import Finding, Status
 from haploop.doctor.patch_check import check_patches
 from haploop.doctor.sensor_check import cards, check_clock, check_force, check_gravity, check_noise
 from haploop.instruments import HaploopError, InstrumentError, Rig, RigFile, open_rig
-from haploop.instruments.config import ROLES
 from haploop.instruments.driver import Mode
 from haploop.progress import print_json, print_table
 
@@ -76,7 +75,7 @@ def examine(
 def find_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list[Finding]:
     """Open each instrument by itself, for a rig that cannot be opened because of `error`."""
     findings: list[Finding] = []
-    roles = [role for role in ROLES if role != "operator" and getattr(file, role) is not None]
+    roles = [role for role in file.devices if role != "operator"]
     # A simulated plant is wired to the DAQ, so the other twins need it.
     needed = "daq" if simulate or file.simulate else ""
     for role in roles:
@@ -86,7 +85,7 @@ def find_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list
         alone = file.model_copy(update={other: None for other in roles if other not in (role, needed)})
         try:
             with open_rig(alone, simulate=simulate) as rig:
-                identity = getattr(rig, role).identity
+                identity = _identity(rig, role)
                 findings.append(Finding("Identity", role, "green", f"{identity} responds."))
         except HaploopError as problem:
             findings.append(Finding("Identity", role, "red", str(problem)))
@@ -123,16 +122,20 @@ def _has_table(rig: Rig) -> bool:
 
 
 def _identities(rig: Rig) -> Iterator[Finding]:
-    for role in ROLES:
-        if role == "operator" or getattr(rig.file, role) is None:
+    for role, instrument in rig.instruments.items():
+        if role == "operator":
             continue
-        instrument = getattr(rig, role)
-        sentence = f"{instrument.identity} responds."
+        sentence = f"{_identity(rig, role)} responds."
         if role == "amplifier":
             sentence = f"{instrument.identity}: no digital interface; its gain is measured below."
         elif role == "vibrometer" and instrument.declared is not None:
             sentence = f"{instrument.identity}: no digital interface; the operator confirms its settings."
         yield Finding("Identity", role, "green", sentence)
+
+
+def _identity(rig: Rig, role: str) -> str:
+    """What an instrument says that it is; a role of another package need not say anything."""
+    return getattr(rig.instruments[role], "identity", f"The {role}")
 
 
 def _settings(rig: Rig) -> Iterator[Finding]:

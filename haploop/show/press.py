@@ -12,6 +12,7 @@ from rich.text import Text
 from haploop.acquisition import ButtonPress, Recording, Representative, high_pass
 from haploop.figures import figures
 from haploop.instruments import DataError
+from haploop.show.along import along_rows, along_values
 from haploop.show.formatting import json_number, property_table
 
 __all__ = ["recording_contents", "recording_figure", "representative_contents"]
@@ -92,6 +93,9 @@ def recording_contents(
     table.add_row(
         "Saturated", f"in presses {', '.join(map(str, saturated))}" if saturated else "never while pressed"
     )
+    values |= along_values(recording)
+    for heading, text in along_rows(recording):
+        table.add_row(Text(heading), Text(text))
     table.add_row("Content", f"SHA-256 {recording.content_hash}")
     return values, table
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from importlib import metadata
 from typing import Any
 
 from pydantic import BaseModel
 
-from haploop.instruments.config import RigFile, fault_kinds
-from haploop.instruments.rig.roles import ROLES
+from haploop.instruments import entry_points
+from haploop.instruments.config import RigFile, fault_kinds, roles
+from haploop.instruments.errors import ConfigurationError
 
 __all__ = ["rig_schema"]
 
@@ -23,10 +23,12 @@ def rig_schema() -> dict[str, Any]:
     """
     schema = RigFile.model_json_schema()
     definitions: dict[str, Any] = schema["$defs"]
-    for role, kind in ROLES.items():
-        drivers = {e.name: e.load() for e in metadata.entry_points(group="haploop.drivers")}
-        settings = {name: driver.Settings for name, driver in drivers.items() if issubclass(driver, kind)}
-        schema["properties"][role] = _chosen("driver", settings, definitions)
+    broken: list[str] = []
+    for role in roles():
+        schema["properties"][role] = _chosen("driver", _settings_of(role, broken), definitions)
+    if broken:
+        schema["$comment"] = " ".join(broken)
+    schema["additionalProperties"] = False
     faults = definitions["SimulationSettings"]["properties"]["faults"]
     faults["items"] = _chosen("kind", fault_kinds(), definitions)
     schema["properties"]["base"] = {
@@ -36,6 +38,25 @@ def rig_schema() -> dict[str, Any]:
     del definitions["Device"]
     _soften(schema)
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema, "title": "A rig of haploop"}
+
+
+def _settings_of(role: str, broken: list[str]) -> dict[str, type[BaseModel]]:
+    """Settings of each driver of a role. What cannot be loaded is left out, and added to `broken`."""
+    settings: dict[str, type[BaseModel]] = {}
+    try:
+        kind = entry_points.role_class(role)
+    except ConfigurationError as error:
+        broken.append(str(error))
+        return settings
+    for name in entry_points.installed(entry_points.DRIVERS):
+        try:
+            driver = entry_points.driver_class(name)
+            if issubclass(driver, kind):
+                settings[name] = driver.Settings
+        except ConfigurationError as error:
+            if str(error) not in broken:
+                broken.append(str(error))
+    return settings
 
 
 def _chosen(key: str, choices: Mapping[str, type[BaseModel]], definitions: dict[str, Any]) -> dict[str, Any]:
