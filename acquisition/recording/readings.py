@@ -69,7 +69,7 @@ def reading_event(sample: int, instrument: str, read: Reading | NewFile, folder:
     text = json.dumps(about, ensure_ascii=False)
     if len(text.encode()) > _LONGEST:
         raise DataError(
-            f"The names of the {read.name} of the {instrument} are too long for an event ({_LONGEST} bytes)."
+            f"The names of {read.name[:20]!r} are too long for an event, which has {_LONGEST} bytes for them."
         )
     return Event(sample, kind, text)
 

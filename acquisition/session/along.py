@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -178,16 +177,14 @@ class _Poller:
                     return
                 index = self._asked
             try:
-                found: Sequence[Event] = [
-                    reading_event(index, self._role, read, self._folder) for read in self._instrument.read()
-                ]
+                for read in self._instrument.read():
+                    self.events.append(reading_event(index, self._role, read, self._folder))
             except Exception as error:  # whatever a driver raises must not end the recording
                 if not self._failing:
                     self._fail(index, error)
                 self._failing = True
             else:
                 self._failing = False
-                self.events.extend(found)
             with self._change:
                 self._asked, self._hung = None, False
                 self._change.notify_all()

@@ -16,7 +16,7 @@ from haploop.instruments.player import Player
 __all__ = ["PlayerConformance"]
 
 
-class _BodyFailed(Exception):
+class _BodyError(Exception):
     """What the body of a play raises."""
 
 
@@ -106,8 +106,8 @@ class PlayerConformance(Conformance):
 
     def test_an_error_of_the_body_counts(self, player: Player) -> None:
         """When the body raises, it stops at once, and the body's error is raised."""
-        with pytest.raises(_BodyFailed), player.play(self._burst(), self.rate_hz):
-            raise _BodyFailed
+        with pytest.raises(_BodyError), player.play(self._burst(), self.rate_hz):
+            raise _BodyError
         self._silent()
 
     def test_stop_ends_a_play(self, player: Player) -> None:
