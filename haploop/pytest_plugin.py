@@ -171,7 +171,7 @@ def _has(file: RigFile, needed: str, simulated: bool) -> bool:
     from haploop.instruments.config import roles  # noqa: PLC0415
 
     parts: dict[str, object] = {role: getattr(file, role, None) for role in roles()}
-    parts |= dict(file.sensors)
+    parts |= {name: sensor or None for name, sensor in file.sensors}
     parts |= {"table": file.table, "simulation": simulated or None}
     if needed not in parts:
         pytest.fail(f"requires() does not know {needed!r}; it accepts {', '.join(parts)}", pytrace=False)

@@ -81,11 +81,15 @@ def _time(recording: Recording) -> Any:
 
 
 def _readings(recording: Recording) -> dict[str, list[AlongReading]]:
-    """What was recorded along, by a name that no channel has."""
+    """What was recorded along, in one unit each, by a name that no channel has."""
     found: dict[str, list[AlongReading]] = {}
     for reading in recording.readings:
         name = f"{reading.instrument}_{reading.name}"
-        found.setdefault(name if name not in recording.sensors.extra else f"{name}_read", []).append(reading)
+        if name in recording.sensors.extra:
+            name += "_read"
+        if name in found and found[name][0].unit != reading.unit:
+            name += f"_{reading.unit}"
+        found.setdefault(name, []).append(reading)
     return found
 
 

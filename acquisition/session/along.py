@@ -60,9 +60,12 @@ class Along:
         for poller in self._pollers:
             poller.stop()
 
-    def reserve(self, duration: float) -> int:
-        """Events that `duration` seconds may take. What comes beyond them is left out, which is an event."""
-        self._left = sum(poller.most(duration) for poller in self._pollers)
+    def reserve(self, duration: float, block: int) -> int:
+        """Events that `duration` seconds in blocks of `block` samples may take.
+
+        What comes beyond them is left out, which is an event.
+        """
+        self._left = sum(poller.most(duration, block) for poller in self._pollers)
         return self._left
 
     def follow(self, writer: Writer) -> None:
@@ -114,9 +117,9 @@ class _Poller:
         self.events: deque[Event] = deque()
         """What has come: appended by the instrument's thread, taken by the one that writes."""
 
-    def most(self, duration: float) -> int:
-        """Events that `duration` seconds may take: each reading, and a failure for each."""
-        reads = math.ceil(duration * self._rate_hz / self._period) + 2
+    def most(self, duration: float, block: int) -> int:
+        """Events that `duration` seconds may take: one question a block at most, each answer or failure."""
+        reads = math.ceil(duration * self._rate_hz / max(self._period, block)) + 2
         return reads * (len(self._instrument.reads) + 1) + 8
 
     def start(self, stem: Path, clock: Clock) -> None:

@@ -128,7 +128,9 @@ def run_session(
         with Along(rig, path) as along, rig.daq.stream(channels, rate_hz, samples) as stream:
             header = _header(rig, stream, session, p)
             with (
-                Writer(path, header, samples, int(longest / p.block) + 2, along.reserve(longest)) as writer,
+                Writer(
+                    path, header, samples, int(longest / p.block) + 2, along.reserve(longest, samples)
+                ) as writer,
                 StreamReader(stream, rig.clock) as reader,
             ):
                 created = True

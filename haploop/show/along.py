@@ -79,10 +79,9 @@ def along_rows(recording: Recording) -> Iterator[tuple[str, str]]:
 def _spread(recording: Recording, name: str) -> dict[str, float]:
     """Mean, least and largest value of an extra channel; nothing for a recording without samples."""
     signal = recording.extra[name]
-    return {k: float(f(signal)) for k, f in _SPREAD.items()} if signal.size else {}
-
-
-_SPREAD = {"mean": np.mean, "min": np.min, "max": np.max}
+    if not signal.size:
+        return {}
+    return {"mean": float(signal.mean()), "min": float(signal.min()), "max": float(signal.max())}
 
 
 def _failures(recording: Recording) -> list[Event]:

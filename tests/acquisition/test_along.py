@@ -163,6 +163,13 @@ def test_a_rate_that_is_none_is_refused(tmp_path, reads_hz):
         record(rig_with(Meter(reads_hz=reads_hz)), "push", "P01", 1, tmp_path)
 
 
+def test_a_rate_beyond_the_blocks_takes_no_more_space_than_they_have(tmp_path):
+    recording = record(rig_with(Meter(reads_hz=1e9)), "push", "P01", 1, tmp_path)
+    samples = [reading.sample for reading in recording.readings]
+    assert samples == list(range(250, 250 * len(samples) + 1, 250))
+    assert along.Along(rig_with(Meter(reads_hz=1e9)), tmp_path / "a.h5").reserve(100.0, 250) < 5000
+
+
 def test_it_is_stopped_when_the_recording_is_interrupted(tmp_path):
     meter = Meter()
     rig = rig_with(meter)
@@ -218,7 +225,7 @@ def test_in_real_time_no_block_waits_for_a_slow_instrument(tmp_path):
     rig.clock = RealClock()
     sink, longest = Sink(), 0.0
     with along.Along(rig, sink.path) as recorded:
-        recorded.reserve(10.0)
+        recorded.reserve(10.0, 250)
         for number in range(1, 100):
             block = Block(250 * (number - 1), np.zeros((1, 250)), np.zeros(1, dtype=bool))
             sink.written = block.end
@@ -269,6 +276,7 @@ def test_extra_channels_and_readings_are_exported(tmp_path, monkeypatch):
     rig = world_with_extra(monkeypatch)
     rig._roles["meter"] = Meter()
     recording = record(rig, "push", "P01", 1, tmp_path)
+    assert recording.readings
     pandas = pytest.importorskip("pandas")
     table = recording.to_pandas()
     assert np.array_equal(table["temperature"], recording.extra["temperature"])
