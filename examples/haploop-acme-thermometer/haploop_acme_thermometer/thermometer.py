@@ -26,13 +26,13 @@ class Thermometer(ABC):
     def close(self) -> None:
         """Let go of the instrument. May be called again."""
 
-    def start(self, stem: Path, clock: Clock) -> None:
+    def start(self, stem: Path, clock: Clock) -> None:  # noqa: B027  may be left as it is
         """A temperature needs no preparation."""
 
     def read(self) -> Sequence[Reading]:
         return [Reading("temperature", self.temperature(), "°C")]
 
-    def stop(self) -> None:
+    def stop(self) -> None:  # noqa: B027
         """Nothing was started."""
 
 
