@@ -46,5 +46,7 @@ from .instruments import HaploopError as HaploopError
 from .instruments import InstrumentError as InstrumentError
 from .instruments import LimitError as LimitError
 from .instruments import Limits as Limits
+from .instruments import Progress as Progress
 from .instruments import Rig as Rig
 from .instruments import open_rig as open_rig
+from .instruments import silent as silent

@@ -29,17 +29,16 @@ from haploop.instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from haploop.instruments.arrays import ComplexArray
 from haploop.instruments.clock import Clock, RealClock
 from haploop.instruments.driver import Mode
+from haploop.instruments.files import new_file
+from haploop.instruments.progress import Progress, part_of, prefixed, silent
 from haploop.report.report import CaptionedFigure, render
 
-__all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo", "Progress", "claim_folder", "run_demo"]
+__all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo", "claim_folder", "run_demo"]
 
 BUTTONS = ("latch", "toggle", "push")
 """The paper's three (figure 2)."""
 PRESSES = 10
 """Of each button by each participant; paper, "Data Collection"."""
-
-Progress = Callable[[str, float, float], None]
-"""Told the step, how much of it is done, and how much it is in all."""
 
 _RESULTS = ("recordings", "presses", "drives", "calibration.h5", "summary.json", "report.html")
 """What a demo writes into its folder."""
@@ -91,7 +90,7 @@ def run_demo(
     seed: int | None = None,
     participants: int = 1,
     mode: Mode | None = None,
-    progress: Progress = lambda _step, _done, _of: None,
+    progress: Progress = silent,
     clock: Clock | None = None,
 ) -> dict[str, Any]:
     """Run the loop on a simulated rig and write all that it made into a folder (see `claim_folder`).
@@ -111,13 +110,13 @@ def run_demo(
     with open_rig(file, simulate=mode or file.simulate or "twin", simulation=overrides) as opened:
         demo = _loop(opened, folder, participants, str(rig), progress, lambda: clock.now() - began)
     step = "Write the report"
-    progress(step, 0, 1)
+    progress(step, 0, 1, "")
     summary = _summary(demo)
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    (folder / "report.html").write_text(
-        render(summary, _captioned_figures(demo)), encoding="utf-8", newline="\n"
-    )
-    progress(step, 1, 1)
+    with new_file(folder / "summary.json") as part:
+        part.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    with new_file(folder / "report.html") as part:
+        part.write_text(render(summary, _captioned_figures(demo)), encoding="utf-8", newline="\n")
+    progress(step, 1, 1, "")
     return summary
 
 
@@ -161,37 +160,31 @@ def _loop(
     for button in BUTTONS:
         step = f"Record the {button} button"
         for index, name in enumerate(names):
-
-            def each(done: int, _of: int, step: str = step, before: int = index * PRESSES) -> None:
-                progress(step, before + done, participants * PRESSES)
-
+            each = part_of(progress, step, index * PRESSES, participants * PRESSES)
             recorded = record(rig, button, name, PRESSES, out / "recordings", each)
             recordings.setdefault(button, []).append(recorded)
-        progress(step, 1, 1)
 
     presses: dict[str, Representative] = {}
     (out / "presses").mkdir()
     for button in BUTTONS:
         step = f"Compute the representative press of the {button} button"
-        progress(step, 0, 1)
+        progress(step, 0, 1, "")
         presses[button] = representative(recordings[button])
         presses[button].save(out / "presses" / f"{button}.h5")
-        progress(step, 1, 1)
+        progress(step, 1, 1, "")
 
-    step = "Calibrate the table at the button point, patch A"
-    calibration = calibrate(rig, "A", "button", lambda done, of: progress(step, done, of))
+    calibration = calibrate(rig, "A", "button", prefixed(progress, "Calibrate the table"))
     calibration.save(out / "calibration.h5")
-    progress(step, 1, 1)
 
     checks: dict[str, Check] = {}
     (out / "drives").mkdir()
     for button in BUTTONS:
-        step = f"Drive, play and check the {button} button"
-        progress(step, 0, 1)
+        step = f"Compute the drive of the {button} button"
+        progress(step, 0, 1, "")
         drive = drive_for(presses[button], calibration, rig.limits)
         drive.save(out / "drives" / f"{button}.h5")
-        checks[button] = check(rig, drive, progress=_told(progress, step))
-        progress(step, 1, 1)
+        progress(step, 1, 1, "")
+        checks[button] = check(rig, drive, progress=progress)
 
     response = calibration.response
     return Demo(
@@ -226,10 +219,6 @@ def _loop(
         simulated_s=rig.clock.now() - start,
         wall_s=wall(),
     )
-
-
-def _told(progress: Progress, step: str) -> Callable[[float, float], None]:
-    return lambda done, of: progress(step, done, of)
 
 
 def _loss(rig: Rig, resonance_hz: float) -> str | None:

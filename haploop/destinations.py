@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from haploop.acquisition.recording import check_destination
 from haploop.instruments import ConfigurationError
+from haploop.instruments.files import check_destination
 
 __all__ = ["check_new_file", "check_new_picture"]
 

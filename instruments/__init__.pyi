@@ -26,6 +26,8 @@ from .operator import Remove as Remove
 from .operator import Request as Request
 from .operator import Rest as Rest
 from .player import Player as Player
+from .progress import Progress as Progress
+from .progress import silent as silent
 from .recorded_along import NewFile as NewFile
 from .recorded_along import Reading as Reading
 from .recorded_along import RecordedAlong as RecordedAlong

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
-import h5py
 import numpy as np
 from scipy import fft, signal
 from scipy.interpolate import CubicSpline
 
+from haploop.acquisition import hdf5
 from haploop.acquisition.presses.averaging import average
 from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.quality import accepted_presses
 from haploop.acquisition.presses.registration import WarpModel
 from haploop.acquisition.presses.segmentation import ButtonPress, Segmentation, find_presses, segmentation_for
-from haploop.acquisition.recording import Recording, check_destination, fresh_file, opened
+from haploop.acquisition.recording import Recording
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.files import check_destination
 
 __all__ = ["Representative", "Window", "high_pass", "representative"]
 
-_FORMAT = "haploop representative"
-_VERSION = 2
+_KIND = "representative"
 _RIPPLE = 1e-4
 """What is added to the power response that is divided by: nothing is raised more than fiftyfold, and what
 is raised tenfold comes out 1 % low."""
@@ -89,56 +88,17 @@ class Representative:
         return len(self.acceleration) / self.rate_hz
 
     def save(self, path: str | Path) -> None:
-        """Write an HDF5 file. Raises ConfigurationError for an existing file or a bad folder."""
-        path = Path(path)
-        check_destination(path)
-        with fresh_file(path) as temporary, h5py.File(temporary, "w") as file:
-            file.attrs.update({"format": _FORMAT, "format_version": _VERSION})
-            for each in fields(self):
-                value: Any = getattr(self, each.name)
-                if isinstance(value, np.ndarray):
-                    file[each.name] = value
-                elif each.name in ("sources", "left_out"):
-                    shape = (-1, 2) if each.name == "sources" else (-1,)
-                    texts = np.array(value, dtype=object).reshape(shape)
-                    file.create_dataset(each.name, data=texts, dtype=h5py.string_dtype())
-                elif isinstance(value, Mapping):
-                    file.create_dataset(each.name, data=json.dumps(value), dtype=h5py.string_dtype())
-                elif value is not None:
-                    file.attrs[each.name] = value
+        """Write to a new HDF5 file, whole or not at all.
+
+        Raises ConfigurationError for an existing file or a bad folder, DataError for a disk that fails.
+        """
+        check_destination(Path(path))
+        hdf5.write(path, _KIND, hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what `save` wrote. Raises DataError."""
-        path = Path(path)
-        with opened(path) as file:
-            if file.attrs.get("format") != _FORMAT:
-                raise DataError(f"{path} is an HDF5 file, but not a haploop representative press.")
-            if file.attrs["format_version"] != _VERSION:
-                raise DataError(
-                    f"{path} has representative-press format {file.attrs['format_version']}, but this "
-                    f"haploop reads format {_VERSION}: compute it again from its recordings."
-                )
-            a = file.attrs
-            return cls(
-                button=str(a["button"]),
-                rate_hz=float(a["rate_hz"]),
-                acceleration=file["acceleration"][:],
-                force=file["force"][:],
-                activation=file["activation"][:],
-                activation_index=int(a["activation_index"]),
-                members=int(a["members"]),
-                spread=file["spread"][:],
-                bandwidth_hz=float(a["bandwidth_hz"]),
-                sources=tuple((str(name), str(known)) for name, known in file["sources"].asstr()[:]),
-                left_out=tuple(str(text) for text in file["left_out"].asstr()[:]),
-                method=str(a["method"]),
-                simulated=bool(a["simulated"]),
-                scores=json.loads(file["scores"][()]),
-                parameters=json.loads(file["parameters"][()]),
-                undone_hz=(float(a["undone_hz"][0]), float(a["undone_hz"][1])) if "undone_hz" in a else None,
-                noise_gain=float(a["noise_gain"]),
-            )
+        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        return hdf5.restore(cls, hdf5.read(path, _KIND), path)
 
 
 def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0) -> FloatArray:

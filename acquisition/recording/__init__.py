@@ -14,10 +14,10 @@ from haploop.acquisition.recording.file_format import (
 )
 from haploop.acquisition.recording.readings import AlongFile, AlongReading, reading_event
 from haploop.acquisition.recording.recording import Recording
-from haploop.acquisition.recording.recovery import recover
+from haploop.acquisition.recording.recovery import recover, set_aside
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
 from haploop.acquisition.recording.salvage import finish, opened, verify
-from haploop.acquisition.recording.writer import Writer, check_destination, fresh_file, sync_folder
+from haploop.acquisition.recording.writer import Writer
 
 __all__ = [
     "BLOCK",
@@ -34,14 +34,12 @@ __all__ = [
     "Rejection",
     "Writer",
     "add_rejections",
-    "check_destination",
     "file_name",
     "finish",
-    "fresh_file",
     "opened",
     "reading_event",
     "recover",
-    "sync_folder",
+    "set_aside",
     "to_codes",
     "verify",
 ]

@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from haploop.acquisition.recording.file_format import PressVerdict
-from haploop.acquisition.recording.writer import fresh_file
 from haploop.instruments import DataError
+from haploop.instruments.files import os_error_text, whole_file
 
 __all__ = ["Rejection", "add_rejections", "without_rejected"]
 
@@ -59,8 +59,12 @@ def without_rejected(
 def add_rejections(folder: Path, rejections: Collection[Rejection]) -> None:
     """Add rejections of recordings in a folder, all or none. Raises DataError."""
     lines = [json.dumps(asdict(one)) + "\n" for one in (*_rejections(folder), *rejections)]
-    with fresh_file(folder / _JOURNAL, replace=True) as temporary:
-        temporary.write_text("".join(lines), encoding="utf-8")
+    journal = folder / _JOURNAL
+    try:
+        with whole_file(journal, replace=True) as part:
+            part.write_text("".join(lines), encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"{journal} cannot be written: {os_error_text(error)}.") from None
 
 
 def _rejections(folder: Path) -> tuple[Rejection, ...]:

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from haploop.acquisition import hdf5
 from haploop.acquisition.recording.file_format import (
     BLOCK,
     CODES,
@@ -24,8 +25,9 @@ from haploop.acquisition.recording.file_format import (
     write_header,
 )
 from haploop.acquisition.recording.readings import file_problems
-from haploop.acquisition.recording.writer import fresh_file
-from haploop.instruments import DataError, InstrumentError
+from haploop.instruments import ConfigurationError, DataError, InstrumentError
+from haploop.instruments.files import existing, whole_file
+from haploop.instruments.safety import is_marked
 
 __all__ = [
     "CHUNK",
@@ -110,17 +112,23 @@ def finish(path: Path, state: str = "finished") -> None:
 
 
 def verify(path: str | Path) -> tuple[str, ...]:
-    """The problems of a recording, one sentence each; none when it is intact.
+    """The problems of a file that haploop wrote, one sentence each; none when it is intact.
 
-    Checks the schema, the continuity and the content hash. Raises DataError for a file that cannot be read.
+    Checks the content hash; of a recording, the schema and the continuity as well. Raises DataError for a
+    file that cannot be read, which a damaged one of any other kind than a recording is.
     """
     path = Path(path)
+    if hdf5.is_stored(path):
+        hdf5.read(path, hdf5.kind_of(path))
+        return ()
     with opened(path) as file:
         header, state = read_header(file, path)
         later = later_blocks(file["blocks"]) if state == "recording" else 0
     contents = read_contents(path)
     problems = []
-    if state == "recording":
+    if state == "recording" and is_marked(path):
+        problems.append(f"{path} is being recorded now: verify it when the session has ended.")
+    elif state == "recording":
         problems.append(f"{path} was interrupted: `haploop recover` salvages it into a finished file.")
     elif contents.stored_hash != contents.hash(header):
         problems.append(f"{path} was changed after it was recorded: its content hash does not match.")
@@ -146,7 +154,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
     """
     content_hash = contents.hash(header)
     try:
-        with fresh_file(path, in_place) as temporary:
+        with whole_file(path, replace=in_place) as temporary:
             with h5py.File(temporary, "w") as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
@@ -167,6 +175,8 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
                 codes.attrs["volts_per_code"] = header.full_scale / CODES
             if read_contents(temporary).hash(header) != content_hash:
                 raise DataError(f"{path} read back with other content than was written: check the disk.")
+    except FileExistsError:
+        raise ConfigurationError(existing(path)) from None
     except OSError as error:
         raise InstrumentError(
             f"{path} could not be written ({error.strerror or error}); the recorded samples are safe."

@@ -9,12 +9,9 @@ thread syncs what was written, so that a busy disk never holds up a block. docs/
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shutil
-import tempfile
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -36,50 +33,14 @@ from haploop.acquisition.recording.file_format import (
     write_header,
 )
 from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
+from haploop.instruments.files import existing, whole_file
 
-__all__ = ["Writer", "check_destination", "fresh_file", "sync_folder"]
+__all__ = ["Writer"]
 
 _COMMIT_PERIOD = 0.05
 """Seconds between two syncs (measured: 50 to 100 ms costs nothing)."""
 _MARGIN = 1 << 20
 """Bytes left free beside the file itself and its finished copy."""
-
-
-def check_destination(path: Path) -> None:
-    """Make the folder, and refuse a destination that exists or cannot be written: ConfigurationError."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise ConfigurationError(
-            f"The folder {path.parent} cannot be written ({error.strerror}): choose another folder."
-        ) from None
-    if path.exists():
-        raise ConfigurationError(
-            f"{path} already exists and is not overwritten: move it away, or choose another name."
-        )
-
-
-@contextlib.contextmanager
-def fresh_file(path: Path, replace: bool = False) -> Iterator[Path]:
-    """A temporary path beside `path`, which takes its place, on the disk, when the block succeeds.
-
-    Without `replace` a file that meanwhile exists at `path` is left as it is: ConfigurationError.
-    """
-    # Not tempfile's: its files can be read by their owner only, and a lab shares its folder.
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        yield temporary
-        with temporary.open("r+b") as file:
-            os.fsync(file.fileno())
-        if replace:
-            temporary.replace(path)
-        else:
-            _move(temporary, path)
-        sync_folder(path.parent)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 class Writer:
@@ -216,8 +177,10 @@ class Writer:
                     f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, but this recording needs "
                     f"{(2 * size + _MARGIN) / 1e6:.0f} MB: free some space, or record fewer presses."
                 )
-            with fresh_file(self.path) as temporary:
+            with whole_file(self.path) as temporary:
                 self._preallocate(temporary)
+        except FileExistsError:
+            raise ConfigurationError(existing(self.path)) from None
         except OSError as error:
             raise ConfigurationError(
                 f"{self.path} cannot be preallocated ({error.strerror or error}): "
@@ -296,38 +259,3 @@ def _allocate(file: int, place: int, length: int) -> None:
     os.lseek(file, place, os.SEEK_SET)
     while length > 0:
         length -= os.write(file, bytes(min(length, 1 << 20)))
-
-
-def _move(source: Path, destination: Path) -> None:
-    """Rename without overwriting, also when another program makes `destination` at this moment."""
-    try:
-        if os.name == "nt":
-            source.rename(destination)  # refuses an existing destination
-        else:
-            _link(source, destination)
-    except FileExistsError:
-        raise ConfigurationError(
-            f"{destination} already exists and is not overwritten: move it away."
-        ) from None
-
-
-def _link(source: Path, destination: Path) -> None:
-    try:
-        os.link(source, destination)
-    except FileExistsError:
-        raise
-    except OSError:  # a disk without hard links, such as a USB stick
-        if destination.exists():
-            raise FileExistsError from None
-        source.rename(destination)
-
-
-def sync_folder(folder: Path) -> None:
-    """Sync the new name, where a folder can be opened (not on Windows)."""
-    if os.name == "nt":
-        return
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

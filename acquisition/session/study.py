@@ -10,9 +10,9 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 from haploop.acquisition.recording import (
@@ -25,7 +25,8 @@ from haploop.acquisition.recording import (
 )
 from haploop.acquisition.session.recorder import Session, ignore, run_session
 from haploop.acquisition.session.study_file import StudyFile, load_study_file
-from haploop.instruments import ConfigurationError, Consent, DataError, Ready, Rig
+from haploop.instruments import ConfigurationError, Consent, DataError, InstrumentError, Ready, Rig
+from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import hold
 
 __all__ = ["Study", "StudyProgress", "load_study", "run_study"]
@@ -84,7 +85,12 @@ class StudyProgress:
     @property
     def interrupted(self) -> int:
         """Number of sessions that ended early."""
-        return sum(not recording.complete for recording in self.recordings)
+        return sum(not recording.complete for recording in self.recordings) - self.in_progress
+
+    @property
+    def in_progress(self) -> int:
+        """Number of sessions that a living program is recording (0 or 1)."""
+        return sum(recording.in_progress for recording in self.recordings)
 
     @property
     def consented(self) -> bool:
@@ -178,7 +184,12 @@ class Study:
             for participant in self.file.participants:
                 for button in self.file.buttons:
                     for path in self._parts(participant, button):
-                        if Recording.open(path).state == "recording":
+                        recording = Recording.open(path)
+                        if recording.in_progress:
+                            raise InstrumentError(
+                                f"{path} is being recorded by another program: wait until it has ended."
+                            )
+                        if recording.state == "recording":
                             finish(path, "interrupted")
             yield
 
@@ -221,17 +232,18 @@ def run_study(
     study: Study,
     participants: Collection[str] = (),
     buttons: Collection[str] = (),
-    progress: Callable[[str, str, int, int], None] = ignore,
+    progress: Progress = silent,
     on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
     notes: str = "",
+    wait: float | None = None,
 ) -> bool:
     """Record the presses still due in a study, of all or of some participants and buttons.
 
     A run continues where the last one stopped, for whatever reason: accepted presses stay accepted, and an
     interrupted session keeps its file. The operator confirms each participant's consent once, and confirms
     that a participant is ready for a button; the answer False ends the run, which then returns False.
-    `progress(participant, button, done, of)` and `on_verdict(participant, button, press)` are called as in
-    `record`. `notes` are stored in every recording of this run.
+    `progress` is told of each session ("P01, latch"), and `on_verdict(participant, button, press)` is called,
+    as in `record`. `notes` are stored in every recording of this run. `wait` (s) replaces the study file's.
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and whatever `record` raises.
@@ -258,8 +270,10 @@ def run_study(
                 if not rig.operator.confirm(Ready(participant, button, presses, words)):
                     return False
                 session = _session(study, entry, consented, notes)
-                tell = _telling(participant, button)
-                run_session(rig, session, study.file.protocol_for(button), tell(progress), tell(on_verdict))
+                protocol = replace(
+                    study.file.protocol_for(button), wait=study.file.wait if wait is None else wait
+                )
+                run_session(rig, session, protocol, progress, partial(on_verdict, participant, button))
     return True
 
 
@@ -276,11 +290,6 @@ def _refuse_another_rig(rig: Rig, study: Study) -> None:
 
 def _called(rig: str, simulated: bool) -> str:
     return f"the rig {rig!r}, {'simulated' if simulated else 'not simulated'}"
-
-
-def _telling(participant: str, button: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Add participant and button to the arguments of a callback."""
-    return lambda told: lambda *what: told(participant, button, *what)
 
 
 def _ask_consent(rig: Rig, file: StudyFile, participant: str) -> None:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from haploop.acquisition import Representative
-from haploop.calibration import files
+from haploop.acquisition import Representative, hdf5
 from haploop.calibration.drive.check import Check, check
 from haploop.calibration.drive.drive import Drive, Method, drive_for
 from haploop.calibration.drive.learning import Learning, learn
 from haploop.calibration.model import Calibration
 from haploop.instruments import ConfigurationError, Rig
+from haploop.instruments.progress import Progress, silent
 
 __all__ = ["DigitalButton", "build_button", "play_button"]
-
-Progress = Callable[[str, float, float], None]
-"""Told the step, how much of it is done, and of how much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +54,16 @@ class DigitalButton:
     @property
     def digest(self) -> str:
         """Content hash of everything in it."""
-        return files.digest(files.flatten(self))
+        return hdf5.digest(hdf5.flatten(self))
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "button", files.flatten(self))
+        hdf5.write(path, "button", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> DigitalButton:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "button"), path)
+        return hdf5.restore(cls, hdf5.read(path, "button"), path)
 
 
 def build_button(
@@ -78,7 +74,7 @@ def build_button(
     method: Method = "modulated",
     iterations: int = 5,
     plays: int = 8,
-    progress: Progress = lambda _step, _done, _of: None,
+    progress: Progress = silent,
 ) -> DigitalButton:
     """Compute the drive of a press, improve it by up to `iterations` corrections, and check it.
 
@@ -88,11 +84,8 @@ def build_button(
     _refuse_other_world(rig, calibration)
     drive = drive_for(press, calibration, rig.limits, method=method)
 
-    def told(step: str) -> Callable[[int, int], None]:
-        return lambda done, of: progress(f"{step} the {press.button} button", done, of)
-
-    learning = learn(rig, drive, calibration, iterations=iterations, plays=plays, progress=told("Learn"))
-    result = check(rig, learning.drive, press, plays=plays, progress=told("Check"))
+    learning = learn(rig, drive, calibration, iterations=iterations, plays=plays, progress=progress)
+    result = check(rig, learning.drive, press, plays=plays, progress=progress)
     return DigitalButton(
         press=press,
         calibration=calibration,
@@ -108,7 +101,7 @@ def play_button(
     button: DigitalButton,
     *,
     plays: int = 8,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    progress: Progress = silent,
 ) -> Check:
     """Verify a digital button by playing it: does the rig still do what the file says?
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,12 +10,13 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import hilbert
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.drive.drive import Drive
 from haploop.calibration.response import overloaded, prepare
 from haploop.calibration.spectra import band_window, fade, third_octaves
 from haploop.instruments import Capture, ConfigurationError, Rig
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.progress import Progress, part_of, silent
 
 if TYPE_CHECKING:
     from haploop.acquisition import Representative
@@ -83,12 +83,12 @@ class Check:
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "check", files.flatten(self))
+        hdf5.write(path, "check", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Check:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "check"), path)
+        return hdf5.restore(cls, hdf5.read(path, "check"), path)
 
     def __str__(self) -> str:
         verdict = "pass" if self.passed else "fail. " + " ".join(self.reasons)
@@ -103,12 +103,12 @@ def check(
     press: Representative | None = None,
     *,
     plays: int = 8,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    progress: Progress = silent,
 ) -> Check:
     """Play a drive `plays` times and compare the motion of the surface with the drive's target.
 
     `press`, if given, must be the one that the drive was computed for: ConfigurationError
-    otherwise. `progress` receives the plays done and in all. A signal that leaves its range, a dead
+    otherwise. `progress` is told of the plays. A signal that leaves its range, a dead
     patch or a blocked laser fails the check, with its reason. Raises ConfigurationError for fewer than
     two plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
     """
@@ -120,7 +120,8 @@ def check(
             f"The drive was computed for another press than this one of {press.button!r}: compute it again."
         )
     prepare(rig, drive.point)
-    played = play(rig, drive, plays, progress=progress)
+    doing = f"Check the {drive.button} button"
+    played = play(rig, drive, plays, progress=part_of(progress, doing, 0, plays))
     return compare(drive, played, rig)
 
 
@@ -140,7 +141,7 @@ def play(
     drive: Drive,
     plays: int,
     tail: float = 0.0,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    progress: Progress = silent,
 ) -> Played:
     """Play a drive and measure the surface on the drive's clock and in its band, for `tail` s longer."""
     samples = len(drive.volts) + round(tail * drive.rate_hz)
@@ -151,7 +152,7 @@ def play(
         accelerations.append(_acceleration(rig, capture, drive)[:samples])
         peaks.append(_peak(rig, capture))
         problems.append(overloaded(rig, capture))
-        progress(number + 1, plays)
+        progress("Play", number + 1, plays, "plays")
     return Played(np.array(accelerations), max(peaks), next((p for p in problems if p), None))
 
 

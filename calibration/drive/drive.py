@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.drive import actuation
 from haploop.calibration.drive.inversion import Plan, max_output, min_peak
 from haploop.calibration.model import Calibration
@@ -97,12 +97,12 @@ class Drive:
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "drive", files.flatten(self))
+        hdf5.write(path, "drive", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Drive:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "drive"), path)
+        return hdf5.restore(cls, hdf5.read(path, "drive"), path)
 
 
 def modulate(acceleration: FloatArray, rate_hz: float, carrier_hz: float) -> FloatArray:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.drive.check import LEAST_MOVED, UNSEEN, Played, errors, play, refuse_foreign
 from haploop.calibration.drive.correction import ResponseEstimate
 from haploop.calibration.drive.drive import Drive
@@ -21,6 +21,7 @@ from haploop.calibration.model import Calibration
 from haploop.calibration.response import prepare
 from haploop.instruments import ConfigurationError, Rig
 from haploop.instruments.arrays import FloatArray, IntArray
+from haploop.instruments.progress import Progress, part_of, silent
 
 __all__ = ["Iteration", "Learning", "learn"]
 
@@ -78,12 +79,12 @@ class Learning:
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "learning", files.flatten(self))
+        hdf5.write(path, "learning", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Learning:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "learning"), path)
+        return hdf5.restore(cls, hdf5.read(path, "learning"), path)
 
 
 def learn(
@@ -93,7 +94,7 @@ def learn(
     *,
     iterations: int = 5,
     plays: int = 8,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    progress: Progress = silent,
 ) -> Learning:
     """Improve a drive by playing it: `plays` plays, then up to `iterations` corrections of as many.
 
@@ -101,7 +102,7 @@ def learn(
     below that noise, or when smaller steps bring no improvement; at once, when a signal left its range or
     the surface did not follow. The target stays unchanged. The result is the first drive, unless another
     was closer to the target by more than the noise of plays that had no part in its selection.
-    `progress` receives the plays done and their largest number.
+    `progress` is told of the plays, and of their largest number.
 
     Raises ConfigurationError for fewer than three plays, or a drive of another calibration or rig, and
     what `Rig.excite` raises.
@@ -115,13 +116,13 @@ def learn(
     refuse_foreign(rig, drive)
     prepare(rig, drive.point)
     estimate = ResponseEstimate.of(drive, calibration)
-    total, done = (iterations + 3) * plays, 0
+    doing, total, done = f"Learn the {drive.button} button", (iterations + 3) * plays, 0
 
     def played(volts: FloatArray, count: int = plays) -> Played:
         nonlocal done
         before, done = done, done + count
         given = replace(drive, volts=volts)
-        return play(rig, given, count, estimate.tail, lambda now, _: progress(before + now, total))
+        return play(rig, given, count, estimate.tail, part_of(progress, doing, before, total))
 
     outcome = played(drive.volts)
     estimate = estimate.after(drive.volts, outcome)
@@ -152,7 +153,7 @@ def learn(
         stopped += " Played again, the best drive was not closer by more than the noise: the first is kept."
         tried[1:] = [replace(iteration, kept=False) for iteration in tried[1:]]
         best = 0
-    progress(total, total)
+    progress(doing, total, total, "plays")
     chosen = drive
     if best:
         chosen = replace(drive, volts=tried[best].volts, predicted_error=best_again.nrmse)

@@ -10,15 +10,18 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.response import Multisine
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray
+from haploop.instruments.files import new_file, os_error_text, publish
 
 __all__ = ["MapFolder", "MapPlan", "PointMeasurement", "Step"]
 
@@ -155,7 +158,7 @@ class MapFolder:
         text = json.dumps(
             {"format": FORMAT, "plan": dataclasses.asdict(plan), "sha256": plan.digest}, indent=1
         )
-        with files.new_file(path / _PLAN) as part:
+        with new_file(path / _PLAN) as part:
             part.write_text(text, encoding="utf-8")
         return cls(path, plan)
 
@@ -193,14 +196,14 @@ class MapFolder:
         path = self.file(step)
         if not path.exists():
             return None
-        measurement = files.restore(PointMeasurement, files.read(path, "map point"), path)
+        measurement = hdf5.restore(PointMeasurement, hdf5.read(path, "map point"), path)
         if measurement.plan != self.plan.digest or measurement.step != step.name:
             raise DataError(f"{path} belongs to another map.")
         return measurement
 
     def write(self, step: Step, measurement: PointMeasurement) -> None:
         """Keep what a step measured. Raises DataError."""
-        files.write(self.file(step), "map point", files.flatten(measurement))
+        hdf5.write(self.file(step), "map point", hdf5.flatten(measurement))
 
     def left(self) -> Iterator[Step]:
         """Steps without a complete measurement, in order; damaged files are moved aside on the way."""
@@ -208,18 +211,15 @@ class MapFolder:
             try:
                 done = self.read(step) is not None
             except DataError:
-                aside = self.path / "damaged"
-                aside.mkdir(exist_ok=True)
-                number = sum(1 for _ in aside.glob(f"{step.name}.*"))
-                self.file(step).rename(aside / f"{step.name}.{number}.h5")
+                self._put_aside(step)
                 done = False
             if not done:
                 yield step
 
     def skip(self, step: Step, reason: str) -> None:
         """Note why a step was not measured."""
-        number = sum(1 for _ in self.path.glob(f"{step.name}.skipped-*.txt"))
-        with files.new_file(self.path / f"{step.name}.skipped-{number}.txt") as part:
+        note = _free(self.path / f"{step.name}.skipped-{number:03d}.txt" for number in count())
+        with new_file(note) as part:
             part.write_text(reason + "\n", encoding="utf-8")
 
     def skipped(self) -> dict[str, str]:
@@ -230,6 +230,22 @@ class MapFolder:
             if notes and not self.file(step).exists() and not step.again:
                 found[step.point] = notes[-1].read_text(encoding="utf-8").strip()
         return found
+
+    def _put_aside(self, step: Step) -> None:
+        """Move a damaged file into a folder of its own, not in place of another one."""
+        aside = self.path / "damaged"
+        try:
+            aside.mkdir(exist_ok=True)
+            publish(self.file(step), _free(aside / f"{step.name}.{number}.h5" for number in count()))
+        except OSError as error:
+            raise DataError(
+                f"{self.file(step)} is damaged and cannot be moved to {aside}: {os_error_text(error)}."
+            ) from None
+
+
+def _free(paths: Iterator[Path]) -> Path:
+    """The first of these names that is not taken."""
+    return next(path for path in paths if not os.path.lexists(path))
 
 
 def _short(value: object) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.fft import irfft, rfft
 from threadpoolctl import threadpool_limits
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement
 from haploop.calibration.response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
 from haploop.instruments import DataError
@@ -99,15 +99,15 @@ class VibrationMap:
         again = [r for step, r in found.items() if r is not None and step.again]
         if not first:
             raise DataError(f"{path} holds no measured point yet.")
-        digests = [files.digest(files.flatten(r)) for r in measurements.values()]
+        digests = [hdf5.digest(hdf5.flatten(r)) for r in measurements.values()]
         sources = hashlib.sha256("".join(digests).encode())
         kept = folder.path / f"modes-{sources.hexdigest()[:16]}.h5"
         if kept.is_file():
-            fitted = files.restore(_Fitted, files.read(kept, "map modes"), kept)
+            fitted = hdf5.restore(_Fitted, hdf5.read(kept, "map modes"), kept)
         else:
             with threadpool_limits(1):
                 fitted = _fit(plan, first, again, sources.hexdigest())
-            files.write(kept, "map modes", files.flatten(fitted))
+            hdf5.write(kept, "map modes", hdf5.flatten(fitted))
         tested = [r.point for r in first if ALL in r.plays]
         return cls(
             plan=plan,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,11 +13,9 @@ from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement,
 from haploop.calibration.response import Channels, overloaded
 from haploop.instruments import Aim, ConfigurationError, InstrumentError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.progress import Progress, silent
 
 __all__ = ["map_plan", "measure_map"]
-
-MapProgress = Callable[[float, float, str], None]
-"""Told the seconds of playing that are done, those of the whole map, and what is measured now."""
 
 _ATTEMPTS = 3
 """Times that a point is asked for before it is left out."""
@@ -86,7 +84,7 @@ def measure_map(
     rig: Rig,
     out: Path,
     plan: MapPlan | None = None,
-    progress: MapProgress = lambda _done, _total, _what: None,
+    progress: Progress = silent,
 ) -> MapFolder:
     """Measure a map into the folder `out`, or go on with what is there.
 
@@ -99,13 +97,13 @@ def measure_map(
     folder = MapFolder.create(out, plan)
     rig.confirm_settings()
     left = {step.name for step in folder.left()}
-    total = plan.duration
+    doing, total = f"Map {len(plan.points)} points", plan.duration
     done = plan.period * sum(len(step.plays) for step in plan.steps if step.name not in left)
     player = _Player(rig, plan)
     for step in plan.steps:
         if step.name not in left:
             continue
-        progress(done, total, f"point {step.point}")
+        progress(doing, done, total, "s")
         reason: str | None = None
         for _ in range(_ATTEMPTS):
             reason, light = _aimed(rig, step)
@@ -118,7 +116,7 @@ def measure_map(
         if reason is not None:
             folder.skip(step, reason)
         done += plan.period * len(step.plays)
-        progress(done, total, f"point {step.point}")
+        progress(doing, done, total, "s")
     return folder
 
 

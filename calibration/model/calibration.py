@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from haploop.calibration import files
+from haploop.acquisition import hdf5
 from haploop.calibration.model.model import Model, fit
 from haploop.calibration.response import (
     SWEEP,
@@ -17,6 +16,7 @@ from haploop.calibration.response import (
     measure_response,
 )
 from haploop.instruments import ConfigurationError, Rig, RigFile
+from haploop.instruments.progress import Progress, silent
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -51,23 +51,23 @@ class Calibration:
     @property
     def digest(self) -> str:
         """Content hash of everything that a drive is computed from."""
-        return files.digest(files.flatten(self))
+        return hdf5.digest(hdf5.flatten(self))
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        files.write(path, "calibration", files.flatten(self))
+        hdf5.write(path, "calibration", hdf5.flatten(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
         """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
-        return files.restore(cls, files.read(path, "calibration"), path)
+        return hdf5.restore(cls, hdf5.read(path, "calibration"), path)
 
 
 def calibrate(
     rig: Rig,
     patch: str = "A",
     point: str = "button",
-    progress: Callable[[float, float], None] = lambda _done, _total: None,
+    progress: Progress = silent,
     *,
     excitation: Excitation = SWEEP,
 ) -> Calibration:
@@ -75,7 +75,7 @@ def calibrate(
 
     Sweeps, the default, show the patch's hysteresis as well; after a multisine there is none known.
 
-    `progress` is told the seconds measured so far and the seconds that the whole will take.
+    `progress` is told the seconds measured.
     Raises what `measure_response` and `fit` raise.
     """
     return Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))

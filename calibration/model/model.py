@@ -10,11 +10,11 @@ from scipy.io import savemat
 from scipy.linalg import block_diag, eigvals
 from scipy.signal import zpk2sos
 
-from haploop.calibration import files
 from haploop.calibration.model.rational import Lines, complex_residues, fit_poles, residues
 from haploop.calibration.response import Response
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.files import new_file
 
 __all__ = ["Model", "Resonance", "fit"]
 
@@ -69,8 +69,12 @@ class Model:
 
     @property
     def resonance_hz(self) -> float:
-        """The resonance that is strongest in velocity (Hz): the paper's carrier frequency."""
-        return max(self.resonances, key=lambda r: r.strength).frequency_hz
+        """The resonance at which the response is largest in velocity (Hz): the paper's carrier frequency.
+
+        Not that of the largest residue: pole pairs that nearly coincide can cancel.
+        """
+        natural = [resonance.frequency_hz for resonance in self.resonances]
+        return natural[int(np.argmax(np.abs(self.velocity(np.array(natural)))))]
 
     def velocity(self, frequencies: FloatArray) -> ComplexArray:
         """m/s per V at the patch at `frequencies` (Hz)."""
@@ -162,7 +166,7 @@ class Model:
         }
         if rate_hz is not None:
             values |= {"sos": self.sos(rate_hz), "rate_hz": rate_hz}
-        with files.new_file(path) as part:
+        with new_file(path) as part:
             savemat(str(part), values, appendmat=False)
 
 

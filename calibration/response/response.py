@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
@@ -16,14 +15,12 @@ from haploop.calibration.response.from_sweeps import from_sweeps
 from haploop.calibration.response.hysteresis import Hysteresis, hysteresis_of_play
 from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.progress import Progress, part_of, silent
 
 if TYPE_CHECKING:
     from haploop.calibration.response.estimate import FrfEstimate
 
 __all__ = ["MEASURED", "Response", "measure_response", "quick_response", "response_from"]
-
-Progress = Callable[[float, float], None]
-"""Told the seconds measured so far and the seconds that the whole will take."""
 
 MEASURED = "measured"
 """Source of a response that a rig measured; others say what they were imported from."""
@@ -118,7 +115,7 @@ def measure_response(
     rig: Rig,
     patch: str = "A",
     point: str = "button",
-    progress: Progress = lambda _done, _total: None,
+    progress: Progress = silent,
     *,
     excitation: Excitation = SWEEP,
     level: float | None = None,
@@ -141,21 +138,21 @@ def measure_response(
     prepare(rig, point)
     if isinstance(excitation, Multisine):
         drive = excitation.volts(rig.table.rate_hz, peak)
-        tell = _Total(progress, excitation.duration)
+        tell = part_of(progress, _doing(patch, point), 0, excitation.duration)
         capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
         return response_from(
             rig, capture, excitation, drive, patch=patch, point=point, monitor=monitor, hysteresis=hysteresis
         )
     if hysteresis is not None:
         raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
-    return _swept(rig, patch, point, monitor, excitation, peak, _Total(progress, excitation.duration))
+    return _swept(rig, patch, point, monitor, excitation, peak, progress)
 
 
 def quick_response(
     rig: Rig,
     patch: str = "A",
     point: str = "button",
-    progress: Progress = lambda _done, _total: None,
+    progress: Progress = silent,
     *,
     level: float | None = None,
     hysteresis: Hysteresis | None = None,
@@ -246,16 +243,20 @@ def _swept(
     monitor: str,
     sweep: LinearSweep,
     peak: float,
-    tell: Callable[[float], None],
+    progress: Progress,
 ) -> Response:
     once = sweep.volts(rig.table.rate_hz, peak)
     drives, velocities = [], []
-    for factor in (*(1.0,) * sweep.repeats, *sweep.shares):
+    levels = (*(1.0,) * sweep.repeats, *sweep.shares)
+    for number, factor in enumerate(levels):
+        before = sweep.duration * number / len(levels)
+        tell = part_of(progress, _doing(patch, point), before, sweep.duration)
         capture = rig.excite(factor * once, (patch,), (monitor, rig.vibrometer.channel), sweep.tail, tell)
         refuse_overload(rig, capture)
         volts, velocity, channels = _signals(rig, capture, monitor)
         drives.append(volts)
         velocities.append(velocity)
+    progress(_doing(patch, point), sweep.duration, sweep.duration, "s")
     found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
     return _response(
         rig, found, patch, point, excitation=str(sweep), repeats=sweep.repeats, peak=peak, shares=sweep.shares
@@ -315,15 +316,8 @@ def _signals(rig: Rig, capture: Capture, monitor: str) -> tuple[FloatArray, Floa
     return volts, rig.vibrometer.to_velocity(capture.volts[laser]), channels
 
 
-class _Total:
-    """Adds up the seconds of blocks, and tells them with the seconds of the whole."""
-
-    def __init__(self, progress: Progress, total: float) -> None:
-        self._progress, self._total, self._done = progress, total, 0.0
-
-    def __call__(self, seconds: float) -> None:
-        self._done += seconds
-        self._progress(min(self._done, self._total), self._total)
+def _doing(patch: str, point: str) -> str:
+    return f"Measure patch {patch} at the {point} point"
 
 
 def _refuse_silent_drive(gain: float, patch: str) -> None:

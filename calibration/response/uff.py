@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import pyuff
 
-from haploop.calibration import files
 from haploop.calibration.response.response import Response
 from haploop.instruments import DataError, RigFile
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.files import new_file, os_error_text
 
 __all__ = ["read_uff", "write_uff"]
 
@@ -80,7 +80,7 @@ def write_uff(path: str | Path, responses: Sequence[Response]) -> None:
         sets.append(_function(response, _FRF, response.velocity))
         if len(response.coherence):
             sets.append(_function(response, _COHERENCE, response.coherence))
-    with files.new_file(path) as part:
+    with new_file(path) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
 
 
@@ -100,7 +100,7 @@ def read_uff(
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {files.os_error_text(error)}.") from None
+        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
     sets = _sets(path)
     length = next((float(s["length"]) for s in sets if s.get("type") == 164), 1.0)
     functions = [s for s in sets if s.get("type") == 58]

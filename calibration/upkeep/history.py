@@ -23,9 +23,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol
 
-from haploop.acquisition.recording import sync_folder
-from haploop.calibration.files import os_error_text
 from haploop.instruments import DataError
+from haploop.instruments.files import os_error_text, sync_folder
 from haploop.instruments.safety import hold
 
 __all__ = ["Activation", "Generation", "History"]

@@ -7,7 +7,7 @@ and checks, which become active all together or not at all.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, Literal, cast
@@ -21,10 +21,10 @@ from haploop.calibration.upkeep.drift import Kind, PlaceMetrics, Verdict, compar
 from haploop.calibration.upkeep.history import Generation, History
 from haploop.calibration.upkeep.sensor_health import laser_noise, laser_or_patch, loose_accelerometer
 from haploop.instruments import Aim, ConfigurationError, DataError, InstrumentError, LimitError, Rig
+from haploop.instruments.progress import Progress, prefixed, silent
 
 __all__ = ["Outcome", "adopt", "buttons_of", "calibrations_of", "checks_before", "recalibrate"]
 
-Progress = Callable[[str, float, float], None]
 """Receives the step, the work done in it, and its total."""
 Place = tuple[str, str]
 """Patch and point."""
@@ -82,7 +82,7 @@ def recalibrate(
     actor: str = "haploop recalibrate",
     when: datetime | None = None,
     iterations: int = 3,
-    progress: Progress = lambda _step, _done, _of: None,
+    progress: Progress = silent,
 ) -> Outcome:
     """Test whether the active calibration of a rig still holds, and restore a drifted one.
 
@@ -236,15 +236,15 @@ def _bring_back(
     for name, old in buttons_of(found.active).items():
         place = old.drive.patch, old.drive.point
         try:
-            step = f"Play the old drive of {name}"
-            before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=_told_to(progress, step))
+            old_drive = prefixed(progress, f"{name}, old drive")
+            before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
             after[name] = build_button(
                 rig,
                 old.press,
                 calibrations[place],
                 method=cast(Method, old.drive.method),
                 iterations=iterations,
-                progress=_of(progress, name),
+                progress=prefixed(progress, name),
             )
         except (DataError, LimitError) as error:
             failed.append(f"{name}: {error}")
@@ -275,14 +275,6 @@ def _bring_back(
 
 def _with(outcome: Outcome, *sentences: str) -> Outcome:
     return replace(outcome, sentences=(*outcome.sentences, *sentences))
-
-
-def _told_to(progress: Progress, step: str) -> Callable[[float, float], None]:
-    return lambda done, of: progress(step, done, of)
-
-
-def _of(progress: Progress, name: str) -> Progress:
-    return lambda step, done, of: progress(f"{name}: {step}", done, of)
 
 
 def _told(check: Check) -> dict[str, Any]:
@@ -341,11 +333,8 @@ def _look(rig: Rig, calibrations: Sequence[Calibration], usual: float | None, pr
                 f"Patch {patch} at the {point} point was not measured: the laser would need to be aimed."
             )
             continue
-        step = f"Measure patch {patch} at the {point} point"
         try:
-            response = quick_response(
-                rig, patch, point, _told_to(progress, step), hysteresis=calibration.hysteresis
-            )
+            response = quick_response(rig, patch, point, progress, hysteresis=calibration.hysteresis)
         except DataError as error:
             verdicts.append(_broken(calibration, f"{error} {laser_or_patch(noise, usual)}"))
         except (InstrumentError, LimitError) as error:

@@ -120,7 +120,6 @@ def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_j
         opened_rig(state, rig_file, simulate) as opened,
         Steps() as steps,
     ):
-        step = f"Play and measure the {loaded.press.button} button"
-        result = haploop.play_button(opened, loaded, progress=lambda done, of: steps(step, done, of))
+        result = haploop.play_button(opened, loaded, progress=steps)
     display.check(loaded.press, result, as_json)
     return 0 if result.passed else 1

@@ -55,9 +55,9 @@ def demo(
     state.recordings = folder / "recordings"
     with Steps() as steps:
 
-        def progress(step: str, done: float, of: float) -> None:
+        def progress(doing: str, done: float, total: float, unit: str) -> None:
             state.rig_opened = True
-            steps(step, done, of)
+            steps(doing, done, total, unit)
 
         summary = run_demo(
             folder, rig, seed=seed, participants=participants, mode=simulate, progress=progress

@@ -57,13 +57,16 @@ def recover(file: Path, as_json: bool) -> int:
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
 @JSON
 def verify(files: Sequence[Path], as_json: bool) -> int:
-    """Verify recordings.
+    """Verify files.
 
-    Checks the content hash, the continuity and the structure of each FILE.
+    FILE is a recording, or any other file that haploop writes: a representative press, a calibration, a
+    drive, a check, a digital button, a point of a map. Checks the content hash of each, and the continuity
+    and the structure of a recording.
 
-    Exit codes: 0 all recordings are intact, 1 a readable recording has problems, 2 a file cannot be read.
+    Exit codes: 0 all files are intact, 1 a readable recording has problems, 2 a file cannot be read.
     """
     from haploop import acquisition  # noqa: PLC0415
+    from haploop.acquisition import hdf5  # noqa: PLC0415
     from haploop.instruments import DataError  # noqa: PLC0415
     from haploop.progress import print_json, print_line  # noqa: PLC0415
 
@@ -74,7 +77,7 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
             problems = acquisition.verify(file)
             status = "damaged" if problems else "intact"
             if not problems:
-                digest = acquisition.Recording.open(file).content_hash
+                digest = hdf5.content_hash(file)
         except DataError as error:
             problems, status = (str(error),), "unreadable"
         worst = max(worst, {"intact": 0, "damaged": 1, "unreadable": 2}[status])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE, FiniteRange, alone, opened_rig
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ __all__ = ["map_command"]
 @click.option("--patches", metavar="LIST", help="Patches, for example A,C.  [default: all]", default=None)
 @click.option(
     "--level",
-    type=float,
+    type=FiniteRange(min=0, min_open=True),
     metavar="V",
     help="Peak voltage of each drive.  [default: the maximum that the limits allow]",
 )
@@ -78,12 +78,7 @@ def map_command(
         plan = map_plan(
             opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
         )
-        step = f"Map {len(plan.points)} points, {plan.duration / 60:.1f} min of measurement"
-
-        def tell(done: float, of: float, _what: str) -> None:
-            steps(step, done, of)
-
-        folder = measure_map(opened, out, plan, tell)
+        folder = measure_map(opened, out, plan, steps)
     for point, reason in folder.skipped().items():
         note(f"Point {point} was skipped: {reason} Run the same command again to measure it.")
     display.show(out, as_json)

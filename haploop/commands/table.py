@@ -48,14 +48,13 @@ def calibrate(
     from haploop.show import show as display  # noqa: PLC0415
 
     check_new_file(out)
-    step = f"Calibrate patch {patch} at the {point} point"
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
-        calibration = haploop.calibrate(opened, patch, point, lambda done, of: steps(step, done, of))
+        calibration = haploop.calibrate(opened, patch, point, steps)
     calibration.save(out)
     display.show(out, as_json)
     return 0
@@ -117,8 +116,7 @@ def check(
                 f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
-        step = f"Play and measure the {press.button} button"
-        result = haploop.check(opened, drive, progress=lambda done, of: steps(step, done, of))
+        result = haploop.check(opened, drive, progress=steps)
     display.check(press, result, as_json)
     if out is not None:
         display.keep(out, press, result)

@@ -11,30 +11,28 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from typing import get_args
 
-from rich.markup import escape
+from rich.box import SIMPLE
 from rich.table import Table
+from rich.text import Text
 
 from haploop.doctor.finding import Finding, Status
 from haploop.doctor.patch_check import check_patches
 from haploop.doctor.sensor_check import cards, check_clock, check_force, check_gravity, check_noise
 from haploop.instruments import HaploopError, InstrumentError, Rig, RigFile, open_rig
 from haploop.instruments.driver import Mode
+from haploop.instruments.progress import Progress, silent
 from haploop.progress import print_json, print_table
 
 __all__ = ["Finding", "examine", "find_each", "tell"]
 
 _STATUSES = get_args(Status)
 
-Progress = Callable[[str, float, float], None]
 
-
-def examine(
-    rig: Rig, mass: float = 0.5, progress: Progress = lambda _step, _done, _of: None
-) -> list[Finding]:
+def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Finding]:
     """Test every instrument and sensor of this rig, beginning with the tests that move nothing.
 
-    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is called
-    with each part's name, the amount done and the total. Raises InstrumentError only when the safe state
+    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is told
+    of each part. Raises InstrumentError only when the safe state
     could not be confirmed.
     """
     parts: list[tuple[str, str, bool, Callable[[], Iterator[Finding]]]] = [
@@ -54,14 +52,14 @@ def examine(
         if name == "Patches" and any(f.instrument == "relay" and f.status == "red" for f in findings):
             findings.append(Finding(name, instrument, "yellow", "Not tested: repair the relay first."))
             continue
-        progress(name, 0, 1)
+        progress(name, 0, 1, "")
         try:
             findings.extend(check())
         except HaploopError as error:
             findings.append(Finding(name, instrument, "red", str(error)))
         finally:
             rig.make_safe()
-        progress(name, 1, 1)
+        progress(name, 1, 1, "")
     if rig.file.relay is not None:
         held = ", ".join(sorted(rig.relay.connected()))
         findings.append(
@@ -102,16 +100,14 @@ def tell(findings: Sequence[Finding], rig: str, simulated: bool, as_json: bool) 
         found = [asdict(finding) for finding in findings]
         print_json({"rig": rig, "simulated": simulated, "status": worst, "findings": found})
         return
-    table = Table(
-        "",
-        "instrument",
-        "what",
-        "finding",
-        title=f"The rig {rig}{', simulated' if simulated else ''}: {worst}",
-    )
+    title = f"The rig {rig}{', simulated' if simulated else ''}: {worst}"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    table.add_column(overflow="fold")
     for finding in findings:
-        mark = f"[{finding.status}]{finding.status}[/{finding.status}]"
-        table.add_row(mark, finding.instrument, finding.name, escape(finding.sentence))
+        mark = Text(finding.status, style=finding.status)
+        table.add_row(mark, f"{finding.name} ({finding.instrument})", finding.sentence)
     print_table(table)
 
 

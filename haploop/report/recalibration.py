@@ -10,9 +10,9 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.calibration.files import new_file, os_error_text
 from haploop.calibration.upkeep import History, Outcome, calibrations_of
 from haploop.instruments import DataError
+from haploop.instruments.files import new_file, os_error_text
 from haploop.progress import print_json, print_line, print_table
 from haploop.report.report import CaptionedFigure, render
 from haploop.show.history import before_and_after, responses

@@ -17,8 +17,8 @@ from rich.table import Table
 
 from haploop.calibration.map import ALL, VibrationMap
 from haploop.figures.plotting import letter, mark_simulated, new_figure, style
-from haploop.instruments import ConfigurationError
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.files import new_file
 
 __all__ = ["animate", "contents", "figure"]
 
@@ -127,7 +127,7 @@ def figure(found: VibrationMap) -> Figure:
 def animate(found: VibrationMap, path: Path) -> None:
     """The table's vibration at the best frequency, one period in slow motion, as a new GIF.
 
-    Raises ConfigurationError when it cannot be written.
+    Raises DataError when it exists or cannot be written.
     """
     best = found.best()
     motion = found.displacement(best.patch, np.array([best.frequency_hz]))[:, 0] * _MICRO
@@ -151,16 +151,14 @@ def animate(found: VibrationMap, path: Path) -> None:
             image.set_data(frame(number))
             return (image,)
 
-        part = path.with_name(f".{path.name}.part.gif")
-        try:
-            FuncAnimation(drawn, draw, frames=_FRAMES).save(part, writer=PillowWriter(fps=12), dpi=110)
-            content = part.read_bytes()
-            with path.open("xb") as file:
-                file.write(content)
-        except OSError as error:
-            raise ConfigurationError(f"{path} cannot be written: {error.strerror or error}.") from None
-        finally:
-            part.unlink(missing_ok=True)
+        with new_file(path) as part:
+            # Pillow tells a picture's type by its name's ending.
+            gif = part.with_name(f"{part.name}.gif")
+            try:
+                FuncAnimation(drawn, draw, frames=_FRAMES).save(gif, writer=PillowWriter(fps=12), dpi=110)
+                gif.replace(part)
+            finally:
+                gif.unlink(missing_ok=True)
 
 
 def _sentence(patch: str, point: str, hz: float, displacement: float) -> str:

@@ -6,20 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 from matplotlib.figure import Figure
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.acquisition import Recording, Representative, accepted_presses, find_presses
-from haploop.acquisition.recording import check_destination
+from haploop.acquisition import Recording, Representative, accepted_presses, find_presses, hdf5
 from haploop.calibration import Calibration, Check, DigitalButton, Drive
-from haploop.calibration.files import os_error_text
 from haploop.calibration.map import VibrationMap
 from haploop.destinations import check_new_picture
 from haploop.figures import figures
 from haploop.figures.plotting import mark_simulated, png
-from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments import DataError
+from haploop.instruments.files import check_destination, new_file
 from haploop.progress import print_json, print_line, print_table
 from haploop.show import button as show_button
 from haploop.show import map as show_map
@@ -55,19 +53,16 @@ def show(path: Path, as_json: bool, plot: Path | None = None) -> None:
 
 
 def save(figure: Figure, path: Path, simulated: bool) -> None:
-    """Write a figure as a new PNG, marked if it shows simulated data. Raises ConfigurationError."""
+    """Write a figure as a new PNG, marked if it shows simulated data.
+
+    Raises ConfigurationError when it exists or its folder cannot be written, DataError when the disk fails.
+    """
     if simulated:
         mark_simulated(figure)
     content = png(figure)
-    try:
-        with path.open("xb") as file:
-            file.write(content)
-    except OSError as error:
-        raise _unwritten(path, error) from None
-
-
-def _unwritten(path: Path, error: OSError | RuntimeError) -> ConfigurationError:
-    return ConfigurationError(f"{path} cannot be written: {os_error_text(error)}.")
+    check_destination(path)
+    with new_file(path) as part:
+        part.write_bytes(content)
 
 
 def check(press: Representative, result: Check, as_json: bool) -> None:
@@ -122,10 +117,7 @@ def claim(out: Path, button: str) -> None:
 def keep(out: Path, press: Representative, result: Check) -> None:
     """Save the inputs and results of a check in a folder. Raises ConfigurationError and DataError."""
     press_file, drive_file, picture = _kept(out, press.button)
-    try:
-        press.save(press_file)
-    except (OSError, RuntimeError) as error:
-        raise _unwritten(press_file, error) from None
+    press.save(press_file)
     result.drive.save(drive_file)
     save(figures.comparison([(press, result)]), picture, result.simulated)
 
@@ -203,17 +195,7 @@ def _contents(path: Path) -> tuple[dict[str, Any], Table, Any]:
 
 def _kind(path: Path) -> str:
     """The kind of a file: recording, representative, calibration, drive or button. Raises DataError."""
-    if not path.is_file():
-        raise DataError(f"There is no file {path}: check the name.")
-    try:
-        with h5py.File(path, "r") as file:
-            # A recording states its kind in `format`, every other file in `kind`.
-            kind = str(file.attrs.get("kind", file.attrs.get("format", "")))
-    except (OSError, KeyError, RuntimeError, ValueError):
-        raise DataError(f"{path} is damaged, or was not written by haploop.") from None
-    if not kind.startswith("haploop "):
-        raise DataError(f"{path} was not written by haploop.")
-    kind = kind.removeprefix("haploop ")
+    kind = hdf5.kind_of(path)
     if kind not in ("recording", "representative", "calibration", "drive", "button"):
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
     return kind

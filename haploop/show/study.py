@@ -37,32 +37,30 @@ class Counters(Bars):
         super().__init__(
             MofNCompleteColumn(), TextColumn("{task.fields[bad]}", style="yellow"), wanted=not typed_at
         )
-        self._done = {(one.participant, one.button): len(one.accepted) for one in entries}
+        self._before = sum(len(one.accepted) for one in entries)
+        self._done: dict[str, tuple[float, float]] = {}
         self._of = sum(one.of for one in entries)
         self._bad = 0
         self._each = typed_at and self._console.is_terminal
         self._whole = self._progress.add_task(f"Study {name}", total=self._of, bad="")
         self._now = self._progress.add_task("", total=None, bad="", visible=False)
-        self._key: tuple[str, str] = ("", "")
+        self._doing = ""
 
-    def progress(self, participant: str, button: str, done: int, of: int) -> None:
+    def progress(self, doing: str, done: float, of: float, unit: str) -> None:
         """See `run_study`."""
-        key = (participant, button)
-        if key != self._key:
-            self._key, self._bad = key, 0
-            self._progress.reset(
-                self._now, description=f"{participant}, {button}", total=of, visible=True, bad=""
-            )
-        self._done[key] = done
+        if doing != self._doing:
+            self._doing, self._bad = doing, 0
+            self._progress.reset(self._now, description=doing, total=of, visible=True, bad="")
+        first, _ = self._done.get(doing, (done, done))
+        self._done[doing] = first, done
+        whole = self._before + sum(now - first for first, now in self._done.values())
         self._progress.update(self._now, completed=done, bad=f"{self._bad} not accepted" if self._bad else "")
-        self._progress.update(self._whole, completed=sum(self._done.values()))
+        self._progress.update(self._whole, completed=whole)
         if done == of:
             again = f", {self._bad} not accepted and repeated" if self._bad else ""
-            self._say(Text(f"{participant}, {button}: {done} of {of} presses{again}.", style="green"))
+            self._say(Text(f"{doing}: {done:g} of {of:g} {unit}{again}.", style="green"))
         elif self._each and done:
-            self._say(
-                Text(f"{done} of {of}, {sum(self._done.values())} of {self._of} in all.", style="green")
-            )
+            self._say(Text(f"{done:g} of {of:g}, {whole:g} of {self._of} in all.", style="green"))
 
     def on_verdict(self, participant: str, button: str, press: PressVerdict) -> None:
         """See `run_study`."""
@@ -129,7 +127,10 @@ def status(study: Study, entries: Sequence[StudyProgress], as_json: bool) -> Non
     print_table(table)
     if any(recording.simulated for one in entries for recording in one.recordings):
         print_line("Simulated: no real instrument measured this.")
-    if following is None:
+    now = next((one for one in entries if one.in_progress), None)
+    if now is not None:
+        print_line(f"{now.participant}, {now.button} is being recorded now.")
+    elif following is None:
         print_line("Every press has been recorded. Plot the forces with `haploop show STUDY --plot OUT.png`.")
     else:
         press = f"press {following.missing[0][0]}"
@@ -147,6 +148,7 @@ def _as_values(one: StudyProgress) -> dict[str, Any]:
         "rejected": one.rejected,
         "sessions": len(one.recordings),
         "interrupted": one.interrupted,
+        "in_progress": one.in_progress,
         "files": [str(recording.path) for recording in one.recordings],
     }
 
@@ -160,6 +162,7 @@ def _cell(one: StudyProgress) -> Text:
         for count, word in ((one.bad, "bad"), (one.rejected, "rejected"), (one.interrupted, "interrupted"))
         if count
     ]
+    asides += ["in progress"] if one.in_progress else []
     return cell.append(f" ({', '.join(asides)})" if asides else "", style="dim")
 
 

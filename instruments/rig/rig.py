@@ -21,6 +21,7 @@ from haploop.instruments.generator import Sweep
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.limits import Limits
 from haploop.instruments.operator import ConfirmSettings
+from haploop.instruments.progress import Progress, silent
 from haploop.instruments.rig.alignment import align, find
 from haploop.instruments.rig.roles import Instruments
 from haploop.instruments.safety import (
@@ -127,14 +128,14 @@ class Rig(Instruments):
         patches: Collection[str],
         channels: Sequence[str],
         tail: float = 0.0,
-        progress: Callable[[float], None] = lambda _seconds: None,
+        progress: Progress = silent,
     ) -> Capture:
         """Play a drive into patches and record channels on the drive's own clock.
 
         `drive` is (samples,) V at the patch at the table's rate; recording goes on for `tail`
         seconds of zero drive. The drive is checked against every limit before anything is
         written; the relay connects exactly `patches` while the output rests at zero, and opens
-        again before this returns or raises. `progress` is told the seconds of each block.
+        again before this returns or raises. `progress` is told the seconds recorded, after each block.
 
         Whatever is wired to the amplifier's input plays: one of the DAQ's outputs, on the DAQ's
         clock, or the player. A player begins when it likes, on a clock of its own; the capture is
@@ -162,7 +163,7 @@ class Rig(Instruments):
         drives: Mapping[str, FloatArray],
         channels: Sequence[str],
         tail: float = 0.0,
-        progress: Callable[[float], None] = lambda _seconds: None,
+        progress: Progress = silent,
     ) -> Capture:
         """Play a drive of its own into each of several patches at once; otherwise as `excite`.
 
@@ -188,7 +189,7 @@ class Rig(Instruments):
         patches: Collection[str],
         channels: Sequence[str],
         tail: float = 0.0,
-        progress: Callable[[float], None] = lambda _seconds: None,
+        progress: Progress = silent,
     ) -> Capture:
         """Let the generator sweep patches, as the paper's did, and record channels meanwhile.
 
@@ -255,7 +256,7 @@ class Rig(Instruments):
         patches: Collection[str],
         channels: Sequence[str],
         tail: float,
-        progress: Callable[[float], None],
+        progress: Progress,
     ) -> Capture:
         """Drives (V at the patch) played on the DAQ's outputs."""
         rate_hz = self.table.rate_hz
@@ -265,7 +266,7 @@ class Rig(Instruments):
             count = samples + max(1, round(tail * rate_hz))
             padded = {output: np.pad(v, (0, count - samples)) for output, v in volts.items()}
             with (
-                self._monitored(patches, channels, progress) as (recorded, each),
+                self._monitored(patches, channels, count, progress) as (recorded, each),
                 self._connected(patches),
                 self._streamed(recorded, count, padded) as stream,
             ):
@@ -278,12 +279,12 @@ class Rig(Instruments):
         patches: Collection[str],
         channels: Sequence[str],
         count: int,
-        progress: Callable[[float], None],
+        progress: Progress,
     ) -> Capture:
         rate_hz, monitor = self.table.rate_hz, self._monitor()
         total = count + round(self.player.room * rate_hz)
         with (
-            self._monitored(patches, channels, progress) as (recorded, each),
+            self._monitored(patches, channels, total, progress) as (recorded, each),
             self._connected(patches),
             self._streamed(recorded, total) as stream,
             exit_within(self.player.identity, self.player.play(volts, rate_hz)),
@@ -302,7 +303,7 @@ class Rig(Instruments):
         patches: Collection[str],
         channels: Sequence[str],
         tail: float,
-        progress: Callable[[float], None],
+        progress: Progress,
     ) -> Capture:
         """`sweep` is V at the generator's output."""
         triggered: list[float] = []
@@ -310,7 +311,7 @@ class Rig(Instruments):
         total = round((sweep.duration + tail + _SLACK) * self.table.rate_hz)
         self.generator.configure(sweep)
         with (
-            self._monitored(patches, channels, progress) as (recorded, each),
+            self._monitored(patches, channels, total, progress) as (recorded, each),
             self._connected(patches),
         ):
 
@@ -369,7 +370,7 @@ class Rig(Instruments):
 
     @contextmanager
     def _monitored(
-        self, patches: Collection[str], channels: Sequence[str], progress: Callable[[float], None]
+        self, patches: Collection[str], channels: Sequence[str], samples: int, progress: Progress
     ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
         """The channels to record, the monitored ones among them, and the function to call on every block.
 
@@ -381,11 +382,12 @@ class Rig(Instruments):
         limits = self.limits_for(len(frozenset(patches)))
         abort_monitor = AbortMonitor(self.file.abort, self.sensors, laser, limits)
         recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
+        doing, total = f"Play into patch {', '.join(patches)}", samples / self.table.rate_hz
 
         def each(block: Block) -> None:
             self.relay.renew()
             abort_monitor.check(block, recorded)
-            progress(block.volts.shape[1] / self.table.rate_hz)
+            progress(doing, min(block.end / self.table.rate_hz, total), total, "s")
             deliver()
 
         try:

@@ -17,6 +17,7 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config import AbortLimits
 from haploop.instruments.daq import Block
 from haploop.instruments.errors import InstrumentError, LimitError
+from haploop.instruments.files import whole_file
 from haploop.instruments.limits import Limits
 from haploop.instruments.safety.audit import Audit, now_utc, who
 from haploop.instruments.safety.lockout import Lockout, set_lockout
@@ -119,7 +120,8 @@ def trip(
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         channels = np.array(list(recorded))
-        np.savez(path, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=lockout.why)
+        with whole_file(path) as part, part.open("wb") as file:
+            np.savez(file, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=lockout.why)
     audit.note_at_last("tripped", why=lockout.why, samples=lockout.samples)
     return unsaved
 

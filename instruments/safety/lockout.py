@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.files import whole_file
 
 __all__ = ["Lockout", "clear_lockout", "lockout_of", "set_lockout"]
 
@@ -61,11 +62,8 @@ def set_lockout(folder: Path, hardware: Collection[str], lockout: Lockout) -> No
     for piece in sorted(hardware):
         path = _path(folder, piece)
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            continue
-        new = path.with_suffix(f".{os.getpid()}")
-        new.write_text(json.dumps(asdict(lockout)), encoding="utf-8")
-        new.replace(path)
+        with suppress(FileExistsError), whole_file(path) as part:
+            part.write_text(json.dumps(asdict(lockout)), encoding="utf-8")
 
 
 def clear_lockout(folder: Path, hardware: Collection[str]) -> None:

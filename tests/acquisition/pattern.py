@@ -128,7 +128,7 @@ def record_session(path: Path, tell: Connection) -> None:
         "P01",
         500,
         path.parent,
-        progress=lambda done, _of: tell.send(("pressed", done)),
+        progress=lambda _doing, done, _total, _unit: tell.send(("pressed", done)),
     )
 
 

@@ -13,7 +13,7 @@ from tests.calibration.conftest import Calibrated, make_press, tamper
 
 @pytest.fixture(scope="module")
 def button(calibrated: Calibrated) -> DigitalButton:
-    seen: list[tuple[str, float, float]] = []
+    seen: list[tuple[object, ...]] = []
     made = build_button(
         calibrated.rig,
         make_press(),
@@ -22,7 +22,7 @@ def button(calibrated: Calibrated) -> DigitalButton:
         plays=3,
         progress=lambda *step: seen.append(step),
     )
-    assert seen[-1] == ("Check the push button", 3, 3)
+    assert seen[-1] == ("Check the push button", 3, 3, "plays")
     return made
 
 

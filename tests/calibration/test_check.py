@@ -16,8 +16,8 @@ from tests.conftest import OpenRig
 
 
 def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive: Drive) -> None:
-    seen: list[tuple[int, int]] = []
-    result = check(calibrated.rig, drive, progress=lambda done, total: seen.append((done, total)))
+    seen: list[tuple[object, ...]] = []
+    result = check(calibrated.rig, drive, progress=lambda *told: seen.append(told))
     assert result.passed and result.reasons == ()
     # What comes on top of the expected is the hysteresis, which is known to some percent.
     assert drive.predicted_error - 0.01 < result.nrmse < 0.10
@@ -29,7 +29,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
     assert result.drive_measured_peak == pytest.approx(drive.peak, rel=0.05)
     assert result.measured.shape == drive.target.shape
     assert result.simulated == calibrated.rig.simulated
-    assert seen == [(n, 8) for n in range(1, 9)]
+    assert seen == [(f"Check the {drive.button} button", n, 8, "plays") for n in range(1, 9)]
     assert result.beyond_noise == pytest.approx(np.sqrt(result.nrmse**2 - result.floor**2))
     # What it says of itself is what its arrays say.
     difference = result.measured - drive.target

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.calibration.files import digest, flatten
+from haploop.acquisition.hdf5 import digest, flatten
 from haploop.calibration.map.folder import MapFolder
 from haploop.calibration.map.map import BAND, VibrationMap
 from haploop.calibration.map.measuring import map_plan, measure_map
@@ -229,3 +229,15 @@ def test_whole_maps(
             mapped = Mapped(rig, VibrationMap.load(folder.path), folder.path)
             assert error(mapped) < most
             assert mapped.found.table_seconds < 60 * minutes
+
+
+def test_a_file_put_aside_replaces_no_other(open: OpenRig, tmp_path: Path) -> None:
+    (plan,) = short(open(), (3,))
+    folder = MapFolder.create(tmp_path / "map", plan)
+    aside = folder.path / "damaged"
+    for content in ("first", "second", "third"):
+        folder.file(plan.steps[0]).write_text(content)
+        if content == "third":
+            (aside / f"{plan.steps[0].name}.0.h5").unlink()
+        assert list(folder.left()) == list(plan.steps)
+    assert {p.read_text() for p in aside.iterdir()} == {"second", "third"}

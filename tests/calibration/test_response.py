@@ -32,7 +32,9 @@ def test_the_response_is_the_plates_own(open: OpenRig) -> None:
     rig = open(hysteresis=0)
     seen: list[tuple[float, float]] = []
     response = measure_response(
-        rig, progress=lambda done, total: seen.append((done, total)), excitation=LinearSweep(shares=())
+        rig,
+        progress=lambda _doing, done, total, _unit: seen.append((done, total)),
+        excitation=LinearSweep(shares=()),
     )
     truth = true_velocity(rig, response.frequencies)
     assert difference(response.velocity, truth) < 0.002
@@ -101,7 +103,7 @@ def test_two_seconds_from_rest_are_a_response(open: OpenRig, full: bool) -> None
     seen: list[tuple[float, float]] = []
     for seed in range(180, 200) if full else (41,):
         rig = open(seed=seed)
-        response = quick_response(rig, progress=lambda done, total: seen.append((done, total)))
+        response = quick_response(rig, progress=lambda _doing, done, total, _unit: seen.append((done, total)))
         assert seen[-1] == (2.05, 2.05)
         assert "from rest" in response.excitation and response.source == "measured"
         truth, inside = true_velocity(rig, response.frequencies), response.frequencies > 30

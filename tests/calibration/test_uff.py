@@ -49,7 +49,7 @@ def test_what_is_written_is_read(response: Response, tmp_path: Path) -> None:
         assert after.simulated and after.created == before.created and after.excitation == before.excitation
     assert back[0].coherence == pytest.approx(0.99) and len(back[0].deviation)
     assert not len(back[1].coherence) and not len(back[1].deviation)
-    with pytest.raises(DataError, match="never overwritten"):
+    with pytest.raises(DataError, match="not overwritten"):
         write_uff(path, [response])
     with pytest.raises(DataError, match="no response"):
         write_uff(tmp_path / "none.uff", [])

@@ -35,4 +35,4 @@ def test_a_button_is_made_shown_and_verified(demo: Demo, made: Path, run: Run, t
 
 def test_what_is_no_button_is_refused(demo: Demo, run: Run) -> None:
     result = run("button", "check", demo.folder / "calibration.h5")
-    assert result.exit_code == 2 and "is no haploop button" in result.output
+    assert result.exit_code == 2 and "is not a haploop button" in result.output

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from haploop.calibration.files import os_error_text, write
+from haploop.acquisition.hdf5 import write
 from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.files import os_error_text
 from haploop.show import show
 from tests.elsewhere import in_use_elsewhere
 from tests.haploop.conftest import Demo, Run

@@ -91,7 +91,7 @@ def test_a_finger_that_presses_too_hard_stops_the_play() -> None:
     with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
         put: list[float] = []
 
-        def press(_seconds: float) -> None:
+        def press(*_: object) -> None:
             if rig.clock.now() > 0.8 and not put:
                 put.append(rig.clock.now())
                 rig.simulation.plant.put(2.5)

@@ -28,7 +28,7 @@ def test_what_a_rig_did_is_in_the_log() -> None:
         with pytest.raises(LimitError):
             rig.excite(DRIVE * 10, ["A"], ["drive"])
         with pytest.raises(ZeroDivisionError):
-            rig.excite(DRIVE, ["A"], ["drive"], progress=lambda _: 1 // 0)
+            rig.excite(DRIVE, ["A"], ["drive"], progress=lambda *_: 1 // 0)
         rig.audit.note("activated", calibration="0007", reason="drift")
     found = list(entries(rig.audit.folder))
     assert [entry["kind"] for entry in found] == [
@@ -56,7 +56,7 @@ def test_a_play_is_in_the_log_before_it_sounds() -> None:
             DRIVE,
             ["A"],
             ["drive"],
-            progress=lambda _: seen.extend(e["kind"] for e in entries(rig.audit.folder)),
+            progress=lambda *_: seen.extend(e["kind"] for e in entries(rig.audit.folder)),
         )
     assert seen[:3] == ["opened", "played", "connected"]
 

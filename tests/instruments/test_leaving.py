@@ -127,7 +127,7 @@ def test_what_ends_a_program_leaves_a_users_script_in_order(kind: signal.Signals
     signal.signal(kind, signal.SIG_DFL)
     try:
         with pytest.raises(SystemExit) as left, open_rig("simulated") as rig:
-            rig.excite(DRIVE, ["A"], ["drive"], progress=lambda _: signal.raise_signal(kind))
+            rig.excite(DRIVE, ["A"], ["drive"], progress=lambda *_: signal.raise_signal(kind))
         assert left.value.code == 128 + kind
         assert safe(rig) and signal.getsignal(kind) is signal.SIG_DFL
     finally:
@@ -201,7 +201,7 @@ def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full: bool) -> None:
                 signal.raise_signal(signal.SIGINT)
         return line
 
-    def first(_seconds: float) -> None:
+    def first(*_: object) -> None:
         sys.settrace(lambda *_: line)
         signal.raise_signal(signal.SIGINT)
 

@@ -210,7 +210,7 @@ class Attempt:
                 with rig.player.play(volts, rate_hz):
                     rig.clock.sleep(0.7)
             case "meddle":
-                rig.excite(drive, self.patches, ["drive"], progress=lambda _: self.meddle(rig, volts))
+                rig.excite(drive, self.patches, ["drive"], progress=lambda *_: self.meddle(rig, volts))
 
     def meddle(self, rig: Rig, volts: FloatArray) -> None:
         """While a drive is played."""

@@ -128,7 +128,7 @@ def test_at_another_rate_it_is_another_waveform(rig: Rig, monkeypatch: pytest.Mo
 
 def test_a_drive_that_is_changed_after_it_was_checked_is_played_as_it_was(rig: Rig) -> None:
     drive = TONE.copy()
-    capture = rig.excite(drive, ["A"], ["drive"], progress=lambda _: drive.fill(45.0))
+    capture = rig.excite(drive, ["A"], ["drive"], progress=lambda *_: drive.fill(45.0))
     assert np.abs(capture.volts).max() == pytest.approx(0.1, rel=0.05)
     assert rig.simulation.truth.peak < 11
 
@@ -136,7 +136,7 @@ def test_a_drive_that_is_changed_after_it_was_checked_is_played_as_it_was(rig: R
 def test_while_a_drive_is_played_the_relay_only_opens_and_no_other_is(rig: Rig) -> None:
     seen: list[str] = []
 
-    def meddle(_seconds: float) -> None:
+    def meddle(*_: object) -> None:
         for step in (
             lambda: rig.relay.connect(["A", "B"]),
             lambda: rig.relay.connect(["A"]),

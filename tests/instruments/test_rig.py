@@ -53,7 +53,7 @@ def test_connecting_and_leaving_changes_no_output(mode: str) -> None:
 def test_an_interrupted_drive_leaves_the_rig_safe(open: OpenRig, error: type[BaseException]) -> None:
     rig = open()
 
-    def interrupt(seconds: float) -> None:
+    def interrupt(*_: object) -> None:
         assert rig.simulation.truth.closed == {"A"}
         raise error
 
@@ -177,7 +177,7 @@ def test_a_generator_sweeps_a_patch_while_the_daq_records(swept: Rig) -> None:
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_an_interrupted_sweep_leaves_the_rig_safe(swept: Rig, error: type[BaseException]) -> None:
-    def interrupt(seconds: float) -> None:
+    def interrupt(*_: object) -> None:
         if swept.generator.is_on:
             assert swept.simulation.truth.closed == {"A"}
             raise error

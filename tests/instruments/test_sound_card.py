@@ -316,7 +316,7 @@ def test_the_safe_state_stops_a_play_before_the_relay_opens(
 def test_an_interrupted_play_leaves_the_rig_safe(open: OpenRig) -> None:
     rig = open("sound-card")
 
-    def interrupt(seconds: float) -> None:
+    def interrupt(*_: object) -> None:
         if rig.simulation.truth.peak > 1:
             raise KeyboardInterrupt
 

@@ -28,7 +28,9 @@ class Camera(ABC):
         """Let go of the camera. May be called again."""
 
     def start(self, stem: Path, clock: Clock) -> None:
-        self._stem, self._taken = stem, 0
+        self._stem = stem
+        # After those of an earlier session that ended before its first press, if there are any.
+        self._taken = len(list(stem.parent.glob(f"{stem.name}-frame*.pgm")))
 
     def read(self) -> Sequence[NewFile]:
         frame = self.grab()

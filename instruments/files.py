@@ -1,0 +1,163 @@
+"""Files published whole: under their own name they are complete, and no other file is ever replaced.
+
+A file is written beside its destination under a hidden name (`.<name>.<random>.part`), synced, and then
+given its name in one step that fails if the name is taken. A program that is killed leaves either
+nothing under the name or the complete file; the hidden part may be deleted.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import secrets
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from haploop.instruments.errors import ConfigurationError, DataError
+
+__all__ = [
+    "check_destination",
+    "existing",
+    "new_file",
+    "os_error_text",
+    "publish",
+    "sync_folder",
+    "whole_file",
+]
+
+
+def check_destination(path: Path) -> None:
+    """Make the folder, and refuse a destination that exists or cannot be written: ConfigurationError.
+
+    For a command to call before it measures anything: what cannot be kept is not measured.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"The folder {path.parent} cannot be written ({os_error_text(error)}): choose another folder."
+        ) from None
+    if os.path.lexists(path):
+        raise ConfigurationError(existing(path))
+
+
+@contextmanager
+def new_file(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; what was written there becomes `path` when the block succeeds.
+
+    As `whole_file`, with its errors as one sentence: DataError when `path` exists or cannot be written.
+    """
+    path = Path(path)
+    if os.path.lexists(path):
+        raise DataError(existing(path))
+    try:
+        with whole_file(path) as part:
+            yield part
+    except FileExistsError:
+        raise DataError(existing(path)) from None
+    except (OSError, RuntimeError) as error:  # h5py raises a RuntimeError when a disk fills up on closing
+        raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None
+
+
+@contextmanager
+def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; what was written there is synced and takes the name `path`.
+
+    Without `replace`, see `publish`. After an exception nothing remains. Raises FileExistsError and OSError.
+    """
+    # Not tempfile's: its files can be read by their owner only, and a lab shares its folder.
+    part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
+    try:
+        yield part
+        with part.open("rb+") as file:
+            os.fsync(file.fileno())
+        if replace:
+            part.replace(path)
+            sync_folder(path.parent)
+        else:
+            publish(part, path)
+    finally:
+        with suppress(OSError):  # beside a published file, a part that cannot be removed is no failure
+            part.unlink(missing_ok=True)
+
+
+def publish(source: Path, destination: Path) -> None:
+    """Rename within a folder or disk, never in place of another file, and sync the new name.
+
+    Of programs that use this, or create the file exclusively, exactly one wins; the others get
+    FileExistsError, and keep `source`. A destination that any program created earlier, even a
+    moment ago, stays as it is. The name appears in one step, complete, with one exception: on a disk without
+    hard links that is not Windows's (a USB stick) an empty file claims the name for a moment. A crash
+    within that moment leaves the empty file, and `source` whole.
+
+    Raises OSError. When only the sync of the folder fails, the file has its new name all the same.
+    """
+    if os.name == "nt":
+        source.rename(destination)  # refuses an existing destination, on every file system
+    else:
+        try:
+            os.link(source, destination)
+        except FileExistsError:
+            # A network disk repeats a request whose answer was lost: then the file there is this one.
+            if not os.path.samestat(source.lstat(), destination.lstat()):
+                raise
+            source.unlink()
+        except OSError:
+            _claim(source, destination)
+        else:
+            source.unlink()
+    sync_folder(destination.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Sync the names in a folder, where folders can be synced (not on Windows). Raises OSError."""
+    if os.name == "nt":
+        return
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network disks sync names by themselves
+            raise
+    finally:
+        os.close(number)
+
+
+def existing(path: Path) -> str:
+    """The sentence that refuses a destination which is taken."""
+    return f"{path} already exists and is not overwritten: move it away, or choose another name."
+
+
+def os_error_text(error: OSError | RuntimeError) -> str:
+    """The operating system's message for a file that could not be read or written.
+
+    The HDF5 library's own text is full of addresses and offsets, and of its errors not all carry a
+    number: what it says when closing a file on a full disk names one in the text only.
+    """
+    said = re.search(r"errno = (\d+)", str(error))
+    number = getattr(error, "errno", None) or (int(said[1]) if said else None)
+    return os.strerror(number) if number else "the disk may be full"
+
+
+def _claim(source: Path, destination: Path) -> None:
+    """Rename where there are no hard links: claim the name by an empty file, then replace that one."""
+    os.close(os.open(destination, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    try:
+        # Somebody may have opened the claim and written into it: then it is theirs.
+        if not _empty(destination):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(destination))
+        source.replace(destination)
+    except BaseException:
+        with suppress(OSError):
+            if _empty(destination):
+                destination.unlink()
+        raise
+
+
+def _empty(path: Path) -> bool:
+    return path.stat(follow_symlinks=False).st_size == 0

@@ -1,0 +1,137 @@
+"""Every kind of file of the store: what comes back is what was written, or the file is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from haploop.acquisition import Representative, hdf5, verify
+from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learning, build_button
+from haploop.calibration.map.folder import PointMeasurement
+from haploop.instruments import DataError
+from tests.calibration.conftest import Calibrated, make_press
+
+KINDS = {
+    "representative": Representative,
+    "calibration": Calibration,
+    "drive": Drive,
+    "learning": Learning,
+    "check": Check,
+    "button": DigitalButton,
+    "map point": PointMeasurement,
+}
+
+
+@pytest.fixture(scope="module")
+def values(calibrated: Calibrated) -> dict[str, Any]:
+    press = dataclasses.replace(
+        make_press(),
+        left_out=("P01, press 3: why",),
+        scores={"mean": 0.5},
+        parameters={"window": {"before": 0.15}},
+        undone_hz=(20.0, 400.0),
+    )
+    button = build_button(calibrated.rig, press, calibrated.calibration, iterations=0, plays=3)
+    spectrum = np.exp(1j * np.arange(40.0)).reshape(2, 20)
+    point = PointMeasurement(
+        "0" * 64, "point-3", "3", ("A", "all"), ((0, "A"), (1, "A")), spectrum, spectrum, 0.5, 2.05, "now"
+    )
+    return {
+        "representative": press,
+        "calibration": calibrated.calibration,
+        "drive": button.drive,
+        "learning": button.learning,
+        "check": button.check,
+        "button": button,
+        "map point": point,
+    }
+
+
+@pytest.fixture(scope="module")
+def saved(values: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    folder = tmp_path_factory.mktemp("store")
+
+    def path(kind: str) -> Path:
+        file = folder / f"{kind}.h5"
+        if not file.exists():
+            hdf5.write(file, kind, hdf5.flatten(values[kind]))
+        return file
+
+    return path
+
+
+def load(kind: str, path: Path) -> hdf5.Flat:
+    """The content as it is after it was made a value again."""
+    return hdf5.flatten(hdf5.restore(KINDS[kind], hdf5.read(path, kind), path))
+
+
+def same(one: hdf5.Flat, other: hdf5.Flat) -> bool:
+    def equal(mine: Any, theirs: Any) -> bool:
+        if isinstance(mine, np.ndarray) and isinstance(theirs, np.ndarray):
+            return (mine.dtype, mine.shape, mine.tobytes()) == (theirs.dtype, theirs.shape, theirs.tobytes())
+        return type(mine) is type(theirs) and repr(mine) == repr(theirs)
+
+    return one.keys() == other.keys() and all(equal(value, other[name]) for name, value in one.items())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_comes_back_is_what_was_written(
+    kind: str, values: dict[str, Any], saved: Callable[[str], Path]
+) -> None:
+    path = saved(kind)
+    assert same(load(kind, path), hdf5.flatten(values[kind]))
+    assert hdf5.kind_of(path) == kind and verify(path) == ()
+    assert hdf5.content_hash(path) == hdf5.digest(hdf5.flatten(values[kind]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_changed_byte_is_refused_or_changes_nothing(
+    kind: str, saved: Callable[[str], Path], tmp_path: Path
+) -> None:
+    raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
+    random = np.random.default_rng(len(kind))
+    path, refused = tmp_path / "changed.h5", 0
+    for number in range(200):
+        changed = bytearray(raw)
+        # Every other one near the beginning, where the structure is: most of a file is numbers.
+        place = int(random.integers(len(raw) if number % 2 else min(len(raw), 8192)))
+        changed[place] ^= 1 << int(random.integers(8)) if number % 4 < 2 else int(random.integers(1, 256))
+        path.write_bytes(changed)
+        try:
+            found = load(kind, path)
+        except DataError as error:
+            refused += 1
+            assert str(path) in str(error) and "\n" not in str(error)
+        else:
+            assert same(found, before), place
+    assert refused > 40
+
+
+def test_a_changed_type_order_or_shape_is_another_content() -> None:
+    numbers = np.arange(6, dtype="<i8")
+    one = hdf5.digest({"a": numbers})
+    for other in (numbers.view("<u8"), numbers.view(">i8"), numbers.view("<f8"), numbers.reshape(2, 3)):
+        assert other.tobytes() == numbers.tobytes()
+        assert hdf5.digest({"a": other}) != one
+    assert len({hdf5.digest({"a": value}) for value in (1, 1.0, True, "1", "True")}) == 5
+    assert hdf5.digest({"a": "b", "c": "d"}) != hdf5.digest({"a": "b\0c", "": "d"})
+
+
+def test_a_flipped_type_bit_in_a_file_is_seen(saved: Callable[[str], Path], tmp_path: Path) -> None:
+    path = tmp_path / "press.h5"
+    path.write_bytes(saved("representative").read_bytes())
+    with h5py.File(path, "r+") as file:
+        force = file["force"][()]
+        assert not force.any()  # zeros have the same bytes as any type
+        del file["force"]
+        file["force"] = force.astype("<i8")
+    with pytest.raises(DataError, match="does not match its hash"):
+        Representative.load(path)
+    with pytest.raises(DataError, match="does not match its hash"):
+        verify(path)

@@ -1,0 +1,221 @@
+"""A file gets its name whole or not at all, and never in place of another: on poor disks and in races too."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments import files as published
+from haploop.instruments.files import check_destination, new_file, publish, whole_file
+
+
+def no_links(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refuse)
+
+
+@pytest.fixture(params=["links", "no links"])
+def any_disk(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.param == "no links":
+        no_links(monkeypatch)
+
+
+def written(path: Path, text: str = "mine") -> None:
+    with new_file(path) as part:
+        part.write_text(text)
+
+
+@pytest.mark.usefixtures("any_disk")
+def test_a_new_file_is_there_whole_and_alone(tmp_path: Path) -> None:
+    with new_file(tmp_path / "a.txt") as part:
+        part.write_text("mine")
+        assert part.parent == tmp_path and part.name.startswith(".a.txt.")
+        assert not (tmp_path / "a.txt").exists()
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "mine")]
+
+
+@pytest.mark.usefixtures("any_disk")
+@pytest.mark.parametrize("theirs", ["", "theirs"])
+def test_a_file_that_came_to_be_meanwhile_stays(tmp_path: Path, theirs: str) -> None:
+    path = tmp_path / "a.txt"
+    with (
+        pytest.raises(DataError, match=r"a\.txt already exists and is not overwritten"),
+        new_file(path) as part,
+    ):
+        part.write_text("mine")
+        path.write_text(theirs)
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", theirs)]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
+def test_what_somebody_writes_into_the_claim_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.txt"
+    no_links(monkeypatch)
+    empty = published._empty
+
+    def late(claim: Path) -> bool:
+        if claim.stat().st_size == 0:
+            claim.write_text("theirs")
+        return empty(claim)
+
+    monkeypatch.setattr(published, "_empty", late)
+    with pytest.raises(DataError, match="not overwritten"):
+        written(path)
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "theirs")]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
+def test_a_disk_that_refuses_to_rename_leaves_no_claim(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    no_links(monkeypatch)
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(DataError, match=r"a\.txt cannot be written: Input/output error\.$"):
+        written(tmp_path / "a.txt")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a dangling link needs rights on Windows")
+@pytest.mark.usefixtures("any_disk")
+def test_a_name_that_points_nowhere_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").symlink_to(tmp_path / "b.txt")
+    with pytest.raises(DataError, match="not overwritten"):
+        written(tmp_path / "a.txt")
+    with pytest.raises(ConfigurationError, match="not overwritten"):
+        check_destination(tmp_path / "a.txt")
+    with pytest.raises(FileExistsError), whole_file(tmp_path / "a.txt") as part:
+        part.write_text("mine")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows renames without links")
+def test_a_link_that_the_disk_made_but_did_not_confirm_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = os.link
+
+    def twice(source: Path, destination: Path) -> None:
+        link(source, destination)
+        link(source, destination)
+
+    monkeypatch.setattr(os, "link", twice)
+    written(tmp_path / "a.txt")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "mine")]
+
+
+def test_an_error_leaves_nothing_and_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), new_file(tmp_path / "a.txt") as part:
+        part.write_text("mine")
+        raise ZeroDivisionError
+    with pytest.raises(DataError, match=r"a\.txt cannot be written: No such file or directory\.$"):
+        written(tmp_path / "none" / "a.txt")
+    with (
+        pytest.raises(DataError, match=r"cannot be written: the disk may be full\.$"),
+        new_file(tmp_path / "a.txt"),
+    ):
+        raise RuntimeError("Unable to synchronously close file")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_replaced_file_is_the_old_or_the_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(ZeroDivisionError), whole_file(path, replace=True) as part:
+        part.write_text("ne")
+        raise ZeroDivisionError
+    assert path.read_text() == "old"
+    with whole_file(path, replace=True) as part:
+        part.write_text("new")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "new")]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no sync of folders")
+@pytest.mark.usefixtures("any_disk")
+def test_the_file_is_synced_before_its_name_and_the_name_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[tuple[str, bool]] = []
+    fsync = os.fsync
+
+    def note(number: int) -> None:
+        synced.append((Path(f"/proc/self/fd/{number}").readlink().name, (tmp_path / "a.txt").exists()))
+        fsync(number)
+
+    if not Path("/proc/self/fd").is_dir():
+        pytest.skip("only Linux names a descriptor's file")
+    monkeypatch.setattr(os, "fsync", note)
+    written(tmp_path / "a.txt")
+    (part, before), (folder, after) = synced
+    assert part.startswith(".a.txt.") and not before
+    assert folder == tmp_path.name and after
+
+
+def test_a_move_never_replaces(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("a")
+    (tmp_path / "b").write_text("b")
+    with pytest.raises(FileExistsError):
+        publish(tmp_path / "a", tmp_path / "b")
+    publish(tmp_path / "a", tmp_path / "c")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"b": "b", "c": "a"}
+
+
+RACER = """
+import errno, os, sys, time
+from pathlib import Path
+from haploop.instruments import DataError
+from haploop.instruments.files import new_file
+
+folder, name, links = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
+if links == "no links":
+    def refuse(*_, **__):
+        raise OSError(errno.EPERM, "no links")
+    os.link = refuse
+print("ready", flush=True)
+sys.stdin.readline()
+for number in range(150):
+    try:
+        with new_file(folder / f"{number}.txt") as part:
+            part.write_text(name * 1000)
+            time.sleep(0.0005)
+        print("won", number)
+    except DataError as error:
+        assert "not overwritten" in str(error), error
+"""
+
+
+@pytest.mark.parametrize("disks", [("links", "links"), ("no links", "no links"), ("links", "no links")])
+def test_of_two_programs_exactly_one_wins_each_name(tmp_path: Path, disks: tuple[str, str]) -> None:
+    racers = [
+        subprocess.Popen(
+            [sys.executable, "-c", RACER, str(tmp_path), name, disk],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for name, disk in zip("ab", disks, strict=True)
+    ]
+    for racer in racers:
+        assert racer.stdout is not None and racer.stdout.readline() == "ready\n"
+    for racer in racers:
+        assert racer.stdin is not None
+        racer.stdin.write("go\n")
+        racer.stdin.flush()
+    told = [racer.communicate(timeout=120)[0].split("\n")[:-1] for racer in racers]
+    assert [racer.returncode for racer in racers] == [0, 0]
+    winner = {int(line.split()[1]): name for name, lines in zip("ab", told, strict=True) for line in lines}
+    assert sum(map(len, told)) == len(winner) == 150
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {
+        f"{number}.txt": name * 1000 for number, name in winner.items()
+    }
