@@ -142,7 +142,7 @@ def _recorded(
     p: Protocol,
     force: ForceTorque,
     channels: list[str],
-    progress: Callable[[int, int], None],
+    progress: Progress,
     on_verdict: Callable[[PressVerdict], None],
 ) -> Recording:
     path = session.path
