@@ -168,10 +168,10 @@ def _ours(item: pytest.Item) -> bool:
 
 def _has(file: RigFile, needed: str, simulated: bool) -> bool:
     """Whether a rig has an instrument, a sensor, a table, or (when simulated) a plant."""
-    from haploop.instruments.config import ROLES  # noqa: PLC0415
+    from haploop.instruments.config import roles  # noqa: PLC0415
 
-    parts: dict[str, object] = {role: getattr(file, role) for role in ROLES}
-    parts |= dict(file.sensors)
+    parts: dict[str, object] = {role: getattr(file, role, None) for role in roles()}
+    parts |= {name: sensor or None for name, sensor in file.sensors}
     parts |= {"table": file.table, "simulation": simulated or None}
     if needed not in parts:
         pytest.fail(f"requires() does not know {needed!r}; it accepts {', '.join(parts)}", pytrace=False)

@@ -6,6 +6,7 @@ import json
 import signal
 import threading
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -74,15 +75,12 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
 
 def _serve(kinds: tuple[str, ...], rig: str | None, as_json: bool) -> None:
     """Serve wires on one plant until Ctrl-C, and print their addresses."""
-    from importlib import metadata  # noqa: PLC0415
-
-    from haploop.instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
-    from haploop.instruments.config import ROLES, validate  # noqa: PLC0415
+    from haploop.instruments import ConfigurationError, RealClock, entry_points, load_rig_file  # noqa: PLC0415
+    from haploop.instruments.config import validate  # noqa: PLC0415
     from haploop.mocks.simulation import Simulation  # noqa: PLC0415
 
     file = load_rig_file(rig or "bench")
-    drivers = {entry.name: entry for entry in metadata.entry_points(group="haploop.drivers")}
-    wires = {entry.name for entry in metadata.entry_points(group="haploop.wires")}
+    wires = entry_points.installed(entry_points.WIRES)
     wanted = {_SERVED[kind][0]: kind for kind in kinds}
     told = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -90,11 +88,8 @@ def _serve(kinds: tuple[str, ...], rig: str | None, as_json: bool) -> None:
     simulation = Simulation(file, RealClock())
     addresses: dict[str, str] = {}
     try:
-        for role in ROLES:
-            device = getattr(file, role)
-            if device is None:
-                continue
-            driver = drivers[device.driver].load()
+        for role, device in file.devices.items():
+            driver: Any = entry_points.driver_class(device.driver, role)
             if role in wanted and device.driver in wires:
                 settings = validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
                 kind = wanted[role]

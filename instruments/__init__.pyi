@@ -29,6 +29,9 @@ from .operator import Unattended as Unattended
 from .player import Player as Player
 from .progress import Progress as Progress
 from .progress import silent as silent
+from .recorded_along import NewFile as NewFile
+from .recorded_along import Reading as Reading
+from .recorded_along import RecordedAlong as RecordedAlong
 from .relay import Relay as Relay
 from .rig import Rig as Rig
 from .rig import hardware as hardware
@@ -39,6 +42,7 @@ from .rig import rig_schema as rig_schema
 from .safety import reserve as reserve
 from .safety import who as who
 from .sensors import Accelerometer as Accelerometer
+from .sensors import AnalogChannel as AnalogChannel
 from .sensors import Divider as Divider
 from .sensors import ForceTorque as ForceTorque
 from .sensors import Sensor as Sensor

@@ -7,19 +7,32 @@ after both have been brought to the same bandwidth and time.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["Accelerometer", "Divider", "ForceTorque", "Sensor", "Switch", "low_pass"]
+__all__ = [
+    "Accelerometer",
+    "AnalogChannel",
+    "Divider",
+    "ForceTorque",
+    "Sensor",
+    "Sensors",
+    "Switch",
+    "low_pass",
+]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
+
+_TAKEN = ("force", "acceleration", "activation", "drive", "saturated", "time", "axis")
+"""Names of what every recording and its exports have."""
 
 _G = 9.80665
 _TILT = 0.35 * _G
@@ -27,6 +40,12 @@ _TILT = 0.35 * _G
 little more is allowed."""
 _OUTPUT_RESISTANCE = 32e3
 """Ohm, of each output of an ADXL335 (data sheet)."""
+
+
+def _not_zero(scale: float) -> float:
+    if scale == 0:
+        raise ValueError("a scale of 0 would lose what is measured: give units per volt")
+    return scale
 
 
 def low_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
@@ -189,6 +208,25 @@ class Divider(Sensor):
         return np.zeros(volts.shape[1], dtype=np.bool_)
 
 
+class AnalogChannel(BaseModel):
+    """Any channel of the DAQ that is recorded along: `value = scale * volts + offset`, in `unit`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    channel: str
+    scale: Annotated[Finite, AfterValidator(_not_zero)] = 1.0
+    """Units per volt."""
+    offset: Finite = 0.0
+    """Value at 0 V, in `unit`."""
+    unit: Annotated[str, Field(max_length=16)] = "V"
+    name: Annotated[str, Field(max_length=60)] = ""
+    """What it is, for people: shown and plotted; empty for the key in the rig file."""
+
+    def to_si(self, volts: FloatArray) -> FloatArray:
+        """(samples,) V to (samples,) in `unit`."""
+        return self.scale * volts + self.offset
+
+
 class Sensors(BaseModel):
     """The `[sensors]` table of a rig file. A rig without a table needs no drive, and the reverse."""
 
@@ -198,3 +236,18 @@ class Sensors(BaseModel):
     acceleration: Accelerometer | None = None
     activation: Switch | None = None
     drive: Divider | None = None
+    extra: dict[str, AnalogChannel] = {}
+    """Channels that are recorded along with presses, each under a name of the rig file's own."""
+
+    @field_validator("extra")
+    @classmethod
+    def _names(cls, extra: dict[str, AnalogChannel]) -> dict[str, AnalogChannel]:
+        for name in extra:
+            if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
+                raise ValueError(
+                    f"{name!r} is not a valid name: use up to 40 letters, digits and '_', beginning with a "
+                    "letter"
+                )
+            if name in _TAKEN or name.startswith("acceleration_"):
+                raise ValueError(f"{name!r} is the name of something that every recording has: use another")
+        return extra

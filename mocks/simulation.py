@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from importlib import metadata
 from typing import Any
 
+from haploop.instruments import entry_points
 from haploop.instruments.clock import Clock
 from haploop.instruments.config import Device, RigFile, validate
 from haploop.instruments.driver import Driver, Mode
@@ -48,7 +48,7 @@ class Simulation:
     def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:
         """See `haploop.instruments.rig.rig.Simulation.instrument`."""
         settings = validate(driver.Settings, device.settings, f"[{role}] of {self._file.name}")
-        wires = metadata.entry_points(group="haploop.wires", name=device.driver)
+        wires = device.driver in entry_points.installed(entry_points.WIRES)
         disturbed = [fault for fault in self.faults if fault.line == role]
         if disturbed and (mode == "twin" or not wires):
             raise ConfigurationError(
@@ -67,16 +67,14 @@ class Simulation:
 
                 address = self._stack.enter_context(faulty_line(address, disturbance))
             return driver.open(settings.model_copy(update=address), self.clock)
-        twins = metadata.entry_points(group="haploop.twins", name=device.driver)
-        if twins:
-            (twin,) = twins
-            return twin.load()(settings, self.plant)
+        if device.driver in entry_points.installed(entry_points.TWINS):
+            return entry_points.load(entry_points.TWINS, device.driver)(settings, self.plant)
         return driver.open(settings, self.clock)
 
     def serve(self, driver: str, settings: Any) -> dict[str, Any]:
         """Serve a driver's wire until `close`; gives the settings that point the driver at it."""
-        (wire,) = metadata.entry_points(group="haploop.wires", name=driver)
-        address: dict[str, Any] = self._stack.enter_context(wire.load()(settings, self.plant))
+        wire = entry_points.load(entry_points.WIRES, driver)
+        address: dict[str, Any] = self._stack.enter_context(wire(settings, self.plant))
         return address
 
     def close(self) -> None:

@@ -12,6 +12,7 @@ from haploop.acquisition.recording.file_format import (
     file_name,
     to_codes,
 )
+from haploop.acquisition.recording.readings import AlongFile, AlongReading, reading_event
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.recovery import recover, set_aside
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
@@ -23,6 +24,8 @@ __all__ = [
     "EVENT",
     "FLAGS",
     "VERDICT",
+    "AlongFile",
+    "AlongReading",
     "Contents",
     "Event",
     "Header",
@@ -34,6 +37,7 @@ __all__ = [
     "file_name",
     "finish",
     "opened",
+    "reading_event",
     "recover",
     "set_aside",
     "to_codes",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from haploop.acquisition.recording.readings import AlongReading
     from haploop.acquisition.recording.recording import Recording
 
 __all__ = ["to_pandas", "to_xarray"]
@@ -23,11 +25,13 @@ _UNITS = {"force": "N", "acceleration": "m/s^2", "activation": "1", "saturated":
 def to_xarray(recording: Recording) -> xr.Dataset:
     """`force`, `activation`, `saturated` over `time`, and `acceleration` over `axis` and `time`.
 
-    Each variable says its `units` and its `delay` (s from the time of a sample to its own instant).
+    Extra channels are over `time` too, and a reading `<instrument>_<name>` over `<instrument>_<name>_time`.
+    Each variable says its `units`, and what was sampled its `delay` (s from the time of a sample to its own
+    instant).
     Raises ConfigurationError when xarray is not installed.
     """
     xarray = _library("xarray")
-    variables = {
+    variables: dict[str, Any] = {
         name: (
             ("axis", "time") if name == "acceleration" else ("time",),
             getattr(recording, name),
@@ -35,7 +39,15 @@ def to_xarray(recording: Recording) -> xr.Dataset:
         )
         for name, unit in _UNITS.items()
     }
-    coordinates = {"time": ("time", _time(recording), {"units": "s"}), "axis": list("xyz")}
+    for name, sensor in recording.sensors.extra.items():
+        about = {"units": sensor.unit, "long_name": sensor.name or name, "delay": recording.delay(name)}
+        variables[name] = (("time",), recording.extra[name], about)
+    coordinates: dict[str, Any] = {"time": ("time", _time(recording), {"units": "s"}), "axis": list("xyz")}
+    for name, readings in _readings(recording).items():
+        time = np.array([reading.sample for reading in readings]) / recording.rate_hz
+        values = np.array([reading.value for reading in readings])
+        coordinates[f"{name}_time"] = (f"{name}_time", time, {"units": "s"})
+        variables[name] = ((f"{name}_time",), values, {"units": readings[0].unit})
     found: xr.Dataset = xarray.Dataset(variables, coordinates, _about(recording))
     return found
 
@@ -44,19 +56,41 @@ def to_pandas(recording: Recording) -> pd.DataFrame:
     """A column each for `force`, `acceleration_x`, `_y` and `_z`, `activation` and `saturated`; `time` (s) is
     the index.
 
-    `attrs` has the units. Raises ConfigurationError when pandas is not installed.
+    A column for each extra channel follows, and one `<instrument>_<name>` for each reading, which is nan
+    but where it was read. `attrs` has the units. Raises ConfigurationError when pandas is not installed.
     """
     pandas = _library("pandas")
     columns: dict[str, Any] = {"force": recording.force}
     columns |= {f"acceleration_{axis}": row for axis, row in zip("xyz", recording.acceleration, strict=True)}
     columns |= {"activation": recording.activation, "saturated": recording.saturated}
+    columns |= recording.extra
+    units = _UNITS | {name: sensor.unit for name, sensor in recording.sensors.extra.items()}
+    for name, readings in _readings(recording).items():
+        columns[name] = np.full(len(recording.force), np.nan)
+        for reading in readings:
+            # Asked for after that many samples: it belongs to the last of them.
+            columns[name][max(0, reading.sample - 1) : reading.sample] = reading.value
+        units[name] = readings[0].unit
     table: pd.DataFrame = pandas.DataFrame(columns, index=pandas.Index(_time(recording), name="time"))
-    table.attrs = _about(recording) | {"units": _UNITS | {"time": "s"}}
+    table.attrs = _about(recording) | {"units": units | {"time": "s"}}
     return table
 
 
 def _time(recording: Recording) -> Any:
     return np.arange(len(recording.force)) / recording.rate_hz
+
+
+def _readings(recording: Recording) -> dict[str, list[AlongReading]]:
+    """What was recorded along, in one unit each, by a name that no channel has."""
+    found: dict[str, list[AlongReading]] = {}
+    for reading in recording.readings:
+        name = f"{reading.instrument}_{reading.name}"
+        if name in recording.sensors.extra:
+            name += "_read"
+        if name in found and found[name][0].unit != reading.unit:
+            name += f"_{reading.unit}"
+        found.setdefault(name, []).append(reading)
+    return found
 
 
 def _about(recording: Recording) -> dict[str, Any]:
@@ -71,6 +105,7 @@ def _about(recording: Recording) -> dict[str, Any]:
         "session": header.session,
         "rate_hz": header.rate_hz,
         "simulated": int(header.simulated),
+        "files": json.dumps([file._asdict() for file in recording.files]),
     }
 
 

@@ -23,6 +23,7 @@ from haploop.acquisition.recording.file_format import (
     read_header,
     verdicts_in,
 )
+from haploop.acquisition.recording.readings import AlongFile, AlongReading, files_in, readings_in
 from haploop.acquisition.recording.rejections import without_rejected
 from haploop.acquisition.recording.salvage import opened, read_contents
 from haploop.instruments import DataError, Sensor, Sensors
@@ -121,6 +122,16 @@ class Recording:
         return list(events_in(self._contents.events))
 
     @property
+    def readings(self) -> tuple[AlongReading, ...]:
+        """The numbers that instruments gave that were recorded along, each at its sample index."""
+        return readings_in(self.events)
+
+    @property
+    def files(self) -> tuple[AlongFile, ...]:
+        """The files that instruments wrote that were recorded along, each at its sample index."""
+        return files_in(self.events)
+
+    @property
     def verdicts(self) -> tuple[PressVerdict, ...]:
         """The final verdict on each attempt at each press, in their order.
 
@@ -176,21 +187,36 @@ class Recording:
         return np.asarray(sensor.to_si(self._rows(sensor))[0])
 
     @cached_property
+    def extra(self) -> dict[str, FloatArray]:
+        """(samples,) of each channel of `[sensors.extra]`, in the unit that `sensors.extra` names."""
+        found = {}
+        for name, sensor in self.sensors.extra.items():
+            rows = [self.channels.index(sensor.channel)]
+            found[name] = sensor.to_si(
+                from_codes(self._contents.codes[rows], self.header.full_scale[rows])[0]
+            )
+        return found
+
+    @cached_property
     def saturated(self) -> BoolArray:
-        """(samples,): a sensor or its converter was at the end of its range."""
-        # 32767 is full scale on the way up; a card's last code on the way down is -32768.
-        edge = np.any(np.abs(self._contents.codes.astype(np.int32)) >= CODES - 1, axis=0)
+        """(samples,): a sensor or its converter was at the end of its range; extra channels do not count."""
         accelerometer = self._sensor("acceleration")
+        sensors = (self._sensor("force"), accelerometer, self._sensor("activation"))
+        codes = self._contents.codes[[row for sensor in sensors for row in self._indices(sensor)]]
+        # 32767 is full scale on the way up; a card's last code on the way down is -32768.
+        edge = np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
         edge |= accelerometer.saturated(self._rows(accelerometer))
         return np.asarray(edge | self._sensor("force").saturated(self._gauges))
 
     def delay(self, quantity: str) -> float:
         """Seconds from a sample's clock edge to the instant that `quantity` was taken at.
 
-        `quantity` is "force", "acceleration" (z) or "activation". A multiplexed card takes its
-        channels one after the other; a force that several gauges carry belongs to the mean of
+        `quantity` is "force", "acceleration" (z), "activation" or a name in `extra`. A multiplexed card
+        takes its channels one after the other; a force that several gauges carry belongs to the mean of
         their instants, weighted as they weigh in Fz.
         """
+        if quantity in self.sensors.extra:
+            return float(self.header.delays[self.channels.index(self.sensors.extra[quantity].channel)])
         sensor = self._sensor(quantity)
         delays = self.header.delays[self._indices(sensor)]
         if quantity == "force":

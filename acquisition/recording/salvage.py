@@ -19,10 +19,12 @@ from haploop.acquisition.recording.file_format import (
     Codes,
     Contents,
     Header,
+    events_in,
     read_header,
     whole,
     write_header,
 )
+from haploop.acquisition.recording.readings import file_problems
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import existing, whole_file
 from haploop.instruments.safety import is_marked
@@ -140,6 +142,7 @@ def verify(path: str | Path) -> tuple[str, ...]:
         problems.append(f"{path} has a gap between two blocks.")
     if np.any(contents.presses["end"] > contents.codes.shape[1]):
         problems.append(f"{path} has a press that ends after its last sample.")
+    problems += file_problems(events_in(contents.events), path.parent)
     return tuple(problems)
 
 

@@ -46,11 +46,12 @@ _MARGIN = 1 << 20
 class Writer:
     """A recording file that is being filled; a context that closes it.
 
-    `capacity` is the number of blocks of `block` samples that it has space for.
+    `capacity` is the number of blocks of `block` samples that it has space for, `along` the number of
+    events of instruments that are recorded along.
     Raises ConfigurationError when the file exists or the disk is too small.
     """
 
-    def __init__(self, path: Path, header: Header, block: int, capacity: int) -> None:
+    def __init__(self, path: Path, header: Header, block: int, capacity: int, along: int = 0) -> None:
         self.path = path
         self._header = header
         self._dtype = block_dtype(len(header.channels), block)
@@ -58,7 +59,7 @@ class Writer:
         self._scratch = np.empty((len(header.channels), block), dtype=np.float32)
         self._capacity = capacity
         # A press may take several attempts, each with its events; what goes wrong has some too.
-        self._events_left = 16 * header.presses + 256
+        self._events_left = 16 * header.presses + 256 + along
         self._presses_left = 8 * header.presses + 64
         self._slot = 0
         self._written = 0

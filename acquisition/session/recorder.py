@@ -25,6 +25,7 @@ from haploop.acquisition.recording import (
     finish,
     set_aside,
 )
+from haploop.acquisition.session.along import Along
 from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
 from haploop.instruments import (
     Block,
@@ -150,20 +151,23 @@ def _recorded(
     longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.wait + p.trail
     created = False
     try:
-        with rig.daq.stream(channels, rate_hz, samples) as stream:
+        with Along(rig, path) as along, rig.daq.stream(channels, rate_hz, samples) as stream:
             header = _header(rig, stream, session, p)
             with (
-                Writer(path, header, samples, int(longest / p.block) + 2) as writer,
+                Writer(
+                    path, header, samples, int(longest / p.block) + 2, along.reserve(longest, samples)
+                ) as writer,
                 StreamReader(stream, rig.clock) as reader,
             ):
                 created = True
                 try:
-                    blocks = _written(reader, writer, rig.clock)
+                    blocks = _written(reader, writer, along, rig.clock)
                     run = _SessionRun(rig, blocks, writer, header, force, session, p, progress, on_verdict)
                     run.conduct()
+                    along.finish(writer)
                 except BaseException as error:
                     with uninterrupted():
-                        _keep(reader, writer, rig.clock.now(), error)
+                        _keep(reader, writer, along, rig.clock.now(), error)
                     raise
     except BaseException:
         if created:
@@ -189,7 +193,9 @@ def _wiring(rig: Rig) -> tuple[ForceTorque, list[str]]:
             f"The rig {rig.name!r} has no [sensors.{missing[0]}]; recording a press needs force, "
             "acceleration and activation."
         )
-    return force, [name for sensor in sensors.values() if sensor for name in sensor.channels]
+    channels = [name for sensor in sensors.values() if sensor for name in sensor.channels]
+    channels += [along.channel for along in rig.sensors.extra.values()]
+    return force, list(dict.fromkeys(channels))
 
 
 def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
@@ -215,10 +221,11 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
     )
 
 
-def _written(reader: StreamReader, writer: Writer, clock: Clock) -> Iterator[Block]:
+def _written(reader: StreamReader, writer: Writer, along: Along, clock: Clock) -> Iterator[Block]:
     """Each block after it was written to the file, so that no consumer can lose it."""
     for block in reader:
         writer.write(block, clock.now())
+        along.follow(writer)
         yield block
 
 
@@ -417,8 +424,8 @@ class _SessionRun:
         return f"the samples recorded so far are in {self._writer.path}"
 
 
-def _keep(reader: StreamReader, writer: Writer, now: float, error: BaseException) -> None:
-    """Write the blocks that were read but not yet written, and the event that ended the recording."""
+def _keep(reader: StreamReader, writer: Writer, along: Along, now: float, error: BaseException) -> None:
+    """Write what was read but not yet written, and the event that ended the recording."""
     reader.stop()
     try:
         for block in reader.left():
@@ -427,6 +434,7 @@ def _keep(reader: StreamReader, writer: Writer, now: float, error: BaseException
         writer.note(
             writer.written, kinds.get(type(error), "error"), str(error) or "The recording was interrupted."
         )
+        along.finish(writer)
     except InstrumentError:
         if not isinstance(error, InstrumentError):
             raise

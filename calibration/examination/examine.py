@@ -19,7 +19,6 @@ from haploop.calibration.examination.sensor_check import (
     check_noise,
 )
 from haploop.instruments import HaploopError, InstrumentError, Rig, RigFile, open_rig
-from haploop.instruments.config import ROLES
 from haploop.instruments.driver import Mode
 from haploop.instruments.progress import Progress, silent
 
@@ -70,7 +69,7 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
 def examine_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list[Finding]:
     """Open each instrument by itself, for a rig that cannot be opened because of `error`."""
     findings: list[Finding] = []
-    roles = [role for role in ROLES if role != "operator" and getattr(file, role) is not None]
+    roles = [role for role in file.devices if role != "operator"]
     # A simulated plant is wired to the DAQ, so the other twins need it.
     needed = "daq" if simulate or file.simulate else ""
     for role in roles:
@@ -80,7 +79,7 @@ def examine_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> l
         alone = file.model_copy(update={other: None for other in roles if other not in (role, needed)})
         try:
             with open_rig(alone, simulate=simulate) as rig:
-                identity = getattr(rig, role).identity
+                identity = _identity(rig, role)
                 findings.append(Finding("Identity", role, "green", f"{identity} responds."))
         except HaploopError as problem:
             findings.append(Finding("Identity", role, "red", str(problem)))
@@ -97,16 +96,20 @@ def _has_table(rig: Rig) -> bool:
 
 
 def _identities(rig: Rig) -> Iterator[Finding]:
-    for role in ROLES:
-        if role == "operator" or getattr(rig.file, role) is None:
+    for role, instrument in rig.instruments.items():
+        if role == "operator":
             continue
-        instrument = getattr(rig, role)
-        sentence = f"{instrument.identity} responds."
+        sentence = f"{_identity(rig, role)} responds."
         if role == "amplifier":
             sentence = f"{instrument.identity}: no digital interface; its gain is measured below."
         elif role == "vibrometer" and instrument.declared is not None:
             sentence = f"{instrument.identity}: no digital interface; the operator confirms its settings."
         yield Finding("Identity", role, "green", sentence)
+
+
+def _identity(rig: Rig, role: str) -> str:
+    """What an instrument says that it is; a role of another package need not say anything."""
+    return getattr(rig.instruments[role], "identity", f"The {role}")
 
 
 def _settings(rig: Rig) -> Iterator[Finding]:

@@ -41,6 +41,7 @@ def cards(rig: Rig) -> dict[str, list[str]]:
         if s
         for c in s.channels
     ]
+    names += [extra.channel for extra in sensors.extra.values() if extra.channel not in names]
     if rig.file.vibrometer is not None:
         names.append(rig.vibrometer.channel)
     channels = rig.file.daq.settings.get("channels", {})

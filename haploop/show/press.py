@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from haploop.acquisition import ButtonPress, Recording, Representative
+from haploop.show.along import along_rows, along_values
 from haploop.show.formatting import json_number, property_table
 
 __all__ = ["recording_contents", "representative_contents"]
@@ -89,6 +90,9 @@ def recording_contents(
     table.add_row(
         "Saturated", f"in presses {', '.join(map(str, saturated))}" if saturated else "never while pressed"
     )
+    values |= along_values(recording)
+    for heading, text in along_rows(recording):
+        table.add_row(Text(heading), Text(text))
     table.add_row("Content", f"SHA-256 {recording.content_hash}")
     return values, table
 

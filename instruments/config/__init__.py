@@ -1,7 +1,6 @@
 """Files that describe a rig: the rig file and the force sensor's calibration file."""
 
 from haploop.instruments.config.rig_file import (
-    ROLES,
     AbortLimits,
     Device,
     Recalibration,
@@ -10,13 +9,13 @@ from haploop.instruments.config.rig_file import (
     TableSettings,
     fault_kinds,
     load_rig_file,
+    roles,
     validate,
     validate_kind,
 )
 from haploop.instruments.config.toml_lines import key_lines, place
 
 __all__ = [
-    "ROLES",
     "AbortLimits",
     "Device",
     "Recalibration",
@@ -27,6 +26,7 @@ __all__ = [
     "key_lines",
     "load_rig_file",
     "place",
+    "roles",
     "validate",
     "validate_kind",
 ]

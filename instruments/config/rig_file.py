@@ -11,9 +11,18 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
-from pydantic_core import ErrorDetails
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, InitErrorDetails
 
+from haploop.instruments import entry_points
 from haploop.instruments.config.ati_cal import read_ati_cal
 from haploop.instruments.config.toml_lines import Location, Places, key_lines, place
 from haploop.instruments.errors import ConfigurationError
@@ -21,7 +30,6 @@ from haploop.instruments.limits import Limits
 from haploop.instruments.sensors import Sensors
 
 __all__ = [
-    "ROLES",
     "AbortLimits",
     "Device",
     "Recalibration",
@@ -30,12 +38,10 @@ __all__ = [
     "TableSettings",
     "fault_kinds",
     "load_rig_file",
+    "roles",
     "validate",
     "validate_kind",
 ]
-
-ROLES = ("daq", "amplifier", "relay", "vibrometer", "generator", "player", "operator")
-"""The tables of a rig file that name a driver."""
 
 Model = TypeVar("Model", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -165,8 +171,23 @@ class Recalibration(_Section):
     """Least median coherence: below it no drive can be computed, so that something is broken."""
 
 
+def roles() -> tuple[str, ...]:
+    """Roles of the installed packages, in the order in which a rig opens them.
+
+    Each may be a table of a rig file, which names a driver. The DAQ comes first, then haploop's other
+    roles, then those of other packages.
+    """
+    own = list(RigFile.model_fields)
+    found = entry_points.installed(entry_points.ROLES)
+    return tuple(sorted(found, key=lambda role: (own.index(role) if role in own else len(own), role)))
+
+
 class RigFile(_Section):
-    """A validated rig file."""
+    """A validated rig file. A role that another package adds is an attribute like haploop's own."""
+
+    model_config = ConfigDict(extra="allow")
+
+    __pydantic_extra__: dict[str, Device] = Field(init=False)
 
     name: str
     simulate: Literal["twin", "wire"] | None = None
@@ -198,6 +219,22 @@ class RigFile(_Section):
             raise ValueError("use an absolute path, or a path that begins with ~")
         return state
 
+    @model_validator(mode="before")
+    @classmethod
+    def _known_tables(cls, raw: Any) -> Any:
+        known = {*cls.model_fields, *roles()}
+        unknown = [key for key in raw if key not in known] if isinstance(raw, dict) else []
+        if unknown:
+            extra = InitErrorDetails(type="extra_forbidden", loc=(unknown[0],), input=raw[unknown[0]])
+            raise ValidationError.from_exception_data(cls.__name__, [extra])
+        return raw
+
+    @property
+    def devices(self) -> dict[str, Device]:
+        """The table of each role that the rig has, in the order in which they are opened."""
+        tables = {role: getattr(self, role, None) for role in roles()}
+        return {role: device for role, device in tables.items() if device is not None}
+
     @property
     def digest(self) -> str:
         """SHA-256 of what the file and its bases say, comments and order aside."""
@@ -216,11 +253,10 @@ def load_rig_file(path: str | Path) -> RigFile:
     raw, places = _raw(Path(path), ())
     where = partial(place, places)
     file = validate(RigFile, raw, where)
-    drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
-    for role in ROLES:
-        device = getattr(file, role)
-        if device is not None and device.driver in drivers:
-            driver = drivers[device.driver].load()
+    drivers = entry_points.installed(entry_points.DRIVERS)
+    for role, device in file.devices.items():
+        if device.driver in drivers:
+            driver = entry_points.driver_class(device.driver, role)
             validate(driver.Settings, device.settings, where, (role,))
     for index, fault in enumerate(file.simulation.faults):
         validate_kind(fault_kinds(), fault, where, ("simulation", "faults", index))
@@ -345,9 +381,14 @@ def _shipped(name: str) -> str:
 def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Location) -> str:
     key = ".".join(str(part) for part in (*above, *first["loc"]))
     if first["type"] == "extra_forbidden":
-        known = _keys_at(model, first["loc"][:-1])
-        near = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
+        known = set(_keys_at(model, first["loc"][:-1]))
+        top = model is RigFile and len(first["loc"]) == 1
+        if top:
+            known.update(roles())
+        near = difflib.get_close_matches(str(first["loc"][-1]), sorted(known), n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(sorted(known))}."
+        if top and isinstance(first["input"], dict) and "driver" in first["input"]:
+            hint += " If another package adds this role, install that package."
         return f"{place}: unknown key {key!r}; {hint}"
     if first["type"] == "missing":
         return f"{place}: the key {key!r} is missing."

@@ -16,6 +16,7 @@ from haploop.instruments.conformance.amplifier import AmplifierConformance
 from haploop.instruments.conformance.daq import DaqConformance
 from haploop.instruments.conformance.generator import GeneratorConformance
 from haploop.instruments.conformance.operator import OperatorConformance
+from haploop.instruments.conformance.player import PlayerConformance
 from haploop.instruments.conformance.relay import RelayConformance
 from haploop.instruments.conformance.suite import Conformance, Fired, bypass_interlock
 from haploop.instruments.conformance.vibrometer import VibrometerConformance
@@ -27,6 +28,7 @@ __all__ = [
     "Fired",
     "GeneratorConformance",
     "OperatorConformance",
+    "PlayerConformance",
     "RelayConformance",
     "VibrometerConformance",
     "bypass_interlock",

@@ -8,13 +8,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from haploop.instruments import entry_points
 from haploop.instruments.clock import RealClock
 from haploop.instruments.config import Device, RigFile, SimulationSettings, load_rig_file, validate
 from haploop.instruments.daq import Daq
 from haploop.instruments.driver import Driver, Mode, Simulation, hardware_of
 from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.rig.rig import Rig
-from haploop.instruments.rig.roles import ROLES
 from haploop.instruments.safety import hold
 
 __all__ = ["hardware", "open_rig", "simulated_file"]
@@ -80,8 +80,11 @@ def _connect(rig: Rig) -> None:
         else:
             settings = validate(driver.Settings, device.settings, f"[{role}] of {rig.name}")
             instrument = driver.open(settings, rig.clock)
-        if not isinstance(instrument, ROLES[role]):
-            raise ConfigurationError(f"The driver {device.driver!r} is not for the role {role!r}.")
+        if not isinstance(instrument, entry_points.role_class(role)):
+            raise ConfigurationError(
+                f"What the driver {device.driver!r} opened is no {role}, but an object of "
+                f"{type(instrument).__name__}: ask the author of the driver, or of its twin."
+            )
         rig.adopt(role, instrument)
         if isinstance(instrument, Daq) and not rig.simulation:
             # The lock says that no living program of this computer's has it.
@@ -91,14 +94,12 @@ def _connect(rig: Rig) -> None:
 
 def _drivers(file: RigFile) -> Iterator[tuple[str, Device, Driver]]:
     """Each role that a rig file has, its table, and the driver that the table names."""
-    drivers = {e.name: e for e in metadata.entry_points(group="haploop.drivers")}
-    for role in ROLES:
-        device: Device | None = getattr(file, role)
-        if device is None:
-            continue
+    drivers = entry_points.installed(entry_points.DRIVERS)
+    for role, device in file.devices.items():
         if device.driver not in drivers:
             raise ConfigurationError(
                 f"The rig {file.name!r} asks for the {role} driver {device.driver!r}; "
-                f"installed drivers are {', '.join(sorted(drivers))}."
+                f"installed drivers are {', '.join(drivers)}."
             )
-        yield role, device, drivers[device.driver].load()
+        driver: Any = entry_points.driver_class(device.driver, role)
+        yield role, device, driver

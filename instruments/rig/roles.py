@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
 from haploop.instruments.amplifier import Amplifier
 from haploop.instruments.config import RigFile, TableSettings
 from haploop.instruments.daq import Daq
+from haploop.instruments.entry_points import role_class
 from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.generator import Generator
 from haploop.instruments.operator import Operator
@@ -15,20 +18,9 @@ from haploop.instruments.relay import Relay
 from haploop.instruments.sensors import Divider, Sensors
 from haploop.instruments.vibrometer import Vibrometer
 
-__all__ = ["ROLES", "Instruments"]
+__all__ = ["Instruments"]
 
 Role = TypeVar("Role")
-
-ROLES: dict[str, type[Any]] = {
-    "daq": Daq,
-    "amplifier": Amplifier,
-    "relay": Relay,
-    "vibrometer": Vibrometer,
-    "generator": Generator,
-    "player": Player,
-    "operator": Operator,
-}
-"""The roles of a rig file's tables, in the order that they are opened in."""
 
 
 class Instruments:
@@ -56,39 +48,56 @@ class Instruments:
         return self.file.table
 
     @property
+    def instruments(self) -> Mapping[str, Any]:
+        """Every open instrument, by its role, in the order in which they were opened."""
+        return MappingProxyType(self._roles)
+
+    def role(self, kind: type[Role]) -> Role:
+        """The instrument of a role, named by the role's class. Raises ConfigurationError without one."""
+        name = kind.__name__.lower()
+        instrument = self._roles.get(name)
+        if not isinstance(instrument, kind):
+            # The role of another package need not be called like its class.
+            name = next((role for role in self._roles if role_class(role) is kind), name)
+            instrument = self._roles.get(name)
+        if not isinstance(instrument, kind):
+            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one.")
+        return instrument
+
+    @property
     def daq(self) -> Daq:
         """The DAQ."""
-        return self._role(Daq)
+        return self.role(Daq)
 
     @property
     def amplifier(self) -> Amplifier:
         """The amplifier. Raises ConfigurationError for a rig that has none."""
-        return self._role(Amplifier)
+        return self.role(Amplifier)
 
     @property
     def relay(self) -> Relay:
         """The relay. Raises ConfigurationError for a rig that has none."""
-        return self._role(Relay)
+        return self.role(Relay)
 
     @property
     def vibrometer(self) -> Vibrometer:
         """The vibrometer. Raises ConfigurationError for a rig that has none."""
-        return self._role(Vibrometer)
+        return self.role(Vibrometer)
 
     @property
     def generator(self) -> Generator:
         """The generator. Raises ConfigurationError for a rig that has none."""
-        return self._role(Generator)
+        return self.role(Generator)
 
     @property
     def player(self) -> Player:
         """The player. Raises ConfigurationError for a rig that has none."""
-        return self._role(Player)
+        return self.role(Player)
 
     @property
     def operator(self) -> Operator:
         """The person at the rig, or their twin."""
-        return self._role(Operator)
+        return self.role(Operator)
 
     def monitor(self, patch: str) -> str:
         """The channel that measures the volts at a patch. Raises ConfigurationError without one."""
@@ -123,10 +132,3 @@ class Instruments:
     def feeds_amplifier(self, role: Literal["player", "generator"]) -> bool:
         """Whether that is what feeds the amplifier."""
         return role in self._roles and self._roles[role].output == self.amplifier.input
-
-    def _role(self, kind: type[Role]) -> Role:
-        name = kind.__name__.lower()
-        instrument = self._roles.get(name)
-        if not isinstance(instrument, kind):
-            raise ConfigurationError(f"The rig {self.name!r} has no [{name}]; this step needs one.")
-        return instrument

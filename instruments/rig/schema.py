@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from contextlib import suppress
-from importlib import metadata
 from typing import Any
 
 from pydantic import BaseModel
 
-from haploop.instruments.config import RigFile, fault_kinds
+from haploop.instruments import entry_points
+from haploop.instruments.config import RigFile, fault_kinds, roles
 from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.rig.roles import ROLES
 
 __all__ = ["rig_schema"]
 
@@ -25,12 +23,14 @@ def rig_schema() -> dict[str, Any]:
     """
     schema = RigFile.model_json_schema()
     definitions: dict[str, Any] = schema["$defs"]
-    for role, kind in ROLES.items():
-        drivers = {e.name: e.load() for e in metadata.entry_points(group="haploop.drivers")}
-        settings = {name: driver.Settings for name, driver in drivers.items() if issubclass(driver, kind)}
-        schema["properties"][role] = _chosen("driver", settings, definitions)
+    broken: list[str] = []
+    for role in roles():
+        schema["properties"][role] = _chosen("driver", _settings_of(role, broken), definitions)
+    schema["additionalProperties"] = False
     faults = definitions["SimulationSettings"]["properties"]["faults"]
-    faults["items"] = _chosen("kind", _usable(fault_kinds()), definitions)
+    faults["items"] = _chosen("kind", _usable(fault_kinds(), broken), definitions)
+    if broken:
+        schema["$comment"] = " ".join(broken)
     schema["properties"]["base"] = {
         "type": "string",
         "description": "Another rig file, of which this one says only how it differs.",
@@ -40,12 +40,33 @@ def rig_schema() -> dict[str, Any]:
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema, "title": "A rig of haploop"}
 
 
-def _usable(kinds: Mapping[str, type[BaseModel]]) -> dict[str, type[BaseModel]]:
-    """Those kinds of fault that can be loaded: a broken one is told to the rig that asks for it."""
-    usable = {}
+def _settings_of(role: str, broken: list[str]) -> dict[str, type[BaseModel]]:
+    """Settings of each driver of a role. What cannot be loaded is left out, and added to `broken`."""
+    settings: dict[str, type[BaseModel]] = {}
+    try:
+        kind = entry_points.role_class(role)
+    except ConfigurationError as error:
+        broken.append(str(error))
+        return settings
+    for name in entry_points.installed(entry_points.DRIVERS):
+        try:
+            driver = entry_points.driver_class(name)
+            if issubclass(driver, kind):
+                settings[name] = driver.Settings
+        except ConfigurationError as error:
+            if str(error) not in broken:
+                broken.append(str(error))
+    return settings
+
+
+def _usable(kinds: Mapping[str, type[BaseModel]], broken: list[str]) -> dict[str, type[BaseModel]]:
+    """Settings of each kind of fault that can be loaded; what cannot is added to `broken`."""
+    usable: dict[str, type[BaseModel]] = {}
     for kind in kinds:
-        with suppress(ConfigurationError):
+        try:
             usable[kind] = kinds[kind]
+        except ConfigurationError as error:
+            broken.append(str(error))
     return usable
 
 

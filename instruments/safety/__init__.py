@@ -2,7 +2,7 @@
 
 from haploop.instruments.safety.abort_monitor import AbortMonitor, trip
 from haploop.instruments.safety.audit import Audit, entries, now_utc, state_folder, who
-from haploop.instruments.safety.deadline import exit_within
+from haploop.instruments.safety.deadline import exit_within, run_within
 from haploop.instruments.safety.limiter import Limiter, combined
 from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of
@@ -24,6 +24,7 @@ __all__ = [
     "marked",
     "now_utc",
     "reserve",
+    "run_within",
     "state_folder",
     "trip",
     "who",

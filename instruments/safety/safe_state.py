@@ -32,6 +32,7 @@ class SafeState:
             ("player", lambda player: player.stop()),
             ("daq", lambda daq: daq.zero()),
             ("generator", lambda generator: generator.off()),
+            *((role, lambda other: other.make_safe()) for role in self._others()),
             ("relay", lambda _: self._clock.sleep(_REST)),
             ("relay", lambda relay: relay.connect(())),
         )
@@ -48,6 +49,10 @@ class SafeState:
             raise InstrumentError(
                 f"The safe state was not confirmed: {why} Switch the amplifier off by hand."
             ) from failures[0]
+
+    def _others(self) -> list[str]:
+        """Roles of other packages that have a safe state."""
+        return [role for role, instrument in self._instruments.items() if hasattr(instrument, "make_safe")]
 
     def let_go(self, role: str) -> None:
         """Close an instrument. Raises InstrumentError when it hangs, and what its `close` raises."""

@@ -7,34 +7,34 @@ when a rig file asks for it, so a broken package is in nobody else's way.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from importlib import metadata
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
-from haploop.instruments.config import ROLES, RigFile, validate_kind
+from haploop.instruments import entry_points
+from haploop.instruments.config import RigFile, roles, validate_kind
 from haploop.instruments.errors import ConfigurationError
 from haploop.mocks.plant.fault import Fault, FaultSettings
 
 __all__ = ["KINDS", "FaultKinds", "Faults", "fault_class"]
-
-_GROUP = "haploop.faults"
 
 
 class FaultKinds(Mapping[str, type[FaultSettings]]):
     """The settings of each kind of fault that is installed now, by the name that rig files give it."""
 
     def __getitem__(self, kind: str) -> type[FaultSettings]:
+        if kind not in self:
+            raise KeyError(kind)
         return fault_class(kind).Settings
 
     def __contains__(self, kind: object) -> bool:
-        return any(entry.name == kind for entry in metadata.entry_points(group=_GROUP))
+        return kind in entry_points.installed(entry_points.FAULTS)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys(entry.name for entry in metadata.entry_points(group=_GROUP)))
+        return iter(entry_points.installed(entry_points.FAULTS))
 
     def __len__(self) -> int:
-        return len(list(iter(self)))
+        return len(entry_points.installed(entry_points.FAULTS))
 
 
 KINDS = FaultKinds()
@@ -42,41 +42,20 @@ KINDS = FaultKinds()
 
 
 def fault_class(kind: str) -> type[Fault]:
-    """The class of a kind of fault. Raises KeyError for one that is not installed.
+    """The class of a kind of fault. Raises ConfigurationError, which names the package.
 
-    Raises ConfigurationError, which names the package, for a kind that cannot be imported or is no fault,
-    and for a name that two packages give.
+    That is for a kind that is not installed or cannot be loaded, that two packages give, or that is no fault.
     """
-    found = list(metadata.entry_points(group=_GROUP, name=kind))
-    if not found:
-        raise KeyError(kind)
-    if len(found) > 1:
-        packages = " and ".join(sorted(_package(entry) for entry in found))
-        raise ConfigurationError(
-            f"The fault kind {kind!r} is given by {packages}: uninstall all but one of them."
-        )
-    (entry,) = found
-    try:
-        loaded = entry.load()
-    except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ConfigurationError(
-            f"The fault kind {kind!r} of {_package(entry)} cannot be imported ({reason}): repair or "
-            "uninstall the package, or take the fault out of the rig file."
-        ) from None
+    loaded: Any = entry_points.load(entry_points.FAULTS, kind)
     settings = getattr(loaded, "Settings", None)
     if not (isinstance(loaded, type) and issubclass(loaded, Fault)) or not (
         isinstance(settings, type) and issubclass(settings, FaultSettings)
     ):
         raise ConfigurationError(
-            f"The fault kind {kind!r} of {_package(entry)} is not a fault: its entry point {entry.value!r} "
-            "must name a subclass of haploop.mocks.plant.Fault, whose Settings are a FaultSettings."
+            f"{entry_points.named(entry_points.FAULTS, kind)} is not a fault: its entry point must name a "
+            "subclass of haploop.mocks.plant.Fault, whose Settings are a FaultSettings."
         )
     return loaded
-
-
-def _package(entry: metadata.EntryPoint) -> str:
-    return f"the package {entry.dist.name!r}" if entry.dist else f"the module {entry.module!r}"
 
 
 class Faults(Sequence[Fault]):
@@ -115,7 +94,7 @@ def _refuse(settings: FaultSettings, file: RigFile) -> None:
         "patches": file.table.patches if file.table else (),
         "channel": tuple(daq.get("channels", ())),
         "device": tuple(daq.get("devices", ())),
-        "instrument": ROLES,
+        "instrument": roles(),
     }
     for key, names in known.items():
         value = getattr(settings, key, None)

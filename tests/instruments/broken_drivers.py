@@ -42,6 +42,7 @@ from haploop.instruments.generator.role import Generator
 from haploop.instruments.generator.scpi_generator import Keysight33500
 from haploop.instruments.operator.console import Console
 from haploop.instruments.operator.role import Request
+from haploop.instruments.player.sound_card import SoundCard
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.vibrometer.pdv100 import Pdv100
 from haploop.mocks.clock import VirtualClock
@@ -52,6 +53,7 @@ from haploop.mocks.plant import Plant
 from haploop.mocks.relay import BoxFault, RelayTwin
 from haploop.mocks.transport import DirectLine
 from tests.instruments.contacts import Contacts
+from tests.instruments.on_a_sound_card import OnASoundCard
 
 PATCHES = {"A": 1, "B": 2, "D": 8}
 
@@ -460,6 +462,40 @@ class TestIsOnWhenArmed(GeneratorConformance):
         )
         settings = self.kind.Settings(resource="TCPIP::127.0.0.1::5025::SOCKET", output="amplifier")
         return self.kind(settings, plant.clock, DirectLine(Box(KEYSIGHT_33500, plant, "amplifier").answer))
+
+
+class TestPlaysOn(OnASoundCard):
+    class kind(SoundCard):  # noqa: N801
+        def stop(self) -> None:
+            self._stream = None
+
+    breaks: ClassVar = {
+        "test_a_play_that_is_cut_short_is_an_error",
+        "test_an_error_of_the_body_counts",
+        "test_stop_ends_a_play",
+    }
+
+
+class TestClipsWhatIsTooLoud(OnASoundCard):
+    class kind(SoundCard):  # noqa: N801
+        def _samples(self, volts: FloatArray, rate_hz: float) -> FloatArray:
+            return super()._samples(np.clip(volts, -0.5, 0.5), rate_hz)
+
+    breaks: ClassVar = {"test_what_cannot_be_played_is_refused"}
+
+
+class TestTakesEveryPlayForWhole(OnASoundCard):
+    class kind(SoundCard):  # noqa: N801
+        @contextmanager
+        def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:
+            with suppress(InstrumentError), super()._play(volts, rate_hz):
+                yield
+
+    breaks: ClassVar = {
+        "test_a_play_that_is_cut_short_is_an_error",
+        "test_stop_ends_a_play",
+        "test_a_fault_is_one_error_in_time",
+    }
 
 
 class TestOffersWhatNobodyKnows(TestMultipliesByItsGain):

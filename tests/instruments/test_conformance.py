@@ -46,6 +46,7 @@ from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.mocks.vibrometer.ofv5000 import Controller
 from tests.instruments import broken_drivers
 from tests.instruments.contacts import Contacts
+from tests.instruments.on_a_sound_card import OnASoundCard
 from tests.mocks import ni_client
 
 BOX_FAULTS = ("lost", "stuck")
@@ -358,6 +359,13 @@ class TestKeysight33500(FamilyConformance):
 class TestDg1000z(FamilyConformance):
     driver = Dg1000z
     product = DG1000Z
+
+
+# Players
+
+
+class TestSoundCardTwin(OnASoundCard):
+    """The real driver's class, through the twin of the library that it plays with."""
 
 
 # Amplifier and operators

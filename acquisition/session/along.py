@@ -1,0 +1,202 @@
+"""Recording along: each instrument that is on no DAQ is read in a thread of its own.
+
+Time is the sample index: the thread that writes the blocks says how far the recording is, and an
+instrument is asked when that is due. What it gives is written by the same thread, with the blocks;
+so neither the reader of the DAQ nor the file ever waits for a thermometer. On a virtual clock time
+stands still meanwhile, and the same world gives the same recording.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from haploop.acquisition.recording import Event, Writer, reading_event
+from haploop.instruments import Clock, ConfigurationError, HaploopError, InstrumentError, RecordedAlong, Rig
+from haploop.instruments.safety import run_within
+
+__all__ = ["Along"]
+
+_HUNG = 5.0
+"""Seconds without an answer after which an instrument is said to hang."""
+
+
+class Along:
+    """Everything of a rig that is recorded along: a context that starts it, and stops it.
+
+    Entering raises InstrumentError when an instrument does not start: nothing has been recorded then.
+    Once it has, an instrument that fails is an event, and is asked again.
+    """
+
+    def __init__(self, rig: Rig, path: Path) -> None:
+        self._clock = rig.clock
+        self._path = path
+        self._pollers = [
+            _Poller(role, instrument, rig.file.rate_hz, path.parent)
+            for role, instrument in rig.instruments.items()
+            if isinstance(instrument, RecordedAlong)
+        ]
+        self._left = 0
+
+    def __enter__(self) -> Self:
+        started: list[_Poller] = []
+        try:
+            for poller in self._pollers:
+                started.append(poller)
+                poller.start(self._path.with_suffix(""), self._clock)
+        except BaseException:
+            for poller in started:
+                poller.stop()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for poller in self._pollers:
+            poller.stop()
+
+    def reserve(self, duration: float, block: int) -> int:
+        """Events that `duration` seconds in blocks of `block` samples may take.
+
+        What comes beyond them is left out, which is an event.
+        """
+        self._left = sum(poller.most(duration, block) for poller in self._pollers)
+        return self._left
+
+    def follow(self, writer: Writer) -> None:
+        """Ask for what is due by the samples written, and write what has come. For the thread that writes."""
+        for poller in self._pollers:
+            poller.ask(writer.written)
+        self._clock.hold(self._answered)
+        self._write(writer)
+
+    def finish(self, writer: Writer) -> None:
+        """Stop every instrument, and write what they have given since."""
+        for poller in self._pollers:
+            poller.stop(writer.written)
+        self._write(writer)
+
+    def _answered(self) -> None:
+        for poller in self._pollers:
+            poller.wait()
+
+    def _write(self, writer: Writer) -> None:
+        for poller in self._pollers:
+            while poller.events:
+                event = poller.events.popleft()
+                self._left -= 1
+                if self._left > 0:
+                    writer.note(*event)
+                elif self._left == 0:
+                    writer.note(event.sample, "along-full", "There was no space for further readings.")
+
+
+class _Poller:
+    """One instrument, and the thread that asks it."""
+
+    def __init__(self, role: str, instrument: RecordedAlong, rate_hz: float, folder: Path) -> None:
+        self._instrument, self._folder, self._rate_hz = instrument, folder, rate_hz
+        self._role = role
+        self._name = f"The {role} ({getattr(instrument, 'identity', role)})"
+        if not 0 < instrument.reads_hz < math.inf:
+            raise ConfigurationError(
+                f"{self._name} is read {instrument.reads_hz} times a second: reads_hz must be more than 0."
+            )
+        self._period = max(1, math.ceil(rate_hz / instrument.reads_hz))
+        self._due = 0
+        self._asked: int | None = None
+        """Sample index of the question that has not been answered."""
+        self._failing = self._hung = self._stopped = False
+        self._change = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name=f"haploop-{role}", daemon=True)
+        self.events: deque[Event] = deque()
+        """What has come: appended by the instrument's thread, taken by the one that writes."""
+
+    def most(self, duration: float, block: int) -> int:
+        """Events that `duration` seconds may take: one question a block at most, each answer or failure."""
+        reads = math.ceil(duration * self._rate_hz / max(self._period, block)) + 2
+        return reads * (len(self._instrument.reads) + 1) + 8
+
+    def start(self, stem: Path, clock: Clock) -> None:
+        """Start the instrument, then its thread. Raises InstrumentError."""
+        try:
+            run_within(self._name, lambda: self._instrument.start(stem, clock))
+        except Exception as error:
+            raise InstrumentError(
+                f"{self._name} cannot be recorded along: {_told(error)} Repair it, or take its table out of "
+                "the rig file."
+            ) from error
+        self._thread.start()
+
+    def ask(self, index: int) -> None:
+        """Ask for a reading, if one is due at sample `index` and the last one has come."""
+        with self._change:
+            if self._asked is None and index >= self._due and not self._stopped:
+                self._asked = index
+                # Multiples of the period: a late question does not make all later ones late.
+                self._due = (index // self._period + 1) * self._period
+                self._change.notify_all()
+            late = self._asked is not None and index - self._asked > _HUNG * self._rate_hz
+            if late and not self._hung:
+                self._say_hung(index)
+
+    def wait(self) -> None:
+        """Return once nothing is asked, or after `_HUNG` s of real time, after which nobody waits again."""
+        with self._change:
+            if not self._hung and not self._change.wait_for(lambda: self._asked is None, _HUNG):
+                self._say_hung(self._asked or 0)
+
+    def stop(self, index: int | None = None) -> None:
+        """End the thread and the instrument's work. May be called again; never raises.
+
+        What goes wrong is an event at sample `index`.
+        """
+        with self._change:
+            if self._stopped:
+                return
+            self._stopped = True
+            self._change.notify_all()
+        if self._thread.ident is not None and not self._hung:
+            self._thread.join(_HUNG)
+        try:
+            run_within(self._name, self._instrument.stop)
+        except Exception as error:
+            self._fail(index or 0, error)
+
+    def _say_hung(self, index: int) -> None:
+        self._hung = True
+        self.events.append(Event(index, "along-error", f"{self._name} has not answered for {_HUNG:g} s."))
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._asked is not None or self._stopped)
+                if self._asked is None:
+                    return
+                index = self._asked
+            try:
+                for read in self._instrument.read():
+                    self.events.append(reading_event(index, self._role, read, self._folder))
+            except Exception as error:  # whatever a driver raises must not end the recording
+                if not self._failing:
+                    self._fail(index, error)
+                self._failing = True
+            else:
+                self._failing = False
+            with self._change:
+                self._asked, self._hung = None, False
+                self._change.notify_all()
+
+    def _fail(self, index: int, error: Exception) -> None:
+        self.events.append(Event(index, "along-error", f"{self._name}: {_told(error)}"))
+
+
+def _told(error: Exception) -> str:
+    """What an error says, in a line; haploop's own errors are sentences already."""
+    told = " ".join(str(error).split())
+    return told if isinstance(error, HaploopError | TimeoutError) else f"{type(error).__name__}: {told}."

@@ -1,0 +1,65 @@
+"""The role camera, and the ACME C1: a stub that shows how frames are recorded along, as files."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict
+
+from haploop.instruments import Clock, InstrumentError, NewFile
+
+
+class Camera(ABC):
+    """Takes frames, and is recorded along: `P01-latch-frame0001.pgm` stands beside `P01-latch.h5`."""
+
+    identity: str
+    reads: tuple[str, ...] = ("frame",)
+    reads_hz: float = 2.0
+    _stem = Path()
+    _taken = 0
+
+    @abstractmethod
+    def grab(self) -> bytes:
+        """The newest frame, a PGM file. Raises InstrumentError."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the camera. May be called again."""
+
+    def start(self, stem: Path, clock: Clock) -> None:
+        self._stem = stem
+        # After those of an earlier session that ended before its first press, if there are any.
+        self._taken = len(list(stem.parent.glob(f"{stem.name}-frame*.pgm")))
+
+    def read(self) -> Sequence[NewFile]:
+        frame = self.grab()
+        path = self._stem.with_name(f"{self._stem.name}-frame{self._taken + 1:04d}.pgm")
+        with path.open("xb") as file:  # x: a frame never overwrites another
+            file.write(frame)
+        self._taken += 1
+        return [NewFile("frame", path)]
+
+    def stop(self) -> None:  # noqa: B027  may be left as it is
+        """Every frame is whole already."""
+
+
+class AcmeC1(Camera):
+    class Settings(BaseModel):
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def __init__(self, grab: Callable[[], bytes]) -> None:
+        self._grab = grab
+        self.identity = "ACME C1"
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        raise InstrumentError(
+            "The ACME C1 does not exist: use --simulate, or write a driver for your camera."
+        )
+
+    def grab(self) -> bytes:
+        return self._grab()
+
+    def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,73 @@
+"""The role thermometer, and the ACME T1: a line `ID` or `T` goes out, a line with the answer comes back."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from haploop.instruments import Clock, InstrumentError, Reading
+from haploop.instruments.transport import Line, SerialLine
+
+
+class Thermometer(ABC):
+    """Tells a temperature, and is recorded along (`haploop.instruments.RecordedAlong`)."""
+
+    identity: str
+    reads: tuple[str, ...] = ("temperature",)
+    reads_hz: float = 1.0
+
+    @abstractmethod
+    def temperature(self) -> float:
+        """Degrees Celsius. Raises InstrumentError."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the instrument. May be called again."""
+
+    def start(self, stem: Path, clock: Clock) -> None:  # noqa: B027  may be left as it is
+        """A temperature needs no preparation."""
+
+    def read(self) -> Sequence[Reading]:
+        return [Reading("temperature", self.temperature(), "°C")]
+
+    def stop(self) -> None:  # noqa: B027
+        """Nothing was started."""
+
+
+class AcmeT1(Thermometer):
+    class Settings(BaseModel):
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+        port: str
+        timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+        self.identity = self._ask("ID")
+        if not self.identity.startswith("ACME T1"):
+            line.close()
+            raise InstrumentError(f"{self.identity!r} is no ACME T1: check 'port' in [thermometer].")
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        return (settings.port,)
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        return cls(SerialLine("ACME T1", settings.port, 9600, settings.timeout))
+
+    def temperature(self) -> float:
+        answer = self._ask("T")
+        try:
+            return float(answer)
+        except ValueError:
+            raise InstrumentError(f"The ACME T1 answered 'T' with {answer!r}: check its cable.") from None
+
+    def close(self) -> None:
+        self._line.close()
+
+    def _ask(self, command: str) -> str:
+        self._line.send(command)
+        return self._line.receive(command)

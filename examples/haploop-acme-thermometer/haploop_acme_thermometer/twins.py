@@ -1,0 +1,28 @@
+"""The twins, and the thermometer's wire: what they say depends on the plant's clock and seed alone."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from haploop.mocks.plant.plant import Plant
+from haploop.mocks.transport.line_server import DirectLine, LineServer
+from haploop_acme_thermometer.camera import AcmeC1
+from haploop_acme_thermometer.thermometer import AcmeT1
+
+
+def reply(plant: Plant, line: str) -> Sequence[str]:
+    return [{"ID": "ACME T1 (twin)", "T": f"{21 + plant.clock.now() / 60:.2f}"}.get(line, "ERROR")]
+
+
+def thermometer(settings: AcmeT1.Settings, plant: Plant) -> AcmeT1:
+    return AcmeT1(DirectLine(lambda line: reply(plant, line)))
+
+
+@contextmanager
+def thermometer_wire(settings: AcmeT1.Settings, plant: Plant) -> Iterator[dict[str, object]]:
+    with LineServer(lambda line: reply(plant, line)) as server:
+        yield {"port": f"socket://{server.address}"}
+
+
+def camera(settings: AcmeC1.Settings, plant: Plant) -> AcmeC1:
+    noise = plant.rng("acme camera")
+    return AcmeC1(lambda: b"P5 8 8 255\n" + noise.bytes(64))

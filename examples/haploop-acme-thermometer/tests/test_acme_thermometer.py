@@ -1,0 +1,126 @@
+"""Both roles on the twin, and the thermometer through its wire; haploop itself is not touched."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from haploop_acme_thermometer.camera import Camera
+from haploop_acme_thermometer.thermometer import AcmeT1, Thermometer
+
+import haploop
+from haploop.acquisition import verify
+from haploop.instruments import InstrumentError, RecordedAlong, Rig
+from haploop.instruments.rig import rig_schema
+from haploop.mocks.transport.line_server import DirectLine
+
+
+@pytest.mark.requires("thermometer", "camera")
+def test_the_rig_has_both_and_they_are_typed(rig: Rig) -> None:
+    assert rig.role(Thermometer).temperature() == pytest.approx(21, abs=1)
+    assert isinstance(rig.role(Camera), RecordedAlong)
+
+
+@pytest.mark.requires("simulation")
+def test_both_are_recorded_along(rig: Rig, tmp_path: Path) -> None:
+    recording = haploop.record(rig, button="push", participant="P01", presses=2, out=tmp_path)
+    readings, files = recording.readings, recording.files
+    step = recording.rate_hz
+    assert [r.sample // step for r in readings] == list(range(int(recording.duration) + 1))
+    for r in readings:
+        assert (r.instrument, r.name, r.unit) == ("thermometer", "temperature", "°C")
+        assert r.value == pytest.approx(21 + r.sample / step / 60, abs=0.02)
+    assert len(files) == pytest.approx(2 * recording.duration, abs=2)
+    for file in files:
+        frame = (tmp_path / file.file).read_bytes()
+        assert frame.startswith(b"P5 8 8 255\n")
+        assert hashlib.sha256(frame).hexdigest() == file.sha256
+    assert verify(recording.path) == ()
+    assert recording.extra["humidity"].mean() == pytest.approx(-20, abs=0.5)  # nothing is wired: 0 V
+    assert haploop.find_presses(recording)
+
+    (tmp_path / files[0].file).write_bytes(b"another frame")
+    (problem,) = verify(recording.path)
+    assert files[0].file in problem
+
+
+@pytest.mark.requires("simulation")
+def test_the_same_seed_gives_the_same_recording(open_rig, tmp_path: Path) -> None:
+    hashes = []
+    for name in ("one", "two"):
+        rig = open_rig(seed=3)
+        hashes.append(haploop.record(rig, "push", "P01", 1, tmp_path / name).content_hash)
+        rig.close()
+    assert hashes[0] == hashes[1]
+
+
+@pytest.mark.requires("simulation")
+def test_a_camera_that_fails_is_an_event_and_costs_no_sample(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera, taken = rig.role(Camera), []
+
+    def fails_at_times() -> bytes:
+        taken.append(len(taken))
+        if 2 <= len(taken) <= 4:
+            raise InstrumentError("The camera lost its cable.")
+        return b"P5 1 1 255\n0"
+
+    monkeypatch.setattr(camera, "grab", fails_at_times)
+    recording = haploop.record(rig, button="push", participant="P01", presses=1, out=tmp_path)
+    (failure,) = [e for e in recording.events if e.kind == "along-error"]
+    assert "lost its cable" in failure.text
+    assert recording.complete
+    assert len(recording.files) == len(taken) - 3
+    assert told("show", str(recording.path))["along_errors"][0]["error"] == failure.text
+
+
+@pytest.mark.requires("simulation")
+def test_a_frame_that_exists_is_not_overwritten(rig: Rig, tmp_path: Path) -> None:
+    old = tmp_path / "P01-push-frame0001.pgm"
+    old.write_bytes(b"precious")
+    recording = haploop.record(rig, button="push", participant="P01", presses=1, out=tmp_path)
+    assert old.read_bytes() == b"precious"
+    assert recording.files[0].file == "P01-push-frame0002.pgm"
+    assert not [event for event in recording.events if event.kind == "along-error"]
+
+
+def told(*arguments: str) -> Any:
+    """What a command of haploop's prints as JSON."""
+    command = [sys.executable, "-m", "haploop", *arguments, "--json"]
+    return json.loads(subprocess.run(command, capture_output=True, check=False).stdout)
+
+
+def test_the_schema_knows_both() -> None:
+    properties = rig_schema()["properties"]
+    assert properties["thermometer"]["properties"]["driver"]["enum"] == ["acme-t1"]
+    assert "camera" in properties
+
+
+@pytest.mark.parametrize("simulate", ["twin", "wire"])
+def test_doctor_says_that_they_are_there(simulate: str) -> None:
+    rig = Path(__file__).parents[1] / "acme.toml"
+    findings = told("doctor", "--rig", str(rig), "--simulate", simulate)["findings"]
+    sentences = {finding["instrument"]: finding["sentence"] for finding in findings}
+    assert sentences["thermometer"] == "ACME T1 (twin) responds."
+    assert sentences["camera"] == "ACME C1 responds."
+
+
+@pytest.mark.parametrize("answer", ["", "warm"])
+def test_no_answer_is_taken_for_a_temperature_that_is_none(answer: str) -> None:
+    def line(asked: str) -> Sequence[str]:
+        return ["ACME T1" if asked == "ID" else answer]
+
+    with pytest.raises(InstrumentError, match="'T'"):
+        AcmeT1(DirectLine(line)).temperature()
+
+
+def test_another_product_is_refused() -> None:
+    with pytest.raises(InstrumentError, match="RB-8"):
+        AcmeT1(DirectLine(lambda _asked: ["ACME RB-8"]))

@@ -1,0 +1,110 @@
+"""What installed packages add to haploop by entry point: roles, drivers, twins, wires and faults.
+
+haploop's own are found in the same way. Only what a rig asks for is loaded, so that another package
+that is broken stops nobody who does not use it.
+"""
+
+from __future__ import annotations
+
+from importlib import metadata
+from typing import Any
+
+from pydantic import BaseModel
+
+from haploop.instruments.errors import ConfigurationError
+
+__all__ = [
+    "DRIVERS",
+    "FAULTS",
+    "ROLES",
+    "TWINS",
+    "WIRES",
+    "driver_class",
+    "installed",
+    "load",
+    "named",
+    "role_class",
+]
+
+ROLES, DRIVERS, TWINS, WIRES = "haploop.roles", "haploop.drivers", "haploop.twins", "haploop.wires"
+FAULTS = "haploop.faults"
+
+
+def installed(group: str) -> tuple[str, ...]:
+    """Names of a group's entry points, sorted. Nothing is loaded."""
+    return tuple(sorted(metadata.entry_points(group=group).names))
+
+
+def load(group: str, name: str) -> Any:
+    """Load what an entry point names.
+
+    Raises ConfigurationError, which names the package, when it cannot be loaded or called, when two
+    packages add the same name, and when nobody does.
+    """
+    found = tuple(metadata.entry_points(group=group, name=name))
+    if not found:
+        raise ConfigurationError(
+            f"There is no {_kind(group)} {name!r}; installed are {', '.join(installed(group)) or 'none'}."
+        )
+    if len(found) > 1:
+        raise ConfigurationError(
+            f"{named(group, name)} is added more than once: uninstall all but one of these packages."
+        )
+    try:
+        loaded = found[0].load()
+    except Exception as error:  # importing another's package runs its code, which may raise anything
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ConfigurationError(
+            f"{named(group, name)} cannot be loaded ({told}): install that package again, or ask its author."
+        ) from error
+    if not callable(loaded):
+        raise ConfigurationError(
+            f"{named(group, name)} must be a class or a function, and is an object of "
+            f"{type(loaded).__name__}: ask the package's author."
+        )
+    return loaded
+
+
+def role_class(role: str) -> type[Any]:
+    """The abstract class of a role. Raises ConfigurationError, which names the package."""
+    kind = load(ROLES, role)
+    if not isinstance(kind, type):
+        raise ConfigurationError(
+            f"{named(ROLES, role)} must be a class, and is an object of {type(kind).__name__}: ask the "
+            "package's author."
+        )
+    return kind
+
+
+def driver_class(name: str, role: str | None = None) -> type[Any]:
+    """The driver `name`: a class with Settings and `open`, and a subclass of its role's, if one is given.
+
+    Raises ConfigurationError, which names the package, for anything else.
+    """
+    driver = load(DRIVERS, name)
+    if not isinstance(driver, type):
+        wrong = f"must be a class, and is an object of {type(driver).__name__}: ask the package's author."
+    elif not _is_model(getattr(driver, "Settings", None)):
+        wrong = "must have a class Settings, a pydantic model: ask the package's author."
+    elif not callable(getattr(driver, "open", None)):
+        wrong = "must have a method open(settings, clock): ask the package's author."
+    elif role is not None and not issubclass(driver, role_class(role)):
+        wrong = f"is not for the role {role!r}: name another driver in [{role}]."
+    else:
+        return driver
+    raise ConfigurationError(f"{named(DRIVERS, name)} {wrong}")
+
+
+def _is_model(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _kind(group: str) -> str:
+    return group.removeprefix("haploop.").removesuffix("s")
+
+
+def named(group: str, name: str) -> str:
+    """An entry point by its name and its package, to begin a sentence."""
+    found = metadata.entry_points(group=group, name=name)
+    packages = sorted(entry.dist.name if entry.dist else "(unknown)" for entry in found)
+    return f"The {_kind(group)} {name!r} of the package {' and '.join(packages)}"

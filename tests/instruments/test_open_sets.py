@@ -1,0 +1,252 @@
+"""Roles and drivers of other packages: found by entry point, and broken ones told in one sentence."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
+from haploop.instruments.config import roles
+from haploop.instruments.rig import rig_schema
+
+LAMP = """
+from abc import ABC, abstractmethod
+from pydantic import BaseModel, ConfigDict
+
+LOG = []
+
+class Lamp(ABC):
+    identity = "ACME lamp"
+    @abstractmethod
+    def light(self, share): ...
+
+class AcmeLamp(Lamp):
+    class Settings(BaseModel):
+        model_config = ConfigDict(frozen=True, extra="forbid")
+        port: str
+    @classmethod
+    def open(cls, settings, clock):
+        LOG.append(f"open {settings.port}")
+        return cls()
+    def light(self, share):
+        LOG.append(f"light {share}")
+    def make_safe(self):
+        LOG.append("safe")
+    def close(self):
+        LOG.append("close")
+
+class NoSettings(Lamp):
+    @classmethod
+    def open(cls, settings, clock): ...
+
+def wrong_twin(settings, plant):
+    return "no lamp"
+
+class Other:
+    pass
+
+an_instance = AcmeLamp()
+raise_when = {}
+"""
+
+Package = Callable[..., Any]
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Package:
+    """Installs a package: its name, the code of its module, and its entry points by group."""
+    site = tmp_path / "site"
+    site.mkdir()
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.setenv("PYTHONPATH", str(site))
+
+    def install(name: str, code: str, **groups: dict[str, str]) -> Any:
+        module = name.replace("-", "_")
+        (site / f"{module}.py").write_text(code, encoding="utf-8")
+        about = site / f"{module}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        lines = [
+            f"[haploop.{group}]\n" + "".join(f"{key} = {module}:{value}\n" for key, value in points.items())
+            for group, points in groups.items()
+        ]
+        (about / "entry_points.txt").write_text("\n".join(lines))
+        monkeypatch.delitem(sys.modules, module, raising=False)
+        return module
+
+    return install
+
+
+@pytest.fixture
+def lamp(package: Package) -> Any:
+    name = package("acme-lamp", LAMP, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
+    return __import__(name)
+
+
+def rig_file(folder: Path, text: str, base: str = "simulated") -> Path:
+    path = folder / "rig.toml"
+    path.write_text(f'base = "{base}"\n{text}', encoding="utf-8")
+    return path
+
+
+def test_haploops_own_roles_are_entry_points_in_the_order_of_opening() -> None:
+    own = ("daq", "amplifier", "relay", "vibrometer", "generator", "player", "operator")
+    assert [role for role in roles() if role in own] == list(own)
+
+
+def test_a_role_from_outside_is_validated_opened_made_safe_and_closed(lamp: Any, tmp_path: Path) -> None:
+    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    with open_rig(path) as rig:
+        assert list(rig.instruments)[-1] == "lamp"
+        rig.role(lamp.Lamp).light(0.5)
+    assert lamp.LOG == ["open COM9", "light 0.5", "safe", "close"]
+
+
+def test_its_settings_are_its_drivers(lamp: Any, tmp_path: Path) -> None:
+    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nprt = "COM9"\n')
+    with pytest.raises(
+        ConfigurationError, match=r"rig\.toml, line 4: unknown key 'lamp\.prt'; did you mean 'po"
+    ):
+        load_rig_file(path)
+
+
+def test_a_safe_state_from_outside_that_fails_is_told_and_the_relay_still_opens(
+    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stuck(_self: object) -> None:
+        raise InstrumentError("The lamp is stuck.")
+
+    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
+    rig.relay.connect(["A"])
+    monkeypatch.setattr(lamp.AcmeLamp, "make_safe", stuck)
+    with pytest.raises(InstrumentError, match="The lamp is stuck"):
+        rig.make_safe()
+    assert rig.relay.connected() == frozenset()
+    monkeypatch.undo()
+    rig.close()
+
+
+def test_a_rig_without_the_role_says_so(lamp: Any) -> None:
+    with open_rig("simulated") as rig, pytest.raises(ConfigurationError, match=r"has no \[lamp\]"):
+        rig.role(lamp.Lamp)
+
+
+def test_a_role_need_not_be_called_like_its_class(package: Package, tmp_path: Path) -> None:
+    name = package("acme-lamp", LAMP, roles={"beam": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
+    lamp = __import__(name)
+    with open_rig(rig_file(tmp_path, '[beam]\ndriver = "acme-lamp"\nport = "COM9"\n')) as rig:
+        assert rig.role(lamp.Lamp) is rig.instruments["beam"]
+
+
+def test_the_schema_has_its_table(lamp: Any) -> None:
+    schema = rig_schema()
+    assert schema["properties"]["lamp"]["properties"]["driver"]["enum"] == ["acme-lamp"]
+    assert schema["additionalProperties"] is False
+    assert "$comment" not in schema
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            '[lmp]\ndriver = "acme-lamp"\n',
+            r"line 2: unknown key 'lmp'; did you mean 'lamp'\? If another package",
+        ),
+        ("zzz = 3\n", "line 2: unknown key 'zzz'; known keys are .*lamp"),
+        ('lamp = "acme-lamp"\n', "line 2: lamp: "),
+        ('[lamp]\nport = "COM9"\n', r"line 2: the key 'lamp\.driver' is missing"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_one_sentence(lamp: Any, tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says) as caught:
+        load_rig_file(rig_file(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+BROKEN = {
+    "gone": ("import no_such_library\n", "AcmeLamp", "no_such_library"),
+    "raises": ("raise RuntimeError('two\\nlines')\n", "AcmeLamp", "RuntimeError: two lines"),
+    "syntax": ("def (\n", "AcmeLamp", "SyntaxError"),
+    "no such name": (LAMP, "Nobody", "Nobody"),
+    "an instance": (LAMP, "an_instance", "must be a class or a function, and is an object of AcmeLamp"),
+    "a function": (LAMP, "wrong_twin", "must be a class, and is an object of function"),
+    "no driver": (LAMP, "Other", "must have a class Settings"),
+    "no settings": (LAMP, "NoSettings", "must have a class Settings"),
+}
+
+
+@pytest.mark.parametrize("how", BROKEN)
+def test_a_broken_driver_is_one_sentence_for_the_rig_that_uses_it_and_for_no_other(
+    package: Package, tmp_path: Path, how: str
+) -> None:
+    code, named, says = BROKEN[how]
+    package("acme-broken", code, drivers={"broken": named})
+    path = rig_file(tmp_path, '[relay]\ndriver = "broken"\n')
+    with pytest.raises(ConfigurationError, match="the package acme-broken") as caught:
+        load_rig_file(path)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+    with open_rig("simulated") as rig:
+        assert isinstance(rig, Rig)
+    schema = rig_schema()
+    assert "broken" not in schema["properties"]["relay"]["properties"]["driver"]["enum"]
+    assert "acme-broken" in schema["$comment"]
+
+
+@pytest.mark.parametrize(
+    ("named", "says"),
+    [("Nobody", "cannot be loaded"), ("an_instance", "must be a class"), ("wrong_twin", "must be a class")],
+)
+def test_a_broken_role_is_one_sentence_for_the_rig_that_uses_it(
+    package: Package, tmp_path: Path, named: str, says: str
+) -> None:
+    package("acme-lamp", LAMP, roles={"lamp": named}, drivers={"acme-lamp": "AcmeLamp"})
+    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    with pytest.raises(ConfigurationError, match=f"The role 'lamp' of the package acme-lamp .*{says}"):
+        load_rig_file(path)
+    open_rig("simulated").close()
+    assert "acme-lamp" in rig_schema()["$comment"]
+
+
+def test_a_driver_for_another_role_is_named(tmp_path: Path) -> None:
+    path = rig_file(tmp_path, '[relay]\ndriver = "pdv-100"\n')
+    with pytest.raises(
+        ConfigurationError, match="'pdv-100' of the package haploop is not for the role 'relay'"
+    ):
+        load_rig_file(path)
+
+
+def test_two_packages_with_one_name_are_both_named(package: Package, tmp_path: Path) -> None:
+    for name in ("acme-one", "acme-two"):
+        package(name, LAMP, drivers={"twice": "AcmeLamp"})
+    with pytest.raises(ConfigurationError, match="acme-one and acme-two is added more than once"):
+        load_rig_file(rig_file(tmp_path, '[relay]\ndriver = "twice"\n'))
+
+
+def test_a_twin_that_is_none_is_named(package: Package, tmp_path: Path) -> None:
+    package(
+        "acme-lamp",
+        LAMP,
+        roles={"lamp": "Lamp"},
+        drivers={"acme-lamp": "AcmeLamp"},
+        twins={"acme-lamp": "wrong_twin"},
+    )
+    with pytest.raises(ConfigurationError, match="'acme-lamp' opened is no lamp, but an object of str"):
+        open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
+
+
+def test_the_command_line_ends_with_2_and_a_sentence(package: Package, tmp_path: Path) -> None:
+    package("acme-broken", "import no_such_library\n", drivers={"broken": "AcmeLamp"})
+    path = rig_file(tmp_path, '[relay]\ndriver = "broken"\n')
+    run = [sys.executable, "-m", "haploop"]
+    bad = subprocess.run([*run, "doctor", "--rig", str(path)], capture_output=True, text=True, check=False)
+    assert bad.returncode == 2, bad.stderr
+    assert "Traceback" not in bad.stderr and "the package acme-broken" in " ".join(bad.stderr.split())
+    schema = subprocess.run([*run, "schema"], capture_output=True, text=True, check=True)
+    assert "acme-broken" in json.loads(schema.stdout)["$comment"]
