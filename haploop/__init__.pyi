@@ -46,5 +46,9 @@ from .instruments import HaploopError as HaploopError
 from .instruments import InstrumentError as InstrumentError
 from .instruments import LimitError as LimitError
 from .instruments import Limits as Limits
+from .instruments import LiveBlock as LiveBlock
 from .instruments import Rig as Rig
+from .instruments import Tap as Tap
+from .instruments import levels as levels
 from .instruments import open_rig as open_rig
+from .instruments import watch_live as watch_live

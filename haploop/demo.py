@@ -29,6 +29,7 @@ from haploop.instruments import ConfigurationError, Rig, load_rig_file, open_rig
 from haploop.instruments.arrays import ComplexArray
 from haploop.instruments.clock import Clock, RealClock
 from haploop.instruments.driver import Mode
+from haploop.live import published
 from haploop.report.report import CaptionedFigure, render
 
 __all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo", "Progress", "claim_folder", "run_demo"]
@@ -108,7 +109,8 @@ def run_demo(
     file = load_rig_file(rig)
     folder = claim_folder(out)
     overrides = {} if seed is None else {"seed": seed}
-    with open_rig(file, simulate=mode or file.simulate or "twin", simulation=overrides) as opened:
+    simulate = mode or file.simulate or "twin"
+    with open_rig(file, simulate=simulate, simulation=overrides) as opened, published(opened):
         demo = _loop(opened, folder, participants, str(rig), progress, lambda: clock.now() - began)
     step = "Write the report"
     progress(step, 0, 1)

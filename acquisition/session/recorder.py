@@ -132,7 +132,8 @@ def run_session(
             ):
                 created = True
                 try:
-                    blocks = _written(reader, writer, rig.clock)
+                    publish = rig.live_run("record", str(path), stream.channels, stream.rate_hz)
+                    blocks = _written(reader, writer, rig.clock, publish)
                     run = _SessionRun(rig, blocks, writer, header, force, session, p, progress, on_verdict)
                     run.conduct()
                 except BaseException as error:
@@ -189,10 +190,13 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
     )
 
 
-def _written(reader: StreamReader, writer: Writer, clock: Clock) -> Iterator[Block]:
+def _written(
+    reader: StreamReader, writer: Writer, clock: Clock, publish: Callable[[Block], None]
+) -> Iterator[Block]:
     """Each block after it was written to the file, so that no consumer can lose it."""
     for block in reader:
         writer.write(block, clock.now())
+        publish(block)
         yield block
 
 

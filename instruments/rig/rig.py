@@ -20,6 +20,7 @@ from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.instruments.generator import Sweep
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.limits import Limits
+from haploop.instruments.live import Feed, Publisher, Run, Tap
 from haploop.instruments.operator import ConfirmSettings
 from haploop.instruments.rig.alignment import align, find
 from haploop.instruments.rig.roles import Instruments
@@ -63,6 +64,7 @@ class Rig(Instruments):
         self._limiter = Limiter(clock, self.audit, self.hardware)
         self._confirmed: set[str] = set()
         self._safe = SafeState(self._roles, clock, self.audit)
+        self._feed = Feed()
         self._stack = ExitStack()
         self._signals = ExitStack()
 
@@ -105,6 +107,25 @@ class Rig(Instruments):
     def lockout(self) -> Lockout | None:
         """The lockout that refuses every play until `haploop reset`; None without one."""
         return self._limiter.lockout
+
+    def tap(self, capacity: int = 16) -> Tap:
+        """The newest blocks of every recording and play from now on, for a live view. See `Tap`."""
+        return self._feed.tap(capacity)
+
+    def publish_live(self) -> Publisher:
+        """Let other programs of this user watch the rig by `watch_live`, while this context lasts.
+
+        Raises InstrumentError when the state folder cannot be written, or no socket can be opened.
+        """
+        return Publisher(self._feed, self.name, self.audit.folder)
+
+    def live_run(
+        self, doing: str, about: str, channels: Collection[str], rate_hz: float
+    ) -> Callable[[Block], None]:
+        """Begin a run for live views. Returns the function that publishes each block, and never waits."""
+        laser = (self.vibrometer.channel, self.vibrometer.scale) if "vibrometer" in self._roles else None
+        names, simulated = tuple(channels), self.simulated
+        return self._feed.begin(Run(self.name, simulated, doing, about, names, rate_hz, self.sensors, laser))
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
@@ -228,6 +249,7 @@ class Rig(Instruments):
             with uninterrupted():
                 self._stack.close()
         finally:
+            self._feed.close()
             self._signals.close()
             atexit.unregister(self.close)
 
@@ -382,9 +404,12 @@ class Rig(Instruments):
         abort_monitor = AbortMonitor(self.file.abort, self.sensors, laser, limits)
         recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
 
+        publish = self.live_run("play", f"patch {', '.join(sorted(patches))}", recorded, self.table.rate_hz)
+
         def each(block: Block) -> None:
             self.relay.renew()
             abort_monitor.check(block, recorded)
+            publish(block)
             progress(block.volts.shape[1] / self.table.rate_hz)
             deliver()
 
