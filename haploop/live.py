@@ -49,13 +49,16 @@ def published(rig: Rig) -> Iterator[None]:
 def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
     """As `watch_live`, but look again for `wait` seconds while no program publishes the rig."""
     clock = RealClock()
-    until = clock.now() + wait
+    until, waiting = clock.now() + wait, False
     while True:
         try:
             return watch_live(file, simulate)
         except ConfigurationError:
             if clock.now() >= until:
                 raise
+            if not waiting:
+                waiting = True
+                note(f"Waiting for a command that uses the rig {file.name}.")
             clock.sleep(_RETRY)
 
 

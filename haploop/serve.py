@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -93,9 +95,6 @@ def _serve(kind: str | None, rig: str | None, as_json: bool, press: str | None =
     file = load_rig_file(rig or "bench")
     drivers = {entry.name: entry for entry in metadata.entry_points(group="haploop.drivers")}
     wires = {entry.name for entry in metadata.entry_points(group="haploop.wires")}
-    told = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda _number, _frame: told.set())
     simulation = Simulation(file, RealClock())
     addresses: dict[str, str] = {}
     others: list[str] = []
@@ -124,26 +123,42 @@ def _serve(kind: str | None, rig: str | None, as_json: bool, press: str | None =
                 f"The rig {file.name!r} has no instrument to serve{f' as {kind}' if kind else ''}: name "
                 "another rig."
             )
-        if as_json:
-            click.echo(json.dumps(addresses))
-        else:
-            for name, address in addresses.items():
-                click.echo(f"{name}: {address}")
-        if kind is None and others:
-            click.echo(f"Not served, because they have no protocol: {', '.join(others)}.", err=True)
-        _until(told, simulation.plant, press)
+        with _stopped() as stopped:
+            if as_json:
+                click.echo(json.dumps(addresses))
+            else:
+                for name, address in addresses.items():
+                    click.echo(f"{name}: {address}")
+            if kind is None and others:
+                click.echo(f"Not served, because they have no protocol: {', '.join(others)}.", err=True)
+            _wait(stopped, simulation.plant, press)
     finally:
         simulation.close()
 
 
-def _until(told: threading.Event, plant: Plant, press: str | None) -> None:
+@contextmanager
+def _stopped() -> Iterator[threading.Event]:
+    """An event that is set by Ctrl-C and by SIGTERM, which end serving as they should: exit code 0."""
+    stopped = threading.Event()
+    before = {
+        number: signal.signal(number, lambda _number, _frame: stopped.set())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
     """Wait, and let the simulated person press a button every `_EVERY` seconds if there is one to press."""
     from haploop.instruments import Press, RealClock  # noqa: PLC0415
 
     clock = RealClock()
     due, number = clock.now() + _EVERY, 1
     # With a time-out, because a wait without one cannot be interrupted on Windows.
-    while not told.wait(0.25):
+    while not stopped.wait(0.25):
         if press is not None and clock.now() >= due:
             plant.press(Press(press, "P01", number, number))
             due, number = due + _EVERY, number + 1

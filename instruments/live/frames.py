@@ -91,7 +91,7 @@ def header_of(text: bytes) -> tuple[dict[str, Any], Run]:
 def volts_of(header: dict[str, Any], run: Run, volts: bytes | npt.NDArray[np.uint8]) -> LiveBlock:
     """The block of a frame. Raises DataError when the volts are not as many as the header says."""
     shape = (len(run.channels), int(header["samples"]))
-    size = memoryview(volts).nbytes
+    size = len(volts)
     if size != 8 * shape[0] * shape[1]:
         raise DataError(_foreign(f"it has {size} bytes of volts for {shape[0]} x {shape[1]} samples"))
     array = np.frombuffer(volts, dtype="<f8").reshape(shape).astype(np.float64, copy=False)
