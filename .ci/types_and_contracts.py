@@ -40,7 +40,8 @@ def main() -> int:
         if lint_imports is None:
             raise SystemExit('lint-imports is not installed: python -m pip install -e ".[test]"')
         commands = ([sys.executable, "-m", "mypy"], [lint_imports])
-        return int(any([subprocess.run(command, cwd=tree, check=False).returncode for command in commands]))
+        codes = [subprocess.run(command, cwd=tree, check=False).returncode for command in commands]
+    return int(any(codes))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,8 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 _G = 9.80665
 _TILT = 0.35 * _G
-"""The zero-g tolerance of an ADXL335 is 0.3 g (estimate; hardware.md, section 7)."""
+"""The zero-g tolerance of an ADXL335 is 0.3 g on z (estimate; docs/hardware.md, "Accelerometer"), and a
+little more is allowed."""
 _OUTPUT_RESISTANCE = 32e3
 """Ohm, of each output of an ADXL335 (data sheet)."""
 
@@ -57,7 +58,7 @@ class ForceTorque(Sensor):
     """Six strain gauges through the matrix of their calibration file (ATI Mini40, DAQ version).
 
     `matrix` is the file's six UserAxis rows (Fx, Fy, Fz in N, Tx, Ty, Tz in N m per V), as
-    hardware.md section 6 explains; `ratings` are the axes' full scales. Volts are taken relative
+    docs/hardware.md, "Force sensor" explains; `ratings` are the axes' full scales. Volts are taken relative
     to the unloaded sensor: subtract the gauges' rest before the call, or the sensor's weight and
     offset are in the result.
     """
@@ -90,7 +91,7 @@ class Accelerometer(Sensor):
     The part is ratiometric: from the board's `supply` (V) follow, unless they are given because they
     were measured, `sensitivity` (V per m/s^2; a tenth of the supply per g) and `zero` (V at 0 m/s^2;
     half of it). Likewise `bandwidth_hz` follows from the filter's `capacitor` (F): 1 / (2 pi 32 kOhm
-    C), 50 Hz as sold (0.1 uF), 500 Hz with 10 nF (ADXL335 data sheet; hardware.md, section 7).
+    C), 50 Hz as sold (0.1 uF), 500 Hz with 10 nF (ADXL335 data sheet; docs/hardware.md, "Accelerometer").
     """
 
     channels: Annotated[tuple[str, ...], Field(min_length=3, max_length=3)]

@@ -181,8 +181,8 @@ class ClockDrift(_Scheduled):
 
     kind: Literal["clock-drift"] = "clock-drift"
     drift: Annotated[float, Field(gt=0, le=0.5)] = 500e-6
-    """How much slower, as a fraction. Two free clocks differ by 5 to 50e-6 (hardware.md, section 13);
-    an input that counts noise instead of clock edges, by any amount."""
+    """How much slower, as a fraction. Two free clocks differ by 5 to 50e-6 (estimate; docs/hardware.md, "Two
+    cards on one clock"); an input that counts noise instead of clock edges, by any amount."""
     device: str | None = None
     """None takes the first card that has no output."""
 

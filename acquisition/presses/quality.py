@@ -32,7 +32,7 @@ from haploop.instruments.arrays import FloatArray
 __all__ = ["QualityCheck", "accepted_presses"]
 
 _RATING = 0.8
-"""Share of the force sensor's rating that no press may exceed (hardware.md, section 13)."""
+"""Share of the force sensor's rating that no press may exceed (docs/hardware.md, "Force sensor")."""
 _LIGHT = 0.3
 """Share of a press's largest force below which the finger only rests on the button, arrives or leaves."""
 _BETWEEN = 0.35

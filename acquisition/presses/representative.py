@@ -37,7 +37,8 @@ class Window:
     """The part of a press, about its activation, that the representative holds (s)."""
 
     before: float = 0.15
-    """A latch's first click comes 30 to 100 ms before its activation (hardware.md, section 11)."""
+    """A latch's first click comes 30 to 100 ms before its activation (docs/hardware.md, "Buttons and
+    people")."""
     after: float = 0.35
     """At least; a momentary button whose contact opens later gets `ring` more than that."""
     ring: float = 0.1

@@ -47,17 +47,17 @@ class Segmentation:
     """s, of the averages that are compared with all these."""
     follow: float = 1.0
     """s: time constant with which the rest follows the force between presses. A drift of 0.05 N/min
-    (hardware.md, section 13) leaves an error of 0.001 N."""
+    (docs/hardware.md, "Force sensor") leaves an error of 0.001 N."""
     settle: float = 0.005
     """s: a contact has switched once it is in the new state for most of this time, and switched first
-    at most this long before; contacts bounce for 0.1 to 5 ms (hardware.md, section 11)."""
+    at most this long before; contacts bounce for 0.1 to 5 ms (docs/hardware.md, "Buttons and people")."""
     fit: float = 0.0015
     """s on each side of the activation instant that its force is fitted over."""
     margin: float = 0.25
     """s that a press's window has before its onset and after its release, unless a neighbour is near."""
     stage_lead: float = 0.15
     """s: the farthest before the activation that a first click is looked for; a latch's comes 30 to
-    100 ms before (hardware.md, section 11)."""
+    100 ms before (docs/hardware.md, "Buttons and people")."""
     stage_gap: float = 0.012
     """s: what comes less than this before the activation belongs to the click that comes with it."""
     stage_share: float = 0.15
@@ -80,7 +80,7 @@ SEGMENTATIONS: Mapping[str, Segmentation] = MappingProxyType(
     }
 )
 """The parameters of the paper's buttons. A latch takes 5 to 10 N, a toggle 1 to 4 N and a push button 2 to
-5 N to switch (hardware.md, section 11): what stays below a quarter of that is a touch."""
+5 N to switch (docs/hardware.md, "Buttons and people"): what stays below a quarter of that is a touch."""
 
 
 def segmentation_for(button: str) -> Segmentation:

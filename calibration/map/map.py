@@ -152,7 +152,7 @@ class VibrationMap:
         """The patch, point and frequency (Hz, within `low` to `high`) of the largest acceleration.
 
         Single patches are compared unless configurations are named. The band is that round 250 Hz,
-        where skin feels most (paper, "Vibration map"), and acceleration is what a press is rendered
+        where skin feels most (paper, "Experimental Setup"), and acceleration is what a press is rendered
         as; displacement is largest at the lowest mode, where nobody feels it.
         """
         f = np.arange(low, high, 0.25)

@@ -44,7 +44,7 @@ class LinearSweep:
     """
 
     stop_hz: float = 625.0
-    """Hz; paper, "Vibration map"."""
+    """Hz; paper, "Experimental Setup"."""
     seconds: float = 7.0
     tail: float = 1.2
     repeats: int = 3

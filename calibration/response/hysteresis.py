@@ -2,7 +2,7 @@
 
 Linear volts are the volts that would produce the same motion without hysteresis. A piezo patch expands
 more per volt the larger the amplitude, and with more lag: at 10 to 15 % of loop width
-(hardware.md, section 13) a small vibration is a third weaker than a sweep at full voltage says. A
+(docs/hardware.md, "Patches") a small vibration is a third weaker than a sweep at full voltage says. A
 Prandtl-Ishlinskii sum of play operators describes that and has an exact inverse (Kuhnen, European
 Journal of Control 9, 2003). It is fitted to sweeps at several levels, or found together with the
 table's modes in a single multisine, so nothing has to be added to the rig.

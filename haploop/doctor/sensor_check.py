@@ -17,7 +17,7 @@ __all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"
 _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
 _CONVERTER_NOISE = 28e-6
-"""V rms per V of range: that of a 16-bit card (found for +-10 V; hardware.md, section 13)."""
+"""V rms per V of range: a 16-bit card's (estimate; docs/hardware.md, "All NI cards")."""
 _NOISY = 5e-3
 """Share of the range above which noise is no sensor's."""
 _APART, _DRIFTED = 30e-3, 5e-3

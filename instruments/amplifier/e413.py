@@ -1,6 +1,6 @@
 """PI E-413.D2 piezo amplifier: no digital interface, so its driver is arithmetic and limits.
 
-Gain 50 is the paper's; the ranges and currents are estimates (hardware.md, section 2), to be
+Gain 50 is the paper's; the ranges and currents are estimates (docs/hardware.md, "Amplifier"), to be
 overridden in the rig file by the lab's data sheet.
 """
 

@@ -1,7 +1,7 @@
 """ATI's `.cal` file of a DAQ force sensor: its matrix in SI, so that nobody types 36 numbers.
 
 The file itself says which rows are for software of one's own: the UserAxis rows, which hold the
-tool transform already (hardware.md, section 6). The Axis rows are not read.
+tool transform already (docs/hardware.md, "Force sensor"). The Axis rows are not read.
 """
 
 from __future__ import annotations

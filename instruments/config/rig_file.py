@@ -135,7 +135,7 @@ class SimulationSettings(_Section):
     damping_scale: Positive = 1.0
     vibrometer_noise_scale: NotNegative = 1.0
     hysteresis: Annotated[float, Field(ge=0, le=0.5)] = 0.12
-    """Width of the patches' loop over its height; 10 to 15 % is an estimate (hardware.md, section 13)."""
+    """Width of the patches' loop over its height; 10 to 15 % is an estimate (docs/hardware.md, "Patches")."""
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
     bad_press_rate: Fraction = 0.0

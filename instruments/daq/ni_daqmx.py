@@ -4,7 +4,8 @@ The cards are in this computer, or behind an NI device server (`server = "host:p
 calls then travel by gRPC, with no NI driver on this side.
 
 Several cards are one Daq: the card of the outputs is master, and the others run on its sample
-clock (hardware.md, section 1d), armed before it. That needs a RTSI cable that is declared in NI MAX.
+clock (docs/hardware.md, "Two cards on one clock"), armed before it. That needs an RTSI cable that is
+declared in NI MAX.
 """
 
 from __future__ import annotations

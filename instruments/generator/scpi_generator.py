@@ -1,7 +1,7 @@
 """Function generators by SCPI over VISA: Keysight's 33500 family and Rigol's DG1000Z.
 
 The Rigol's commands are its programming guide's. Of the Keysight's, trigger and output were found
-and the sweep is what the family is known for (hardware.md, section 9). A generator that waits for
+and the sweep is what the family is known for (docs/hardware.md, "Generators"). A generator that waits for
 its trigger puts out the start frequency, not zero: so the output comes on with the trigger.
 """
 

@@ -1,7 +1,7 @@
 """A sound card's line output by PortAudio, the paper's own way to the amplifier (optional: sounddevice).
 
 Its output is AC-coupled, and its volume is the operating system's, which nothing here can read
-(hardware.md, section 10). So volts at full scale are declared, from a loop-back calibration; a
+(docs/hardware.md, "Sound card"). So volts at full scale are declared, from a loop-back calibration; a
 waveform is refused rather than clipped; and an underflow is a failed play, never a silent gap.
 """
 
@@ -78,9 +78,9 @@ class SoundCard(Player):
         channel: Literal[1, 2] = 1
         """Left or right; the other one stays silent."""
         rate_hz: Positive = 48_000.0
-        """What the card runs at by itself: another rate is resampled by nobody knows whom."""
+        """Native sample rate (Hz); any other rate is resampled by an unknown stage."""
         high_pass_hz: Annotated[float, Field(ge=0, le=20)] = 5.0
-        """Corner of its AC coupling; an estimate, which every play corrects (hardware.md, section 10)."""
+        """Corner of its AC coupling; an estimate (docs/hardware.md, "Sound card")."""
         room: Annotated[float, Field(gt=0, le=5)] = 0.5
         """Seconds at most until the first sample comes out."""
 

@@ -22,7 +22,8 @@ __all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "RelayBoard", "read_
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _PATIENCE = 0.1
-"""Seconds in which a command must show in the read-back: ten times what USB takes (hardware.md, 13)."""
+"""Seconds in which a command must show in the read-back: ten times what USB takes (docs/hardware.md,
+"Relay box")."""
 
 _MILLISECOND = 1e-3
 

@@ -1,12 +1,12 @@
 """Yocto-MaxiCoupler behind a VirtualHub or YoctoHub, over the hub's REST interface.
 
 The vendor's libraries report success for a command that the hub answered with 404, and one of them
-hangs for ever when the hub dies (hardware.md, section 4c), so this is a client of our own: each
+hangs for ever when the hub dies (docs/hardware.md, "Relay box"), so this is a client of our own: each
 request has a hard deadline, and no reply is believed until the state has been read back. A hub
 that asks for a password is not supported.
 
 The dead-man is the box's own pulse timer, which each renewal starts again; `maxTimeOnStateB` is
-the second, outer bound, which no renewal is relied on to put off (hardware.md, section 4b).
+the second, outer bound, which no renewal is relied on to put off (docs/hardware.md, "Relay box").
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Yocto(ChannelRelay):
         serial: Annotated[str, Field(pattern=_SERIAL)] | None = None
         """Serial number; without it, the only Yocto-MaxiCoupler that the hub has."""
         rating: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 48.0
-        """V, DC, of the V2; the V1's was not found (hardware.md, section 4)."""
+        """V, DC, of the V2; the V1's was not found (docs/hardware.md, "Relay box")."""
         dead_man: Annotated[float, Field(ge=0.1, le=60)] = 2.0
         """Seconds after which the box opens by itself unless renewed."""
         longest: Annotated[float, Field(gt=0, le=3600)] = 120.0

@@ -24,11 +24,9 @@ __all__ = ["Aligned", "Timing", "align", "find"]
 _LEAST = 0.5
 """Correlation of measured and commanded drive below which the one does not show the other."""
 _MOST_DRIFT = 500e-6
-"""Crystals differ by 10 to 100 ppm (estimate; hardware.md, section 10): more is a wrong rate."""
+"""Crystals differ by 10 to 100 ppm (estimate; docs/hardware.md, "Sound card"): more is a wrong rate."""
 _GOOD = 0.3
 """Misfit of a drive that has been found: no other clock is tried."""
-_DRIFT = 500e-6
-"""Crystals differ by 10 to 100 ppm (estimate; hardware.md, section 10): more is a wrong rate."""
 _PART = 0.5
 """Seconds of drive whose place is found by themselves, to start with."""
 _NEAR = 0.02

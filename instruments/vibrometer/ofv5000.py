@@ -1,7 +1,7 @@
 """Polytec OFV-5000 vibrometer controller over its serial port.
 
 Its range is read, never assumed: the data's scale depends on it. Commands are those that public
-code drives (hardware.md, section 5b); which decoder has which index differs from site to site.
+code drives (docs/hardware.md, "OFV-5000"); which decoder has which index differs from site to site.
 """
 
 from __future__ import annotations

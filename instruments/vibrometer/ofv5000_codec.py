@@ -1,7 +1,7 @@
 r"""The lines of Polytec's OFV-5000: text in, values out, no I/O. Driver and wire share it.
 
 A command is `Get,DEVICE,INDEX,ATTRIBUTE`, `GetDevInfo,...` alike, or `Set,...,VALUE`; each line ends
-with `\n`, and a Set is not answered (hardware.md, section 5b: what public code really sends). The
+with `\n`, and a Set is not answered (docs/hardware.md, "OFV-5000": what public code really sends). The
 forms of the replies were found there too, except where a function says that it is an estimate.
 """
 

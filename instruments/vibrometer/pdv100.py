@@ -1,7 +1,7 @@
 """Polytec PDV-100: set by hand and read through its analog output, so its settings are declared.
 
 The scale of the 20 mm/s range and the 1.1 ms delay were found; the other ranges and the filters
-are estimates (hardware.md, section 5a).
+are estimates (docs/hardware.md, "PDV-100").
 """
 
 from __future__ import annotations

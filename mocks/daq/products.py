@@ -1,7 +1,7 @@
 """Facts of the NI cards and modules that can be simulated, and how fast they convert.
 
-Each figure is from hardware.md, sections 1a to 1c, unless it is marked as an estimate: then it is
-what such a card usually does, to be replaced by the data sheet of the lab's own.
+Each figure is from docs/hardware.md, "NI cards" and "Conversion timing", unless it is marked as an
+estimate: then it is what such a card usually does, to be replaced by the data sheet of the lab's own.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ __all__ = ["PRODUCTS", "Product", "code_width", "convert_interval", "input_range
 Family = Literal["E Series", "X Series", "C Series", "Digital I/O", "CompactDAQ Chassis"]
 
 _PADDING = 10e-6
-"""Seconds that the driver adds between two channels of a multiplexed card (hardware.md, section 1c)."""
+"""Seconds that the driver adds between two channels of a multiplexed card (docs/hardware.md, "Conversion
+timing")."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ def convert_interval(product: Product, rate_hz: float, channels: int) -> float:
     """Seconds between the conversions of two neighbouring channels of one scan.
 
     A multiplexed card converts as fast as it can plus 10 us of padding, or evenly over the sample
-    period where that is shorter (hardware.md, section 1c); a single channel has no padding; a
+    period where that is shorter (docs/hardware.md, "Conversion timing"); a single channel has no padding; a
     simultaneous card converts all channels at once.
     """
     if product.ai_simultaneous:

@@ -3,8 +3,8 @@
 A finger moves the cap along a minimum-jerk path (Flash and Hogan, 1985); the button answers with a
 force that depends on travel, falls at each snap, and grows with speed; every snap sheds a decaying
 vibration into the cap; contacts close at a travel just behind a snap, and bounce. Forces keep the
-paper's order (latch largest, toggle smallest) and lie in the ranges of hardware.md, section 11;
-what is not found there is an estimate.
+paper's order (latch largest, toggle smallest) and lie in the ranges of docs/hardware.md, "Buttons and
+people"; what is not found there is an estimate.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ _SLAM = 6.0
 _LEAN_FORCE, _LEAN_TIME = (0.4, 0.8), (0.5, 0.9)
 """N and s of a finger that lies on a button."""
 _UP = 0.12
-"""Seconds of an upstroke at pace 1 (a press takes 0.2 to 1 s; hardware.md, section 11)."""
+"""Seconds of an upstroke at pace 1 (a press takes 0.2 to 1 s; docs/hardware.md, "Buttons and people")."""
 _TOUCH = 0.05
 """Seconds that a finger takes to lie down on a cap, and to leave it."""
 _VISCOSITY = 0.06

@@ -25,20 +25,20 @@ __all__ = ["GRAVITY", "LaserHead", "Quantity", "laser", "wired"]
 
 GRAVITY = 9.80665
 FORCE_NOISE = 0.03
-"""N sd of Fz: measured on a real Mini40 (found; hardware.md, section 6)."""
+"""N sd of Fz: measured on a real Mini40 (found; docs/hardware.md, "Force sensor")."""
 FORCE_DRIFT = 0.05 / 60
-"""N/s (estimate; hardware.md, section 13)."""
+"""N/s (estimate; docs/hardware.md, "Force sensor")."""
 FORCE_WARM = 3600.0
 """Seconds after which the sensor is warm and drifts no further (estimate)."""
 WEIGHT = 4.0
 """N: the box on the force sensor (estimate)."""
 ACCELEROMETER_NOISE = 300e-6 * GRAVITY
-"""m/s^2 per sqrt(Hz) of the z axis (estimate; hardware.md, section 7)."""
+"""m/s^2 per sqrt(Hz) of the z axis (estimate; docs/hardware.md, "Accelerometer")."""
 ACCELEROMETER_CLIP = 3.6 * GRAVITY
 CONTACT = 5.0
 """V across a closed contact."""
 VIBROMETER_NOISE = 0.02e-6
-"""m/s per sqrt(Hz) of the 20 mm/s range (estimate; hardware.md, section 5a)."""
+"""m/s per sqrt(Hz) of the 20 mm/s range (estimate; docs/hardware.md, "PDV-100")."""
 _SHAKEN = 8
 """Presses whose filtered vibration is kept."""
 _RING = 0.2

@@ -5,7 +5,7 @@ follows in closed form from its state at the last step. Nothing is integrated nu
 size has to be chosen, and a channel that a multiplexed card samples 14 us late is simply evaluated
 14 us later.
 
-Geometry and damping are estimates (hardware.md, section 8): a simply supported pane of soda-lime
+Geometry and damping are estimates (docs/hardware.md, "Touch table"): a simply supported pane of soda-lime
 glass, 0.50 x 0.35 m, of the thickness that puts its (2, 2) mode at the paper's 263.5 Hz.
 """
 
@@ -25,7 +25,7 @@ __all__ = ["Plate", "TouchTable", "make_plate", "warmed"]
 
 WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
-"""The ceramic of a P-876.A12 (found; hardware.md, section 3)."""
+"""The ceramic of a P-876.A12 (found; docs/hardware.md, "Patches")."""
 MAIN_HZ = 263.5
 _HIGHEST = 3.2
 """Modes are kept up to this multiple of the main one: those above the band stiffen what is in it."""

@@ -20,7 +20,7 @@ from haploop.mocks.plant.plant import Plant
 __all__ = ["Card", "Jack", "twin"]
 
 FULL_SCALE = 1.4
-"""V peak (estimate, as all of these; hardware.md, section 13)."""
+"""V peak (estimate, as all of these; docs/hardware.md, "Sound card")."""
 HIGH_PASS_HZ = 5.0
 DRIFT = 30e-6
 """By how much its clock is faster than the rig's."""

@@ -17,9 +17,9 @@ from haploop.instruments.relay.yocto import Yocto
 __all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
 
 _LATENCY = (3e-3, 10e-3)
-"""Seconds from the command to the box's own processor, jittered (estimate; hardware.md, section 13)."""
+"""Seconds from the command to the box's own processor, jittered (estimate; docs/hardware.md, "Relay box")."""
 _OPERATE = 1e-3
-"""Seconds from there to the contact (estimate; hardware.md, section 13)."""
+"""Seconds from there to the contact (estimate; docs/hardware.md, "Relay box")."""
 
 Switched = tuple[str, bool, float]
 """A patch, whether its contact closed, and when (s)."""

@@ -1,7 +1,7 @@
 """The wire of a Yocto-MaxiCoupler: a look-alike of VirtualHub on a simulated box.
 
 Our own driver, the vendor's native library and its pure Python one can all use it. What they ask
-and what they need was measured (hardware.md, section 4c): requests of theirs carry no HTTP version,
+and what they need was measured (docs/hardware.md, "Relay box"): requests of theirs carry no HTTP version,
 so no ordinary HTTP server parses them; the end of the connection ends the reply, and a
 Content-Length would make one of them wait for 20 s; /not.byn never ends. What a real hub does was
 not seen here: an attribute that this one does not know is answered with 404.

@@ -64,7 +64,7 @@ def test_noise_coherence_and_path_are_what_the_rig_has(calibrated: Calibrated) -
     late = -np.polyfit(2 * np.pi * response.frequencies, np.unwrap(np.angle(response.path)), 1)[0]
     assert 30e-6 < late < 60e-6
     if calibrated.rig.simulated:
-        # hardware.md, section 5a: 0.02 um/s per sqrt(Hz) in the 20 mm/s range, and the converter's own.
+        # docs/hardware.md, "PDV-100": 0.02 um/s per sqrt(Hz) in the 20 mm/s range, and the converter's own.
         assert 0.018e-6 < np.median(response.noise) < 0.03e-6
 
 

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -34,10 +35,10 @@ def _command(line: str) -> list[str]:
 
 
 @contextmanager
-def _running(command: list[str], folder: Path) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+def _running(
+    command: list[str], folder: Path, out: int | IO[str] = subprocess.PIPE
+) -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen(command, cwd=folder, stdout=out, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process
         finally:
@@ -60,14 +61,15 @@ def test_the_guide_to_served_twins(tmp_path: Path) -> None:
             rig = rig.replace(address, real_address)
         (tmp_path / "served.toml").write_text(rig, encoding="utf-8")
         watch = [sys.executable, "-m", "haploop", "live", "--rig", "served.toml", "--wait", "60", "--json"]
-        with _running(watch, tmp_path) as viewer:
+        # Into a file: a pipe that nobody reads would stop the viewer, which then drops blocks.
+        with (tmp_path / "seen").open("w") as out, _running(watch, tmp_path, out) as viewer:
             assert viewer.stderr is not None
             assert viewer.stderr.readline() == "Waiting for a command that uses the rig served.\n"
             done = subprocess.run(
                 _command(record), cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
             )
             assert done.returncode == 0, done.stderr
-            seen, complaint = viewer.communicate(timeout=30)
+            _, complaint = viewer.communicate(timeout=30)
             assert viewer.returncode == 0, complaint
         server.send_signal(signal.SIGINT)
         _, said = server.communicate(timeout=30)
@@ -77,7 +79,7 @@ def test_the_guide_to_served_twins(tmp_path: Path) -> None:
     assert recording.complete
     assert recording.simulated
     assert len(recording.accepted) == 2
-    blocks = [json.loads(line) for line in seen.splitlines()]
+    blocks = [json.loads(line) for line in (tmp_path / "seen").read_text().splitlines()]
     assert {(b["rig"], b["simulated"], b["doing"]) for b in blocks} == {("served", True, "record")}
     # A viewer that came in time and kept up has seen everything from then on.
     count = round((blocks[-1]["first"] - blocks[0]["first"]) / blocks[0]["samples"]) + 1

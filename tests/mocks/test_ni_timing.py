@@ -97,7 +97,7 @@ def test_conversion_clock_has_padding(options: nidaqmx.GrpcSessionOptions, ai: n
     with nidaqmx.Task(grpc_options=options) as old:
         old.ai_channels.add_ai_voltage_chan("Old/ai0:5")
         old.timing.cfg_samp_clk_timing(5000)
-        # hardware.md, section 1c: 15 us on a 6034E.
+        # docs/hardware.md, "Conversion timing": 15 us on a 6034E.
         assert old.timing.ai_conv_rate == pytest.approx(1 / 15e-6)
         old.timing.ai_conv_rate = 100e3
         assert old.timing.ai_conv_rate == 100e3

@@ -99,7 +99,7 @@ class NiSystem:
     def reset_device(self, device: NiDevice) -> None:
         """Abort what runs on a device; its outputs fall to zero, except on an E Series card.
 
-        hardware.md, section 12: "on device reset E Series AO unchanged, M/C/X Series AO go to 0 V".
+        docs/hardware.md, "All NI cards": "on device reset E Series AO unchanged, M/C/X Series AO go to 0 V".
         """
         for task in [t for t in self.tasks.values() if t.channels and device in t.devices]:
             self.stop(task)
