@@ -201,7 +201,8 @@ def main() -> None:
             for name, viewer in VIEWERS.items():
                 found[name].append(record(Path(folder), viewer, options.seconds, options.times))
     print(
-        f"{5 * options.times:g} kS/s x 16 channels, {options.rounds} x {options.seconds:g} s each; lateness in ms"
+        f"{5 * options.times:g} kS/s x 16 channels, {options.rounds} x {options.seconds:g} s each; "
+        "lateness in ms"
     )
     print(f"{'viewer':36} wrong  median (ratio)      p99 (ratio)     worst  waited  core")
     for name, rounds in found.items():
