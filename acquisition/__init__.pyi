@@ -14,6 +14,7 @@ from .recording import Event as Event
 from .recording import PressVerdict as PressVerdict
 from .recording import Recording as Recording
 from .recording import recover as recover
+from .recording import set_aside as set_aside
 from .recording import verify as verify
 from .session import Study as Study
 from .session import StudyProgress as StudyProgress

@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from rich.markup import escape
+from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop.instruments import ConfigurationError, RigFile
 from haploop.instruments.driver import Mode
 from haploop.instruments.rig import hardware
 from haploop.instruments.safety import Audit, clear_lockout, entries, lockout_of, state_folder
-from haploop.progress import note, print_json, print_table
+from haploop.progress import note, print_json, print_line, print_table
 
 __all__ = ["reset", "tell"]
 
@@ -30,17 +30,23 @@ def tell(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
     if as_json:
         print_json({"rig": file.name, "lockout": lockout and lockout.sentence, "entries": list(found)})
         return
-    table = Table("when", "what", "how", "who", "rig file", title=f"The rig {file.name}: {folder}")
+    print_line(f"The rig {file.name}: {folder}")
+    table = Table(box=SIMPLE, show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(style="bold")
+    table.add_column(overflow="fold")
+    program = None
     for entry in found:
-        when = datetime.fromisoformat(str(entry.get("time"))).astimezone()
-        table.add_row(
-            f"{when:%Y-%m-%d %H:%M:%S}",
-            str(entry.get("kind")),
-            escape(_how(entry)),
-            escape(f"{entry.get('user')}@{entry.get('host')}: {entry.get('command')}"),
-            str(entry.get("rig_sha256"))[:8],
-        )
-    print_table(table)
+        when = _local(entry.get("time"))
+        if program != (program := [entry.get(key) for key in _WHO]):
+            by = f"{entry.get('user')}@{entry.get('host')}: {entry.get('command')}"
+            about = f"process {entry.get('pid')}, rig file {str(entry.get('rig_sha256'))[:8]}"
+            table.add_row(when, "program", f"{by} ({about})", style="dim")
+        table.add_row(when, str(entry.get("kind")), _how(entry))
+    if table.row_count:
+        print_table(table)
+    else:
+        print_line("The log has no entries yet.")
     note(lockout.sentence if lockout else "The rig is not locked out.")
 
 
@@ -66,4 +72,25 @@ def _how(entry: Mapping[str, Any]) -> str:
     if entry.get("kind") == "played":
         patches = ", ".join(about.get("patches", ()))
         return f"{about.get('peak', 0):.4g} V peak for {about.get('seconds', 0):.3g} s into {patches}"
-    return "; ".join(f"{key}: {value}" for key, value in about.items())
+    return "; ".join(f"{key.replace('_', ' ')}: {_plain(value)}" for key, value in about.items())
+
+
+def _plain(value: Any) -> str:
+    """A value of JSON as text for people."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_plain(one)}" for key, one in value.items() if one not in ("", None))
+    if isinstance(value, list):
+        return ", ".join(map(_plain, value)) or "none"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if value is None or isinstance(value, bool):
+        return {True: "yes", False: "no", None: "-"}[value]
+    return str(value)
+
+
+def _local(time: Any) -> str:
+    """An entry's time in the computer's time zone; as it stands where it is no time."""
+    try:
+        return f"{datetime.fromisoformat(str(time)).astimezone():%Y-%m-%d %H:%M:%S}"
+    except ValueError:
+        return str(time)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
     Progress,
@@ -18,9 +20,12 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
-from rich.table import Table
+from rich.table import Column, Table
 
 __all__ = ["Bars", "Steps", "note", "print_json", "print_line", "print_table"]
+
+_WORD = 40
+"""Characters of the longest word that a table does not break."""
 
 
 class Bars:
@@ -80,13 +85,57 @@ def print_line(sentence: str) -> None:
 
 
 def print_table(table: Table) -> None:
-    """A table on standard output, as wide as it needs to be when that is no terminal."""
+    """A table on standard output, as wide as that is; 160 columns where it is no terminal.
+
+    Lines break between words. A table that would have to break words is printed row by row instead.
+    """
     console = _console(stderr=False)
-    if not console.is_terminal:
+    if not console.is_terminal and not os.environ.get("COLUMNS"):
         console.width = 160
+    narrow, wide = zip(*(_widths(console, table, column) for column in table.columns), strict=True)
+    # Each column of the box SIMPLE has two blanks and one line beside it, and the last has another line.
+    room = console.width - 3 * len(narrow) - 1
+    if sum(narrow) > room and table.show_header:
+        _print_rows(console, table)
+        return
+    widths = list(wide)
+    while sum(widths) > room and (shrinking := [i for i, w in enumerate(widths) if w > narrow[i]]):
+        widths[max(shrinking, key=widths.__getitem__)] -= 1
+    for column, width in zip(table.columns, widths, strict=True):
+        column.overflow = "fold"
+        column.width = width
+        column.no_wrap = False
     console.print(table)
+
+
+def _widths(console: Console, table: Table, column: Column) -> tuple[int, int]:
+    """Widths of a column's longest word (a hash is not one) and of its longest line."""
+    cells = [*([column.header] if table.show_header else []), *column.cells]
+    found = [Measurement.get(console, console.options.update_width(10_000), cell) for cell in cells]
+    wide = max((one.maximum for one in found), default=0)
+    if column.no_wrap:
+        return wide, wide
+    longest = max((one.minimum for one in found), default=0)
+    return min(longest, _WORD if table.show_header else _WORD // 2), wide
+
+
+def _print_rows(console: Console, table: Table) -> None:
+    """Each row of a table as lines of heading and cell."""
+    if table.title:
+        console.print(table.title, style="italic")
+    for cells in zip(*(column.cells for column in table.columns), strict=True):
+        row = Table.grid(padding=(0, 2, 0, 2))
+        row.add_column()
+        row.add_column(overflow="fold")
+        for column, cell in zip(table.columns, cells, strict=True):
+            if str(cell):
+                row.add_row(str(column.header), cell)
+        console.print()
+        console.print(row)
+    console.print()
 
 
 def _console(stderr: bool) -> Console:
     # Made when needed: standard output may have been replaced since the program began.
-    return Console(file=sys.stderr if stderr else sys.stdout)
+    # Names, notes and reasons are no markup, whatever they hold.
+    return Console(file=sys.stderr if stderr else sys.stdout, markup=False, emoji=False)

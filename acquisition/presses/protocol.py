@@ -23,6 +23,8 @@ class Protocol:
     """N. More force than this, up and down within `rest`, is not hands off (noise: 0.03 N)."""
     patience: float = 15.0
     """How long to wait for hands off, for a press to begin, and for it to end."""
+    wait: float = 0.0
+    """How long a session waits beyond `patience`, in all, for hands off and for presses to begin."""
     quiet: float = 0.3
     """Time without force before a press counts as over and the next is asked for."""
     trail: float = 0.5

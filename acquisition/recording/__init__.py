@@ -13,7 +13,7 @@ from haploop.acquisition.recording.file_format import (
     to_codes,
 )
 from haploop.acquisition.recording.recording import Recording
-from haploop.acquisition.recording.recovery import recover
+from haploop.acquisition.recording.recovery import recover, set_aside
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
 from haploop.acquisition.recording.salvage import finish, opened, verify
 from haploop.acquisition.recording.writer import Writer, check_destination, fresh_file, sync_folder
@@ -37,6 +37,7 @@ __all__ = [
     "fresh_file",
     "opened",
     "recover",
+    "set_aside",
     "sync_folder",
     "to_codes",
     "verify",

@@ -27,6 +27,7 @@ from haploop.acquisition.recording.rejections import without_rejected
 from haploop.acquisition.recording.salvage import opened, read_contents
 from haploop.instruments import DataError, Sensor, Sensors
 from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.instruments.safety import is_marked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,6 +49,11 @@ class Recording:
         self.path = path
         self.header = header
         self._state = state
+        self._in_progress = state == "recording" and is_marked(path)
+        if state == "recording" and not self._in_progress:
+            # It may have been finished between the two looks.
+            with opened(path) as file:
+                self.header, self._state = read_header(file, path)
 
     @classmethod
     def open(cls, path: str | Path) -> Self:
@@ -98,6 +104,11 @@ class Recording:
     def state(self) -> str:
         """The state in the file: "recording" (or killed), "finished", "interrupted" or "recovered"."""
         return self._state
+
+    @property
+    def in_progress(self) -> bool:
+        """Whether a living program was recording it when it was opened."""
+        return self._in_progress
 
     @property
     def duration(self) -> float:

@@ -22,6 +22,7 @@ from haploop.acquisition.recording.file_format import (
     read_header,
     verdicts_in,
 )
+from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.salvage import (
     CHUNK,
     cut_short,
@@ -33,8 +34,9 @@ from haploop.acquisition.recording.salvage import (
     write_finished,
 )
 from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.safety import is_marked, marked
 
-__all__ = ["recover"]
+__all__ = ["recover", "set_aside"]
 
 
 def recover(path: str | Path) -> Path:
@@ -49,6 +51,8 @@ def recover(path: str | Path) -> Path:
     destination = path.with_name(f"{path.stem}.recovered.h5")
     if destination.exists():
         raise ConfigurationError(f"{destination} already exists and is not overwritten: move it away.")
+    if is_marked(path):
+        raise ConfigurationError(f"{path} is being recorded now: wait until the session has ended.")
     header, contents, lost = _whole(path) or _part(path)
     samples = contents.codes.shape[1]
     accepted = len({press.number for press in verdicts_in(contents.presses) if press.accepted})
@@ -57,6 +61,26 @@ def recover(path: str | Path) -> Path:
     contents = replace(contents, events=np.concatenate([contents.events, event]))
     write_finished(destination, header, contents, "recovered", in_place=False)
     return destination
+
+
+def set_aside(path: Path) -> Path | None:
+    """Rename an interrupted recording without a press, so that the same command can be given again.
+
+    Returns its new path (`P01-latch.empty-1.h5`), or None for everything else, which stays as it is: a
+    recording that is complete, in progress, holds any press, or cannot be read.
+    """
+    try:
+        recording = Recording.open(path)
+        held = recording.complete or recording.in_progress or recording.verdicts
+        if held or any(event.kind == "pressed" for event in recording.events):
+            return None
+    except DataError:
+        return None
+    with marked(path):
+        number = 1
+        while (aside := path.with_name(f"{path.stem}.empty-{number}{path.suffix}")).exists():
+            number += 1
+        return path.rename(aside)
 
 
 def _whole(path: Path) -> tuple[Header, Contents, str] | None:

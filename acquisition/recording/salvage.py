@@ -24,6 +24,7 @@ from haploop.acquisition.recording.file_format import (
 )
 from haploop.acquisition.recording.writer import fresh_file
 from haploop.instruments import DataError, InstrumentError
+from haploop.instruments.safety import is_marked
 
 __all__ = [
     "CHUNK",
@@ -118,7 +119,9 @@ def verify(path: str | Path) -> tuple[str, ...]:
         later = later_blocks(file["blocks"]) if state == "recording" else 0
     contents = read_contents(path)
     problems = []
-    if state == "recording":
+    if state == "recording" and is_marked(path):
+        problems.append(f"{path} is being recorded now: verify it when the session has ended.")
+    elif state == "recording":
         problems.append(f"{path} was interrupted: `haploop recover` salvages it into a finished file.")
     elif contents.stored_hash != contents.hash(header):
         problems.append(f"{path} was changed after it was recorded: its content hash does not match.")

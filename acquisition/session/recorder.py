@@ -24,6 +24,7 @@ from haploop.acquisition.recording import (
     check_destination,
     file_name,
     finish,
+    set_aside,
 )
 from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
 from haploop.instruments import (
@@ -34,18 +35,22 @@ from haploop.instruments import (
     ForceTorque,
     InstrumentError,
     Press,
+    Request,
     Rest,
     Rig,
     Sensor,
     Stream,
 )
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.safety import marked
 from haploop.instruments.signals import uninterrupted
 
-__all__ = ["Session", "ignore", "record", "run_session"]
+__all__ = ["MOST_PRESSES", "Session", "ignore", "record", "run_session"]
 
 _HISTORY = 1.0
 """s of samples before a press that are kept for its quality check."""
+MOST_PRESSES = 1000
+"""Presses of one recording: its space is allocated before the first, and it is read as a whole."""
 
 
 def ignore(*_told: object) -> None:
@@ -87,6 +92,7 @@ def record(
 ) -> Recording:
     """Record `presses` good presses of a button into `<out>/<participant>-<button>.h5`.
 
+    An interrupted recording of that name without a single press is set aside first (`set_aside`).
     The operator is asked to keep hands off, then for each press once the one before has ended. The
     quality of each press is checked at once; a bad press is kept, marked, and asked for again.
     `progress(done, of)` is called at the start and after each good press, `on_verdict(press)` after each
@@ -94,13 +100,20 @@ def record(
     of all samples that were read, not `complete` and without the unused space; the error is then raised.
 
     Raises ConfigurationError for a bad name, a missing sensor, an existing file, and a folder or disk
-    that cannot take it; DataError when no press comes within 15 s, or no good one in 5 attempts;
+    that cannot take it; DataError when no press comes in time (`Protocol.patience`,
+    `Protocol.wait`), or no good one in 5 attempts;
     InstrumentError when a sample is lost or the disk refuses.
     """
     if not isinstance(presses, int | np.integer) or presses < 1:
         raise ConfigurationError(f"{presses!r} is not a number of presses: use a whole number, at least 1.")
+    if presses > MOST_PRESSES:
+        raise ConfigurationError(
+            f"{presses} presses are too many for one recording: record at most {MOST_PRESSES}, and the "
+            "others into another folder."
+        )
     presses = int(presses)
     path = Path(out) / file_name(participant, button)
+    set_aside(path)
     pending = tuple((number, 1) for number in range(1, presses + 1))
     session = Session(path, button, participant, pending, presses, notes=notes)
     protocol = protocol or Protocol(segmentation=segmentation_for(button))
@@ -115,13 +128,26 @@ def run_session(
     on_verdict: Callable[[PressVerdict], None] = ignore,
 ) -> Recording:
     """Record the presses still due in a session. `record` calls this with a one-button session."""
-    path = session.path
     force, channels = _wiring(rig)
-    check_destination(path)
+    check_destination(session.path)
+    with marked(session.path):
+        return _recorded(rig, session, p, force, channels, progress, on_verdict)
+
+
+def _recorded(
+    rig: Rig,
+    session: Session,
+    p: Protocol,
+    force: ForceTorque,
+    channels: list[str],
+    progress: Callable[[int, int], None],
+    on_verdict: Callable[[PressVerdict], None],
+) -> Recording:
+    path = session.path
     rate_hz = rig.file.rate_hz
     samples = round(p.block * rate_hz)
     # The longest possible session, so that space for all of it is allocated before the first sample.
-    longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.trail
+    longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.wait + p.trail
     created = False
     try:
         with rig.daq.stream(channels, rate_hz, samples) as stream:
@@ -227,6 +253,9 @@ class _SessionRun:
         self._pending = deque(session.pending)
         self._done = session.of - len(session.pending)
         self._attempts: dict[int, int] = {}
+        self._wait_left = p.wait
+        """s that this session may still wait for somebody who is away."""
+        self._remind_at = p.patience
         self._last: PressVerdict | None = None
         """The preceding press, while it is accepted."""
 
@@ -253,7 +282,7 @@ class _SessionRun:
         request = Press(s.button, s.participant, number, s.of, attempt, because, words)
         self._writer.note(self._index, "prompt", str(request))
         self._operator.tell(request)
-        self._await(number)
+        self._await(replace(request, because="Still waiting."))
         self._writer.note(self._index, "pressed", f"Press {number} of {s.of} was seen.")
         verdict = self._check_last(number, attempt)
         self._writer.write_verdict(verdict)
@@ -265,22 +294,42 @@ class _SessionRun:
             self._again(verdict)
         return verdict.reason
 
-    def _await(self, number: int) -> None:
+    def _await(self, reminder: Press) -> None:
         """Return once a press is over and hands are off again. Raises DataError."""
-        p, before = self._p, len(self._detector.spans)
-        deadline = self._index + p.patience * self._rate_hz
-        begun = False
+        p, before, asked = self._p, len(self._detector.spans), self._index
+        began: int | None = None
+        self._remind_at = p.patience
         while len(self._detector.spans) == before:
             self._next()
-            if self._detector.pressing and not begun:
-                begun = True
-                deadline = self._index + p.patience * self._rate_hz
-            if self._index > deadline and len(self._detector.spans) == before:
+            if self._detector.pressing and began is None:
+                began = self._index
+                self._wait_left -= max(0.0, (began - asked) / self._rate_hz - p.patience)
+            if len(self._detector.spans) > before:
+                return
+            if began is None and (waited := self._overdue(asked, reminder)):
                 raise DataError(
-                    f"{'Press' if begun else 'No press'} {number} of {self._session.of} "
-                    f"{'did not end' if begun else 'arrived'} within {p.patience:g} s of "
-                    f"{'its beginning' if begun else 'the prompt'}; {self._kept}."
+                    f"No press {reminder.number} of {reminder.of} arrived within {waited:g} s of the prompt; "
+                    f"{self._kept}."
                 )
+            if began is not None and self._index > began + p.patience * self._rate_hz:
+                raise DataError(
+                    f"Press {reminder.number} of {reminder.of} did not end within {p.patience:g} s of its "
+                    f"beginning; {self._kept}."
+                )
+
+    def _overdue(self, asked: int, reminder: Request) -> float:
+        """Seconds since sample `asked` if they are more than this session may wait, else 0.
+
+        The reminder is given after `patience`, and then ever less often.
+        """
+        waited = (self._index - asked) / self._rate_hz
+        limit = self._p.patience + self._wait_left
+        if waited > limit:
+            return limit
+        if waited > self._remind_at:
+            self._remind_at *= 2
+            self._operator.tell(reminder)
+        return 0.0
 
     def _check_last(self, number: int, attempt: int) -> PressVerdict:
         """The verdict on the press that has just ended."""
@@ -338,17 +387,18 @@ class _SessionRun:
         """(6, 1) V: mean of the gauges over the first `p.rest` seconds without a hand. Raises DataError."""
         p = self._p
         recent: deque[FloatArray] = deque(maxlen=max(1, round(p.rest / p.block)))
-        while self._index < p.patience * self._rate_hz:
+        reminder = Rest(p.rest)
+        while not (waited := self._overdue(0, reminder)):
             recent.append(self._block().volts[self._gauges])
             if len(recent) < (recent.maxlen or 0):
                 continue
             # Means of blocks: noise is averaged away, a hand is not.
             means = np.stack([volts.mean(axis=1) for volts in recent], axis=1)
             if np.ptp(self._force.to_si(means)[2]) < p.rest_spread:
+                self._wait_left -= max(0.0, self._index / self._rate_hz - p.patience)
                 return np.asarray(means.mean(axis=1, keepdims=True))
         raise DataError(
-            f"The force did not come to rest within {p.patience:g} s: take hands off the button, and start "
-            "again."
+            f"The force did not come to rest within {waited:g} s: take hands off the button, and start again."
         )
 
     def _block(self) -> Block:

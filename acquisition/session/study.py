@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,7 @@ from haploop.acquisition.recording import (
 )
 from haploop.acquisition.session.recorder import Session, ignore, run_session
 from haploop.acquisition.session.study_file import StudyFile, load_study_file
-from haploop.instruments import ConfigurationError, Consent, DataError, Ready, Rig
+from haploop.instruments import ConfigurationError, Consent, DataError, InstrumentError, Ready, Rig
 from haploop.instruments.safety import hold
 
 __all__ = ["Study", "StudyProgress", "load_study", "run_study"]
@@ -84,7 +84,12 @@ class StudyProgress:
     @property
     def interrupted(self) -> int:
         """Number of sessions that ended early."""
-        return sum(not recording.complete for recording in self.recordings)
+        return sum(not recording.complete for recording in self.recordings) - self.in_progress
+
+    @property
+    def in_progress(self) -> int:
+        """Number of sessions that a living program is recording (0 or 1)."""
+        return sum(recording.in_progress for recording in self.recordings)
 
     @property
     def consented(self) -> bool:
@@ -178,7 +183,12 @@ class Study:
             for participant in self.file.participants:
                 for button in self.file.buttons:
                     for path in self._parts(participant, button):
-                        if Recording.open(path).state == "recording":
+                        recording = Recording.open(path)
+                        if recording.in_progress:
+                            raise InstrumentError(
+                                f"{path} is being recorded by another program: wait until it has ended."
+                            )
+                        if recording.state == "recording":
                             finish(path, "interrupted")
             yield
 
@@ -224,6 +234,7 @@ def run_study(
     progress: Callable[[str, str, int, int], None] = ignore,
     on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
     notes: str = "",
+    wait: float | None = None,
 ) -> bool:
     """Record the presses still due in a study, of all or of some participants and buttons.
 
@@ -231,7 +242,7 @@ def run_study(
     interrupted session keeps its file. The operator confirms each participant's consent once, and confirms
     that a participant is ready for a button; the answer False ends the run, which then returns False.
     `progress(participant, button, done, of)` and `on_verdict(participant, button, press)` are called as in
-    `record`. `notes` are stored in every recording of this run.
+    `record`. `notes` are stored in every recording of this run. `wait` (s) replaces the study file's.
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and whatever `record` raises.
@@ -259,7 +270,10 @@ def run_study(
                     return False
                 session = _session(study, entry, consented, notes)
                 tell = _telling(participant, button)
-                run_session(rig, session, study.file.protocol_for(button), tell(progress), tell(on_verdict))
+                protocol = replace(
+                    study.file.protocol_for(button), wait=study.file.wait if wait is None else wait
+                )
+                run_session(rig, session, protocol, tell(progress), tell(on_verdict))
     return True
 
 

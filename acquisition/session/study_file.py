@@ -104,6 +104,8 @@ class StudyFile(_Section):
     consent: bool = True
     """Whether the operator must confirm that a participant has consented."""
     prompts: Prompts = Prompts()
+    wait: Annotated[float, Field(ge=0, le=86_400)] = 600.0
+    """s that a session waits for a participant who is away, in all; see `Protocol.wait`."""
     button: dict[str, ButtonSettings] = {}
 
     @field_validator("buttons")

@@ -69,8 +69,12 @@ class Model:
 
     @property
     def resonance_hz(self) -> float:
-        """The resonance that is strongest in velocity (Hz): the paper's carrier frequency."""
-        return max(self.resonances, key=lambda r: r.strength).frequency_hz
+        """The resonance at which the response is largest in velocity (Hz): the paper's carrier frequency.
+
+        Not that of the largest residue: pole pairs that nearly coincide can cancel.
+        """
+        natural = [resonance.frequency_hz for resonance in self.resonances]
+        return natural[int(np.argmax(np.abs(self.velocity(np.array(natural)))))]
 
     def velocity(self, frequencies: FloatArray) -> ComplexArray:
         """m/s per V at the patch at `frequencies` (Hz)."""

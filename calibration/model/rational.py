@@ -31,6 +31,8 @@ _DAMPINGS = (0.004, 0.012, 0.04)
 """Of the pole pairs that are looked for in what a fit leaves."""
 _NOISY = 1.5
 """Power of what is left, over the noise that is known, up to which it is taken for noise."""
+_COINCIDENT = 0.1
+"""Distance of two poles, over their decay, within which one response cannot tell them apart."""
 _NARROWEST = 0.15
 """Half-power width of a resonance, over the lines' spacing: a narrower one would hide between lines."""
 _ALIKE = 30
@@ -187,14 +189,26 @@ def _tried(start: ComplexArray, lines: Lines) -> _Fit:
 
 
 def _pruned(best: _Fit, lines: Lines) -> ComplexArray:
-    """Without the pole pairs that gain less than they cost."""
+    """Without the pole pairs that gain less than they cost, and without the doubles of others.
+
+    A fit can hold two pairs that nearly coincide and cancel, each far larger than the resonance that they
+    make together. Such a fit is a local minimum, and the pair whose absence leaves least is another one.
+    """
     while len(best.poles) > 1:
         fewer = [_Fit.of(np.delete(best.poles, k), lines) for k in range(len(best.poles))]
-        tried = _tried(min(fewer, key=lambda fit: fit.power).poles, lines)
-        if tried.gain_over(best) <= 0:
+        candidates = [min(fewer, key=lambda fit: fit.power), *(fewer[k] for k in _doubles(best.poles))]
+        tried = (_tried(fit.poles, lines) for fit in candidates)
+        better = next((fit for fit in tried if fit.gain_over(best) > 0), None)
+        if better is None:
             break
-        best = tried
+        best = better
     return best.poles
+
+
+def _doubles(poles: ComplexArray) -> list[int]:
+    """Indices of poles that lie within a tenth of their decay of another one."""
+    apart = np.abs(poles[:, None] - poles) + np.diag(np.full(len(poles), np.inf))
+    return [int(k) for k in np.flatnonzero(apart.min(axis=1) < _COINCIDENT * -poles.real)]
 
 
 def _averaged(lines: Lines) -> Lines:

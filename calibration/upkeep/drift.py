@@ -194,9 +194,5 @@ def _path(response: Response) -> float:
 
 def _main(model: Model) -> tuple[complex, complex]:
     """Pole and residue of the resonance that is strongest in velocity."""
-    inside = [
-        (complex(p), complex(r))
-        for p, r in zip(model.poles, model.residues, strict=True)
-        if p.imag > 0 and model.band[0] < abs(p) / (2 * np.pi) < model.band[1]
-    ]
-    return max(inside, key=lambda both: abs(both[1]) / -both[0].real)
+    k = int(np.argmin(np.abs(np.abs(model.poles) / (2 * np.pi) - model.resonance_hz)))
+    return complex(model.poles[k]), complex(model.residues[k])

@@ -63,8 +63,8 @@ def import_(file: Path, out: Path, patch: str | None, point: str | None, rig: st
     """Make a calibration from a .uff file.
 
     FILE holds responses measured by another program in Universal File Format 58, for example the export of a
-    scanning vibrometer. --rig names the rig that the response
-    belongs to. --patch and --point select one of several responses in FILE.
+    scanning vibrometer. --rig names the rig that the response belongs to. --patch and --point select one of
+    several responses in FILE.
     """
     import haploop  # noqa: PLC0415
     from haploop.destinations import check_new_file  # noqa: PLC0415

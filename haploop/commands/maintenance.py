@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.commands.options import JSON, RIG, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, RIG, SIMULATE, FiniteRange, alone, opened_rig
 from haploop.exits import CommandState
 from haploop.instruments import HaploopError
 
@@ -19,7 +19,7 @@ __all__ = ["doctor", "log", "reset", "schema"]
 @click.command()
 @click.option(
     "--mass",
-    type=click.FloatRange(0.05, 10),
+    type=FiniteRange(0.05, 10),
     default=0.5,
     show_default=True,
     metavar="KG",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE, FiniteRange, alone, opened_rig
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ __all__ = ["map_command"]
 @click.option("--patches", metavar="LIST", help="Patches, for example A,C.  [default: all]", default=None)
 @click.option(
     "--level",
-    type=float,
+    type=FiniteRange(min=0, min_open=True),
     metavar="V",
     help="Peak voltage of each drive.  [default: the maximum that the limits allow]",
 )

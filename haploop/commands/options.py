@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,7 +16,18 @@ if TYPE_CHECKING:
     from haploop.instruments import Rig, RigFile
     from haploop.instruments.driver import Mode
 
-__all__ = ["JSON", "NOTES", "PATH", "RIG", "SIMULATE", "alone", "on_table", "opened_rig"]
+__all__ = [
+    "JSON",
+    "NOTES",
+    "PATH",
+    "RIG",
+    "SIMULATE",
+    "WAIT",
+    "FiniteRange",
+    "alone",
+    "on_table",
+    "opened_rig",
+]
 
 RIG = click.option(
     "--rig",
@@ -33,6 +45,24 @@ SIMULATE = click.option(
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
 NOTES = click.option("--notes", default="", help="Notes; stored in the recording.")
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers, without NaN, which no comparison refuses."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Raise click.BadParameter for NaN, and as `click.FloatRange`."""
+        if math.isnan(found := super().convert(value, param, ctx)):
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        return found
+
+
+WAIT = click.option(
+    "--wait",
+    type=FiniteRange(0, 86_400),
+    metavar="SECONDS",
+    help="How long a session waits for a participant who is away, in all, before it ends.  [default: 600]",
+)
 PATH = click.Path(path_type=Path)
 
 

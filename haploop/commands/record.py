@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, WAIT, alone, opened_rig
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ __all__ = ["record"]
 @click.option(
     "--presses",
     "-n",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, 1000),
     default=10,
     show_default=True,
     help="Number of accepted presses.",
@@ -31,6 +31,7 @@ __all__ = ["record"]
     "--out", "-o", type=PATH, default=Path("recordings"), show_default=True, help="Folder for the recording."
 )
 @NOTES
+@WAIT
 @RIG
 @SIMULATE
 @JSON
@@ -42,6 +43,7 @@ def record(
     presses: int,
     out: Path,
     notes: str,
+    wait: float | None,
     rig: str,
     simulate: Mode | None,
     as_json: bool,
@@ -52,6 +54,8 @@ def record(
     kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
     """
     import haploop  # noqa: PLC0415
+    from haploop.acquisition import segmentation_for, set_aside  # noqa: PLC0415
+    from haploop.acquisition.recording import file_name  # noqa: PLC0415
     from haploop.progress import Steps, note  # noqa: PLC0415
     from haploop.show import show as display  # noqa: PLC0415
     from haploop.show.study import rejection_line  # noqa: PLC0415
@@ -62,8 +66,13 @@ def record(
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
-        out.mkdir(parents=True, exist_ok=True)
         state.recordings = out
+        aside = set_aside(out / file_name(participant, button))
+        if aside is not None:
+            note(f"An interrupted recording without a press was renamed to {aside}.")
+        protocol = haploop.Protocol(
+            wait=600.0 if wait is None else wait, segmentation=segmentation_for(button)
+        )
         recording = haploop.record(
             opened,
             button,
@@ -72,6 +81,7 @@ def record(
             out,
             lambda done, of: steps(step, done, of),
             lambda press: None if press.accepted else note(rejection_line(press)),
+            protocol=protocol,
             notes=notes,
         )
     display.show(recording.path, as_json)

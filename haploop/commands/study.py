@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, WAIT, alone, opened_rig
 from haploop.exits import CommandState
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ participants = ["P01", "P02", "P03"] # pseudonyms only; add new ones at the end
 presses = 10                        # of each button by each participant
 order = "counterbalanced"           # or "as-listed", or "random" with a seed
 consent = true                      # ask whether the consent form is signed, and store the answer
+wait = 600                          # s that a session waits for a participant who is away, in all
 
 # [prompts]
 # consent = "Has {{participant}} signed the form KU-17?"
@@ -78,6 +79,7 @@ def new(folder: Path) -> int:
 @click.option("--button", "-b", "buttons", multiple=True, help="Only this one; repeatable.")
 @click.option("--rig", "-r", metavar="FILE", help="Rig file instead of the study's own.")
 @NOTES
+@WAIT
 @SIMULATE
 @JSON
 @click.pass_obj
@@ -88,6 +90,7 @@ def run(
     buttons: Sequence[str],
     rig: str | None,
     notes: str,
+    wait: float | None,
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
@@ -108,7 +111,7 @@ def run(
         entries, typed_at = opened.progress(), not instruments.simulated
         with Counters(opened.file.name, entries, typed_at) as counters:
             callbacks = (counters.progress, counters.on_verdict)
-            run_study(instruments, opened, participants, buttons, *callbacks, notes=notes)
+            run_study(instruments, opened, participants, buttons, *callbacks, notes=notes, wait=wait)
     status(opened, opened.progress(), as_json)
     return 0
 
@@ -117,7 +120,7 @@ def run(
 @STUDY
 @JSON
 def status_(path: Path, as_json: bool) -> int:
-    """Show progress: accepted, bad and rejected presses, interrupted sessions, consent."""
+    """Show progress: accepted, bad and rejected presses, sessions interrupted or in progress, consent."""
     from haploop.acquisition import load_study  # noqa: PLC0415
     from haploop.show.study import status  # noqa: PLC0415
 

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from typing import get_args
 
-from rich.markup import escape
+from rich.box import SIMPLE
 from rich.table import Table
+from rich.text import Text
 
 from haploop.doctor.finding import Finding, Status
 from haploop.doctor.patch_check import check_patches
@@ -103,16 +104,14 @@ def tell(findings: Sequence[Finding], rig: str, simulated: bool, as_json: bool) 
         found = [asdict(finding) for finding in findings]
         print_json({"rig": rig, "simulated": simulated, "status": worst, "findings": found})
         return
-    table = Table(
-        "",
-        "instrument",
-        "what",
-        "finding",
-        title=f"The rig {rig}{', simulated' if simulated else ''}: {worst}",
-    )
+    title = f"The rig {rig}{', simulated' if simulated else ''}: {worst}"
+    table = Table(box=SIMPLE, title=title, title_justify="left", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    table.add_column(overflow="fold")
     for finding in findings:
-        mark = f"[{finding.status}]{finding.status}[/{finding.status}]"
-        table.add_row(mark, finding.instrument, finding.name, escape(finding.sentence))
+        mark = Text(finding.status, style=finding.status)
+        table.add_row(mark, f"{finding.name} ({finding.instrument})", finding.sentence)
     print_table(table)
 
 

@@ -43,6 +43,7 @@ def recording_contents(
         "duration_s": json_number(recording.duration),
         "channels": list(recording.channels),
         "complete": bool(recording.complete),
+        "in_progress": recording.in_progress,
         "ended": ended,
         "content_hash": recording.content_hash,
         "presses_detected": len(found),
@@ -82,9 +83,8 @@ def recording_contents(
     table.add_row(
         "Length", f"{recording.duration:.2f} s, {len(recording.channels)} channels at {rate_hz:g} Hz"
     )
-    table.add_row(
-        "State", "complete" if recording.complete else f"incomplete: {ended or 'the recording ended early.'}"
-    )
+    state = "complete" if recording.complete else f"incomplete: {ended or 'the recording ended early.'}"
+    table.add_row("State", "in progress" if recording.in_progress else state)
     table.add_row("Presses found", f"{len(found)}, {len(counted)} of them accepted")
     for press in bad:
         table.add_row("", Text(f"press {press.number}, attempt {press.attempt}: {press.reason}"))

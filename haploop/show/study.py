@@ -129,7 +129,10 @@ def status(study: Study, entries: Sequence[StudyProgress], as_json: bool) -> Non
     print_table(table)
     if any(recording.simulated for one in entries for recording in one.recordings):
         print_line("Simulated: no real instrument measured this.")
-    if following is None:
+    now = next((one for one in entries if one.in_progress), None)
+    if now is not None:
+        print_line(f"{now.participant}, {now.button} is being recorded now.")
+    elif following is None:
         print_line("Every press has been recorded. Plot the forces with `haploop show STUDY --plot OUT.png`.")
     else:
         press = f"press {following.missing[0][0]}"
@@ -147,6 +150,7 @@ def _as_values(one: StudyProgress) -> dict[str, Any]:
         "rejected": one.rejected,
         "sessions": len(one.recordings),
         "interrupted": one.interrupted,
+        "in_progress": one.in_progress,
         "files": [str(recording.path) for recording in one.recordings],
     }
 
@@ -160,6 +164,7 @@ def _cell(one: StudyProgress) -> Text:
         for count, word in ((one.bad, "bad"), (one.rejected, "rejected"), (one.interrupted, "interrupted"))
         if count
     ]
+    asides += ["in progress"] if one.in_progress else []
     return cell.append(f" ({', '.join(asides)})" if asides else "", style="dim")
 
 

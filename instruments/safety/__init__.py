@@ -4,7 +4,7 @@ from haploop.instruments.safety.abort_monitor import AbortMonitor, trip
 from haploop.instruments.safety.audit import Audit, entries, now_utc, state_folder, who
 from haploop.instruments.safety.deadline import exit_within
 from haploop.instruments.safety.limiter import Limiter, combined
-from haploop.instruments.safety.lock import hold, reserve
+from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of
 from haploop.instruments.safety.safe_state import SafeState
 
@@ -19,7 +19,9 @@ __all__ = [
     "entries",
     "exit_within",
     "hold",
+    "is_marked",
     "lockout_of",
+    "marked",
     "now_utc",
     "reserve",
     "state_folder",

@@ -13,10 +13,13 @@ from pathlib import Path
 from haploop.instruments.errors import InstrumentError
 from haploop.instruments.safety.audit import who
 
-__all__ = ["InUse", "hold", "reserve"]
+__all__ = ["InUse", "hold", "is_marked", "marked", "reserve"]
 
 _BEYOND = 1 << 30
 """The byte that is locked: past the holder's name, which others must be able to read."""
+
+_TRIES = 1000
+"""Attempts at a mark: somebody who looks whether it is taken has it for an instant."""
 
 _reserved: set[str] = set()
 _held: set[str] = set()
@@ -56,6 +59,46 @@ def hold(hardware: Collection[str], what: str) -> Iterator[None]:
         _held.update(hardware)
         stack.callback(_held.difference_update, hardware)
         yield
+
+
+@contextmanager
+def marked(path: Path) -> Iterator[None]:
+    """Mark a file as being written by this program, by a lock on `.NAME.lock` beside it.
+
+    Beside it, and not among the temporary files: whoever sees the file sees the mark, with whatever
+    TMPDIR and on whatever computer. Raises InUse when another program has marked it.
+    """
+    mark = _mark_of(path)
+    descriptor = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        if not any(_taken(descriptor) for _ in range(_TRIES)):
+            raise InUse(f"{path} is being written by another program: wait until it has ended, or end it.")
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # Windows removes no file that is open
+                mark.unlink()
+    finally:
+        os.close(descriptor)
+        if sys.platform == "win32":
+            with suppress(OSError):  # refused while another program has it open
+                mark.unlink()
+
+
+def is_marked(path: Path) -> bool:
+    """Whether a living program has `path` marked; the operating system takes the mark off a dead one's."""
+    try:
+        descriptor = os.open(_mark_of(path), os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        return not _taken(descriptor, shared=True)
+    finally:
+        os.close(descriptor)
+
+
+def _mark_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}.lock")
 
 
 @contextmanager
@@ -104,7 +147,8 @@ def _file_for(piece: str) -> Path:
 if sys.platform == "win32":
     import msvcrt
 
-    def _taken(descriptor: int) -> bool:
+    def _taken(descriptor: int, shared: bool = False) -> bool:
+        # Windows' C library has no shared lock; ours lasts for an instant only.
         os.lseek(descriptor, _BEYOND, os.SEEK_SET)
         try:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
@@ -117,10 +161,10 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _taken(descriptor: int) -> bool:
+    def _taken(descriptor: int, shared: bool = False) -> bool:
         # Not lockf: that one is let go of when any file of the same name is closed.
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except OSError:
             return False
         return True

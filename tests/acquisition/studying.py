@@ -14,3 +14,16 @@ def run(folder: Path, seed: int, there: Connection) -> None:
     with open_rig("simulated", simulate="twin", simulation={"seed": seed, "bad_press_rate": 0.1}) as rig:
         run_study(rig, load_study(folder), on_verdict=lambda *_: there.send("press"))
     there.send("done")
+
+
+def recording_until_told(folder: Path, there: Connection) -> None:
+    """Record a study, and stop between two presses until told to go on."""
+
+    def stop(*_press: object) -> None:
+        if not told:
+            told.append(there.send("recording"))
+            there.recv()
+
+    told: list[None] = []
+    with open_rig("simulated", simulate="twin") as rig:
+        run_study(rig, load_study(folder), on_verdict=stop)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.io import loadmat
 from scipy.signal import StateSpace, freqresp, sosfreqz
 
 from haploop.calibration import Response, fit
+from haploop.calibration.model import rational
 from haploop.instruments import ConfigurationError, DataError
 
 BEAM = Path(__file__).parents[1] / "data" / "beam_accelerance_point1.txt"
@@ -60,6 +62,37 @@ def plate(
     sigma = float(np.sqrt(np.mean(np.abs(truth) ** 2)) * 10 ** (-snr_db / 20))
     noise = sigma / np.sqrt(2) * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
     return response_of(f, truth + noise, sigma), np.asarray(truth), float(natural[4])
+
+
+def test_the_carrier_is_a_peak_of_the_response_whatever_two_poles_cancel() -> None:
+    """Two pole pairs at 63.68 Hz whose residues nearly cancel are no strong resonance."""
+    model = fit(plate(101)[0])
+    double = 2 * np.pi * 63.68 * (-0.006 + 1j)
+    cancelling = replace(
+        model,
+        poles=np.append(model.poles, [double, 1.00001 * double]),
+        residues=np.append(model.residues, [1e-2, -1e-2 + 1e-7]),
+    )
+    assert max(cancelling.resonances, key=lambda r: r.strength).frequency_hz == pytest.approx(63.68, rel=1e-3)
+    assert cancelling.resonance_hz == pytest.approx(model.resonance_hz)
+
+
+def test_poles_that_coincide_become_one() -> None:
+    """Also when another pole pair, which is weak but real, is the one whose absence leaves least."""
+    response = plate(101, snr_db=60)[0]
+    noise = float(np.sqrt(np.mean(response.deviation**2)))
+    f = response.frequencies
+    weak = 2 * np.pi * 155 * (-0.01 + 1j)
+    measured = response.velocity / noise + 3 * -weak.real / (2j * np.pi * f - weak)
+    lines = rational.Lines(f, measured)
+    single = rational.fit_poles(lines)
+    strong = single[np.argsort(np.abs(single.imag / (2 * np.pi) - 263.5))[0]]
+    doubled = np.append(single[single != strong], strong + np.array([0.02, -0.02]) * strong.real)
+    pruned = rational._pruned(rational._Fit.of(doubled, lines), lines)
+    assert len(pruned) == len(single)
+    apart = np.abs(pruned[:, None] - pruned) + np.diag(np.full(len(pruned), np.inf))
+    assert np.all(apart.min(axis=1) > 0.1 * -pruned.real)
+    assert np.abs(pruned - weak).min() < -weak.real
 
 
 @pytest.mark.timeout(900)

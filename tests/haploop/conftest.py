@@ -23,6 +23,12 @@ class Demo:
     summary: dict[str, Any]
 
 
+@pytest.fixture(autouse=True)
+def no_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a pipe from a shell: xdist sets COLUMNS for its workers."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture
 def run() -> Run:
     """Runs the command line in this process; nothing may escape as an exception."""
