@@ -5,22 +5,33 @@ from __future__ import annotations
 import json
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+if TYPE_CHECKING:
+    from haploop.mocks.plant.plant import Plant
+
 __all__ = ["twin"]
 
-_SERVED = {
-    "ni": ("daq", "server"),
-    "yocto": ("relay", "hub"),
-    "ofv": ("vibrometer", "port"),
-    "scpi": ("generator", "resource"),
+_KINDS = {
+    "ni-daqmx": "ni",
+    "yocto-maxicoupler": "yocto",
+    "serial-relay": "serial",
+    "ofv-5000": "ofv",
+    "keysight-33500": "scpi",
+    "rigol-dg1000z": "scpi",
 }
-"""Kind of wire: its role, and the driver setting that holds its address."""
+"""Name under which a driver's wire is served; a wire from another package has its driver's name."""
+
+_EVERY = 3.0
+"""s from one press to the next."""
 
 _rig = click.option("--rig", "-r", metavar="FILE", help="Rig whose instruments are simulated.")
+_as_json = click.option("--json", "as_json", is_flag=True, help="Print the addresses as one JSON object.")
 
 
 @click.group(no_args_is_help=True)
@@ -73,56 +84,97 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
     run(inventory_of(settings.devices), port, plant, wiring_of(settings), plant.has_rtsi())
 
 
-def _serve(kinds: tuple[str, ...], rig: str | None, as_json: bool) -> None:
-    """Serve wires on one plant until Ctrl-C, and print their addresses."""
+def _serve(kind: str | None, rig: str | None, as_json: bool, press: str | None = None) -> None:
+    """Serve wires on one plant until Ctrl-C, and print their addresses. `kind` None serves all there are."""
     from haploop.instruments import ConfigurationError, RealClock, entry_points, load_rig_file  # noqa: PLC0415
     from haploop.instruments.config import validate  # noqa: PLC0415
     from haploop.mocks.simulation import Simulation  # noqa: PLC0415
 
     file = load_rig_file(rig or "bench")
     wires = entry_points.installed(entry_points.WIRES)
-    wanted = {_SERVED[kind][0]: kind for kind in kinds}
-    told = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda _number, _frame: told.set())
     simulation = Simulation(file, RealClock())
     addresses: dict[str, str] = {}
+    others: list[str] = []
     try:
         for role, device in file.devices.items():
             driver: Any = entry_points.driver_class(device.driver, role)
-            if role in wanted and device.driver in wires:
+            name = _KINDS.get(device.driver, device.driver)
+            if device.driver in wires and kind in (None, name):
                 settings = validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
-                kind = wanted[role]
-                addresses[kind] = str(simulation.serve(device.driver, settings)[_SERVED[kind][1]])
+                # The first of the settings that point the driver at its wire is the address.
+                addresses[name] = str(next(iter(simulation.serve(device.driver, settings).values())))
             else:
                 # Instruments that are not served are part of the plant too: a laser must be in place.
                 simulation.instrument(role, device, driver, "twin")
-        missing = [kind for kind in kinds if kind not in addresses]
-        if missing:
+                others.append(f"{role} ({device.driver})")
+        if not addresses:
             raise ConfigurationError(
-                f"The rig {file.name!r} has no instrument to serve as {', '.join(missing)}: name another rig."
+                f"The rig {file.name!r} has no instrument to serve{f' as {kind}' if kind else ''}: name "
+                "another rig."
             )
-        if as_json:
-            click.echo(json.dumps(addresses))
-        else:
-            for kind, address in addresses.items():
-                click.echo(f"{kind}: {address}")
-        # With a time-out, because a wait without one cannot be interrupted on Windows.
-        while not told.wait(0.25):
-            pass
+        with _stopped() as stopped:
+            if as_json:
+                click.echo(json.dumps(addresses))
+            else:
+                for name, address in addresses.items():
+                    click.echo(f"{name}: {address}")
+            if kind is None and others:
+                click.echo(f"Not served, because they have no protocol: {', '.join(others)}.", err=True)
+            _wait(stopped, simulation.plant, press)
     finally:
         simulation.close()
 
 
-def _command(name: str, kinds: tuple[str, ...], help_text: str) -> None:
-    @twin.command(name, help=help_text)
+@contextmanager
+def _stopped() -> Iterator[threading.Event]:
+    """An event that is set by Ctrl-C and by SIGTERM, which end serving as they should: exit code 0."""
+    stopped = threading.Event()
+    before = {
+        number: signal.signal(number, lambda _number, _frame: stopped.set())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
+    """Wait, and let the simulated person press a button every `_EVERY` seconds if there is one to press."""
+    from haploop.instruments import Press, RealClock  # noqa: PLC0415
+
+    clock = RealClock()
+    due, number = clock.now() + _EVERY, 1
+    # With a time-out, because a wait without one cannot be interrupted on Windows.
+    while not stopped.wait(0.25):
+        if press is not None and clock.now() >= due:
+            plant.press(Press(press, "P01", number, number))
+            due, number = due + _EVERY, number + 1
+
+
+def _command(kind: str, help_text: str) -> None:
+    @twin.command(kind, help=help_text)
     @_rig
-    @click.option("--json", "as_json", is_flag=True, help="Print the addresses as one JSON object.")
+    @_as_json
     def serve(rig: str | None, as_json: bool) -> None:
-        _serve(kinds, rig, as_json)
+        _serve(kind, rig, as_json)
 
 
-_command("all", tuple(_SERVED), "Serve all simulated instruments of a rig, on one plant.")
-_command("yocto", ("yocto",), "Serve a Yoctopuce hub with a relay box over HTTP.")
-_command("ofv", ("ofv",), "Serve an OFV-5000 vibrometer on a serial line.")
-_command("scpi", ("scpi",), "Serve a function generator on a SCPI socket.")
+@twin.command("all")
+@_rig
+@click.option(
+    "--press",
+    metavar="BUTTON",
+    help=f"Let a simulated person press this button every {_EVERY:g} s.",
+)
+@_as_json
+def serve_all(rig: str | None, press: str | None, as_json: bool) -> None:
+    """Serve all simulated instruments of a rig that have a protocol, on one plant."""
+    _serve(None, rig, as_json, press)
+
+
+_command("yocto", "Serve a Yoctopuce hub with a relay box over HTTP.")
+_command("serial", "Serve a relay board on a serial line.")
+_command("ofv", "Serve an OFV-5000 vibrometer on a serial line.")
+_command("scpi", "Serve a function generator on a SCPI socket.")

@@ -15,6 +15,10 @@ from .errors import LimitError as LimitError
 from .generator import Generator as Generator
 from .generator import Sweep as Sweep
 from .limits import Limits as Limits
+from .live import LiveBlock as LiveBlock
+from .live import Tap as Tap
+from .live import levels as levels
+from .live import watch_live as watch_live
 from .operator import Aim as Aim
 from .operator import ConfirmSettings as ConfirmSettings
 from .operator import Consent as Consent

@@ -161,7 +161,8 @@ def _recorded(
             ):
                 created = True
                 try:
-                    blocks = _written(reader, writer, along, rig.clock)
+                    publish = rig.live_run("record", str(path), stream.channels, stream.rate_hz)
+                    blocks = _written(reader, writer, along, rig.clock, publish)
                     run = _SessionRun(rig, blocks, writer, header, force, session, p, progress, on_verdict)
                     run.conduct()
                     along.finish(writer)
@@ -221,10 +222,13 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
     )
 
 
-def _written(reader: StreamReader, writer: Writer, along: Along, clock: Clock) -> Iterator[Block]:
+def _written(
+    reader: StreamReader, writer: Writer, along: Along, clock: Clock, publish: Callable[[Block], None]
+) -> Iterator[Block]:
     """Each block after it was written to the file, so that no consumer can lose it."""
     for block in reader:
         writer.write(block, clock.now())
+        publish(block)
         along.follow(writer)
         yield block
 

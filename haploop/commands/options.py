@@ -91,8 +91,10 @@ def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
 
 @contextmanager
 def opened_rig(state: CommandState, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
-    """Open the rig, and print a note when it is simulated."""
-    with haploop.open_rig(file, simulate=simulate) as opened:
+    """Open the rig, publish it for `haploop live`, and print a note when it is simulated."""
+    from haploop.live import published  # noqa: PLC0415
+
+    with haploop.open_rig(file, simulate=simulate) as opened, published(opened):
         state.rig_opened = True
         if opened.simulated:
             world = (

@@ -18,6 +18,7 @@ from haploop.instruments.clock import Clock, RealClock
 from haploop.instruments.driver import Mode
 from haploop.instruments.files import new_file
 from haploop.instruments.progress import Progress, part_of, prefixed, silent
+from haploop.live import published
 
 __all__ = ["claim_folder", "run_demo"]
 
@@ -49,7 +50,8 @@ def run_demo(
     file = load_rig_file(rig)
     folder = claim_folder(out)
     overrides = {} if seed is None else {"seed": seed}
-    with open_rig(file, simulate=mode or file.simulate or "twin", simulation=overrides) as opened:
+    simulate = mode or file.simulate or "twin"
+    with open_rig(file, simulate=simulate, simulation=overrides) as opened, published(opened):
         demo = _loop(opened, folder, participants, str(rig), progress, lambda: clock.now() - began)
     step = "Write the report"
     progress(step, 0, 1, "")

@@ -16,13 +16,24 @@ __all__ = ["Monitoring"]
 
 
 class Monitoring:
-    """The abort monitor of each play of a rig. `hardware` is what a trip locks out."""
+    """The abort monitor of each play of a rig. `hardware` is what a trip locks out.
 
-    def __init__(self, rig: Instruments, audit: Audit, hardware: Collection[str], limiter: Limiter) -> None:
+    `live_run` begins a run for live views, as `Rig.live_run`.
+    """
+
+    def __init__(
+        self,
+        rig: Instruments,
+        audit: Audit,
+        hardware: Collection[str],
+        limiter: Limiter,
+        live_run: Callable[[str, str, Collection[str], float], Callable[[Block], None]],
+    ) -> None:
         self._rig = rig
         self._audit = audit
         self._hardware = hardware
         self._limiter = limiter
+        self._live_run = live_run
 
     @contextmanager
     def monitored(
@@ -39,12 +50,14 @@ class Monitoring:
         limits = combined(ratings(rig, len(frozenset(patches))))
         abort_monitor = AbortMonitor(rig.file.abort, rig.sensors, laser, limits)
         recorded = tuple(dict.fromkeys([*channels, *abort_monitor.channels]))
-        doing, total = f"Play into patch {', '.join(patches)}", samples / rig.table.rate_hz
+        into, total = f"patch {', '.join(sorted(patches))}", samples / rig.table.rate_hz
+        publish = self._live_run("play", into, recorded, rig.table.rate_hz)
 
         def each(block: Block) -> None:
             rig.relay.renew()
             abort_monitor.check(block, recorded)
-            progress(doing, min(block.end / rig.table.rate_hz, total), total, "s")
+            publish(block)
+            progress(f"Play into {into}", min(block.end / rig.table.rate_hz, total), total, "s")
             deliver()
 
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import atexit
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from types import TracebackType
 from typing import Any, Self
@@ -11,11 +11,12 @@ from typing import Any, Self
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 from haploop.instruments.config import RigFile
-from haploop.instruments.daq import Capture
+from haploop.instruments.daq import Block, Capture
 from haploop.instruments.driver import Mode, Simulation
 from haploop.instruments.generator import Sweep
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.limits import Limits
+from haploop.instruments.live import Feed, Publisher, Run, Tap
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.rig.declared_settings import DeclaredSettings
 from haploop.instruments.rig.monitoring import Monitoring
@@ -49,7 +50,8 @@ class Rig(Instruments):
         self._limiter = Limiter(clock, self.audit, self.hardware)
         self._safe = SafeState(self._roles, clock, self.audit)
         self._settings = DeclaredSettings(self)
-        monitoring = Monitoring(self, self.audit, self.hardware, self._limiter)
+        self._feed = Feed()
+        monitoring = Monitoring(self, self.audit, self.hardware, self._limiter, self.live_run)
         self._playing = Playing(self, clock, self._limiter, monitoring, self.make_safe)
         self._stack = ExitStack()
         self._signals = ExitStack()
@@ -93,6 +95,25 @@ class Rig(Instruments):
     def lockout(self) -> Lockout | None:
         """The lockout that refuses every play until `haploop reset`; None without one."""
         return self._limiter.lockout
+
+    def tap(self, capacity: int = 16) -> Tap:
+        """The newest blocks of every recording and play from now on, for a live view. See `Tap`."""
+        return self._feed.tap(capacity)
+
+    def publish_live(self) -> Publisher:
+        """Let other programs of this user watch the rig by `watch_live`, while this context lasts.
+
+        Raises InstrumentError when the state folder cannot be written, or no socket can be opened.
+        """
+        return Publisher(self._feed, self.name, self.audit.folder)
+
+    def live_run(
+        self, doing: str, about: str, channels: Collection[str], rate_hz: float
+    ) -> Callable[[Block], None]:
+        """Begin a run for live views. Returns the function that publishes each block, and never waits."""
+        laser = (self.vibrometer.channel, self.vibrometer.scale) if self.has("vibrometer") else None
+        names, simulated = tuple(channels), self.simulated
+        return self._feed.begin(Run(self.name, simulated, doing, about, names, rate_hz, self.sensors, laser))
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
@@ -171,6 +192,7 @@ class Rig(Instruments):
             with uninterrupted():
                 self._stack.close()
         finally:
+            self._feed.close()
             self._signals.close()
             atexit.unregister(self.close)
 

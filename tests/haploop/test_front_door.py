@@ -38,6 +38,7 @@ WORK = {
     "export": ["Calibration", "write_uff", "Model"],
     "import": ["read_uff", "Calibration"],
     "doctor": ["examine", "examine_each", "Finding"],
+    "live": ["load_rig_file", "watch_live", "levels"],
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
@@ -49,6 +50,7 @@ NO_WORK_FOR_A_SCRIPT = {
     "twin ni": "a server for other programs",
     "twin all": "a server for other programs",
     "twin yocto": "a server for other programs",
+    "twin serial": "a server for other programs",
     "twin ofv": "a server for other programs",
     "twin scpi": "a server for other programs",
 }

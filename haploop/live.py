@@ -1,0 +1,115 @@
+"""Live views: publishing a command's rig, and `haploop live`, which shows its levels in a terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from haploop.instruments import (
+    ConfigurationError,
+    InstrumentError,
+    LiveBlock,
+    RealClock,
+    Rig,
+    RigFile,
+    Tap,
+    levels,
+    watch_live,
+)
+from haploop.instruments.driver import Mode
+from haploop.progress import note
+
+__all__ = ["find", "published", "show_json", "show_meter"]
+
+_REFRESH = 0.5
+"""Seconds of one wait for a block, after which drops and the state are shown again."""
+_RETRY = 0.2
+"""Seconds between two looks for a program that publishes."""
+
+
+@contextmanager
+def published(rig: Rig) -> Iterator[None]:
+    """Publish a rig for `haploop live`, unless HAPLOOP_LIVE=off. A failure is a note: the work goes on."""
+    with ExitStack() as stack:
+        if os.environ.get("HAPLOOP_LIVE", "").lower() != "off":
+            try:
+                stack.enter_context(rig.publish_live())
+            except InstrumentError as error:
+                note(str(error))
+        yield
+
+
+def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
+    """As `watch_live`, but look again for `wait` seconds while no program publishes the rig."""
+    clock = RealClock()
+    until, waiting = clock.now() + wait, False
+    while True:
+        try:
+            return watch_live(file, simulate)
+        except ConfigurationError:
+            if clock.now() >= until:
+                raise
+            if not waiting:
+                waiting = True
+                note(f"Waiting for a command that uses the rig {file.name}.")
+            clock.sleep(_RETRY)
+
+
+def show_json(tap: Tap) -> None:
+    """Print one JSON object a line for each block, until the program that publishes closes the rig."""
+    for block in tap:
+        run = block.run
+        line = {
+            "rig": run.rig,
+            "simulated": run.simulated,
+            "run": run.number,
+            "doing": run.doing,
+            "about": run.about,
+            "first": block.first,
+            "samples": block.end - block.first,
+            "rate_hz": run.rate_hz,
+            "dropped": tap.dropped,
+            "levels": [vars(level) for level in levels(block)],
+        }
+        print(json.dumps(line), flush=True)
+
+
+def show_meter(tap: Tap, console: Console | None = None) -> None:
+    """Show the levels of the newest block, until the program that publishes closes the rig."""
+    console = console or Console()
+    with Live(Text("Waiting for a recording or a play ..."), console=console, refresh_per_second=10) as view:
+        while not tap.closed:
+            block = tap.latest() or tap.take(_REFRESH)
+            if block is not None:
+                view.update(_meter(block, tap.dropped))
+
+
+def _meter(block: LiveBlock, dropped: int) -> Table:
+    run = block.run
+    simulated = " (simulated)" if run.simulated else ""
+    span = (block.end - block.first) / run.rate_hz
+    title = (
+        f"{run.rig}{simulated}: {run.doing} {run.about}\n"
+        f"{block.end / run.rate_hz:.1f} s, last {1e3 * span:.0f} ms, {dropped} blocks not shown"
+    )
+    # Text, because a rig's name or a path may contain what rich takes for markup.
+    table = Table(title=Text(title), title_justify="left")
+    table.add_column("quantity")
+    for name in ("mean", "rms", "peak"):
+        table.add_column(name, justify="right")
+    table.add_column("unit")
+    for level in levels(block):
+        table.add_row(
+            Text(level.name),
+            *(f"{value:.3g}" for value in (level.mean, level.rms, level.peak)),
+            Text(f"{level.unit} overload" if level.overload else level.unit),
+            style="red" if level.overload else None,
+        )
+    return table

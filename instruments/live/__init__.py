@@ -1,0 +1,8 @@
+"""Blocks for live views: of whatever streams on a rig, in the same program and in another one."""
+
+from haploop.instruments.live.levels import Level, levels
+from haploop.instruments.live.publisher import Publisher
+from haploop.instruments.live.tap import Feed, LiveBlock, Run, Tap
+from haploop.instruments.live.watching import watch_live
+
+__all__ = ["Feed", "Level", "LiveBlock", "Publisher", "Run", "Tap", "levels", "watch_live"]

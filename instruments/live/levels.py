@@ -1,0 +1,89 @@
+"""Levels of a live block: mean, rms and peak of each quantity in SI, for a meter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.live.tap import LiveBlock, Run
+from haploop.instruments.sensors import Accelerometer, Divider, ForceTorque, Sensor, Switch
+
+__all__ = ["Level", "levels"]
+
+
+@dataclass(frozen=True)
+class Level:
+    """One quantity within one block.
+
+    `rms` is about `mean`, and `peak` is the largest distance from it, so that neither contains a sensor's
+    offset: a force sensor's gauges, for one, are not zeroed in a live block.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    rms: float
+    peak: float
+    overload: bool
+    """Whether a channel that it is computed from stood at the end of its range."""
+
+
+def levels(block: LiveBlock) -> tuple[Level, ...]:
+    """The levels of every quantity that the rig's sensors and laser give, then of channels left, in volts."""
+    found = []
+    run, used = block.run, set[str]()
+    for names, units, channels, values in _quantities(run, block.volts):
+        used |= set(channels)
+        overload = bool(block.overload[[run.channels.index(channel) for channel in channels]].any())
+        found += [
+            _level(name, unit, row, overload) for name, unit, row in zip(names, units, values, strict=True)
+        ]
+    for row, channel in enumerate(run.channels):
+        if channel not in used:
+            found.append(_level(channel, "V", block.volts[row], bool(block.overload[row])))
+    return tuple(found)
+
+
+def _quantities(
+    run: Run, volts: FloatArray
+) -> list[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], FloatArray]]:
+    """Names, units, channels and (quantities, samples) SI values of each sensor that is streamed whole."""
+    found = []
+    for name, sensor in run.sensors:
+        if isinstance(sensor, Sensor) and set(sensor.channels) <= set(run.channels):
+            labels = _labels(name, sensor)
+            if labels is not None:
+                rows = [run.channels.index(channel) for channel in sensor.channels]
+                found.append((*labels, sensor.channels, sensor.to_si(volts[rows])))
+    for name, extra in run.sensors.extra.items():
+        if extra.channel in run.channels:
+            row = volts[[run.channels.index(extra.channel)]]
+            found.append(((extra.name or name,), (extra.unit,), (extra.channel,), extra.to_si(row)))
+    if run.laser is not None and run.laser[0] in run.channels:
+        channel, scale = run.laser
+        row = volts[[run.channels.index(channel)]]
+        found.append((("velocity",), ("m/s",), (channel,), scale * row))
+    return found
+
+
+def _labels(name: str, sensor: Sensor) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Names and units of a sensor's quantities; None for a kind that is not known here."""
+    if isinstance(sensor, ForceTorque):
+        return ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"), ("N", "N", "N", "N m", "N m", "N m")
+    if isinstance(sensor, Accelerometer):
+        return ("acceleration x", "acceleration y", "acceleration z"), ("m/s^2",) * 3
+    if isinstance(sensor, Switch):
+        return (name,), ("",)
+    if isinstance(sensor, Divider):
+        return tuple(f"{channel} at the patch" for channel in sensor.channels), ("V",) * len(sensor.channels)
+    return None
+
+
+def _level(name: str, unit: str, values: FloatArray, overload: bool) -> Level:
+    if not values.size:
+        return Level(name, unit, 0.0, 0.0, 0.0, overload)
+    mean = float(values.mean())
+    moved = values - mean
+    return Level(name, unit, mean, float(np.sqrt(np.mean(moved**2))), float(np.abs(moved).max()), overload)

@@ -1,0 +1,169 @@
+"""Publishing a rig's blocks to other programs of the same user, on a loopback socket.
+
+A thread accepts connections, and each connection has a thread and a tap of its own. A client that reads
+slowly, stops or dies keeps its own thread waiting, and its tap drops blocks; a recording shares nothing with
+either but the tap's queue. Where the socket is, and the token that a client must send, stand in a file of the
+rig's state folder that only its owner can read.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import os
+import secrets
+import select
+import socket
+import threading
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from haploop.instruments.clock import RealClock
+from haploop.instruments.errors import InstrumentError
+from haploop.instruments.live.frames import TOKEN, frame_of
+from haploop.instruments.live.tap import Feed
+
+__all__ = ["ADDRESS_FILES", "Publisher"]
+
+ADDRESS_FILES = "live-*.json"
+"""Names of the address files in a state folder."""
+
+_MOST_CLIENTS = 8
+_IDLE = 0.25
+"""Seconds after which a connection without blocks is looked at: has its client gone?"""
+_TOKEN_DEADLINE = 2.0
+"""Seconds for a client to send its token."""
+_CAPACITY = 16
+"""Blocks that wait for one client."""
+
+
+class Publisher:
+    """Publishes a feed while its context lasts. Raises InstrumentError when it cannot begin."""
+
+    def __init__(self, feed: Feed, rig: str, folder: Path) -> None:
+        self._feed = feed
+        self._closing = threading.Event()
+        self._token = secrets.token_hex(TOKEN // 2)
+        self._clients: set[socket.socket] = set()
+        self._changing = threading.Lock()
+        self.path = folder / f"live-{os.getpid()}-{secrets.token_hex(4)}.json"
+        """The address file."""
+        try:
+            self._listener = socket.create_server(("127.0.0.1", 0), backlog=_MOST_CLIENTS)
+        except OSError as error:
+            raise InstrumentError(f"No live view: a loopback socket cannot be opened ({error}).") from None
+        self.port: int = self._listener.getsockname()[1]
+        try:
+            self._write_address(rig)
+        except OSError as error:
+            self._listener.close()
+            raise InstrumentError(f"No live view: {self.path} cannot be written ({error}).") from None
+        self._thread = threading.Thread(target=self._accept, name="haploop-live", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End every connection and remove the address file. May be called again."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        with suppress(OSError):
+            self.path.unlink()
+        # A connection of our own ends the wait for one: closing a listener does not, everywhere.
+        with suppress(OSError):
+            socket.create_connection(("127.0.0.1", self.port), timeout=0.1).close()
+        self._thread.join(1.0)
+        self._listener.close()
+        with self._changing:
+            for link in self._clients:
+                with suppress(OSError):
+                    link.shutdown(socket.SHUT_RDWR)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _write_address(self, rig: str) -> None:
+        content = {"rig": rig, "pid": os.getpid(), "port": self.port, "token": self._token}
+        draft = self.path.with_suffix(".new")
+        # Created for the owner alone; renamed when it is whole.
+        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        try:
+            os.write(descriptor, json.dumps(content).encode())
+        finally:
+            os.close(descriptor)
+        draft.replace(self.path)
+
+    def _accept(self) -> None:
+        while not self._closing.is_set():
+            try:
+                link, _ = self._listener.accept()
+            except OSError:
+                # Out of file descriptors, say: the wait keeps this from spinning.
+                self._closing.wait(_IDLE)
+                continue
+            with self._changing:
+                full = len(self._clients) >= _MOST_CLIENTS or self._closing.is_set()
+                if not full:
+                    self._clients.add(link)
+            if full:
+                link.close()
+                continue
+            try:
+                threading.Thread(
+                    target=self._serve, args=(link,), name="haploop-live-client", daemon=True
+                ).start()
+            except RuntimeError:  # no thread can be started
+                self._forget(link)
+
+    def _serve(self, link: socket.socket) -> None:
+        """Send one client its blocks until either end has had enough."""
+        try:
+            if self._admitted(link):
+                self._send(link)
+        except OSError:
+            pass  # the client has gone
+        finally:
+            self._forget(link)
+
+    def _admitted(self, link: socket.socket) -> bool:
+        clock = RealClock()
+        deadline = clock.now() + _TOKEN_DEADLINE
+        given = b""
+        while len(given) < TOKEN:
+            left = deadline - clock.now()
+            if left <= 0:
+                return False
+            link.settimeout(left)
+            part = link.recv(TOKEN - len(given))
+            if not part:
+                return False
+            given += part
+        return hmac.compare_digest(given, self._token.encode())
+
+    def _send(self, link: socket.socket) -> None:
+        link.settimeout(None)
+        sent_drops = 0
+        with self._feed.tap(_CAPACITY) as tap:
+            while not self._closing.is_set():
+                block = tap.take(_IDLE)
+                if block is None:
+                    # A client that says more than its token, or has gone, is done with.
+                    if tap.closed or select.select([link], [], [], 0)[0]:
+                        return
+                    continue
+                dropped = max(sent_drops, tap.dropped)
+                head, volts = frame_of(block, dropped - sent_drops)
+                sent_drops = dropped
+                link.sendall(head)
+                link.sendall(volts)
+
+    def _forget(self, link: socket.socket) -> None:
+        with self._changing:
+            self._clients.discard(link)
+        link.close()

@@ -1,0 +1,168 @@
+"""Watching a rig that another program runs: find it, connect, and take its blocks from a tap."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from haploop.instruments.config import RigFile, load_rig_file
+from haploop.instruments.driver import Mode
+from haploop.instruments.errors import ConfigurationError, DataError
+from haploop.instruments.live.frames import PREFIX, TOKEN, header_of, lengths_of, volts_of
+from haploop.instruments.live.publisher import ADDRESS_FILES
+from haploop.instruments.live.tap import LiveBlock, Tap
+from haploop.instruments.safety import state_folder
+
+__all__ = ["watch_live"]
+
+ByteArray = npt.NDArray[np.uint8]
+
+_CONNECT_DEADLINE = 2.0
+"""Seconds for a program on the same computer to accept a connection."""
+
+
+def watch_live(
+    rig: str | Path | RigFile,
+    simulate: Mode | None = None,
+    capacity: int = 16,
+    address: str | Path | None = None,
+) -> Tap:
+    """A tap on the blocks of a rig that another program of the same user is running.
+
+    `rig` and `simulate` are as in `open_rig`. `address` names an address file, where several programs run
+    rigs of one name; without it the newest is taken. The tap is closed when that program closes the rig.
+    Its `dropped` counts blocks that were dropped in either program.
+
+    Raises ConfigurationError when no program publishes the rig. Taking a block raises DataError when what
+    came is not a block.
+    """
+    file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
+    folder = state_folder(file, (simulate or file.simulate) is not None)
+    foreign = False
+    paths = [Path(address)] if address else _newest(folder)
+    for path in paths:
+        try:
+            found = _read(path)
+        except PermissionError:
+            foreign = True
+            continue
+        if found is None or (not address and found.rig != file.name):
+            continue
+        link = _connected(found)
+        if link is not None:
+            tap = Tap(capacity, on_close=partial(_shut, link))
+            threading.Thread(
+                target=_receive, args=(link, tap), name="haploop-live-reader", daemon=True
+            ).start()
+            return tap
+        if found.dead:
+            # Left by a program that was killed: nobody listens there.
+            with suppress(OSError):
+                path.unlink()
+    where = f"at {address}" if address else f"in {folder}"
+    hint = " One that another user runs was found, and only they can watch it." if foreign else ""
+    raise ConfigurationError(
+        f"No running program publishes the rig {file.name!r} {where}: start one (haploop record, say), and "
+        f"name the same rig file and --simulate here.{hint}"
+    )
+
+
+@dataclass
+class _Address:
+    rig: str
+    port: int
+    token: bytes
+    dead: bool = False
+
+
+def _newest(folder: Path) -> list[Path]:
+    dated = []
+    for path in folder.glob(ADDRESS_FILES):
+        with suppress(OSError):
+            dated.append((path.stat().st_mtime_ns, path))
+    return [path for _, path in sorted(dated, reverse=True)]
+
+
+def _read(path: Path) -> _Address | None:
+    """An address file's content; None when it is gone or not one. Raises PermissionError."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        found = _Address(str(content["rig"]), int(content["port"]), str(content["token"]).encode("ascii"))
+    except PermissionError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if len(found.token) == TOKEN and 0 < found.port < 65536 else None
+
+
+def _connected(address: _Address) -> socket.socket | None:
+    try:
+        link = socket.create_connection(("127.0.0.1", address.port), timeout=_CONNECT_DEADLINE)
+    except ConnectionRefusedError:
+        address.dead = True
+        return None
+    except OSError:
+        return None
+    try:
+        link.sendall(address.token)
+        link.settimeout(None)
+    except OSError:
+        link.close()
+        return None
+    return link
+
+
+def _receive(link: socket.socket, tap: Tap) -> None:
+    """Put every frame into the tap until the connection ends."""
+    error: Exception | None = None
+    try:
+        for block, dropped in _blocks(link):
+            tap.offer(block, dropped)
+            if tap.closed:
+                break
+    except DataError as wrong:
+        error = wrong
+    except OSError:
+        pass  # the publisher was killed, or the tap closed: nothing more comes
+    finally:
+        tap.close(error)
+        link.close()
+
+
+def _blocks(link: socket.socket) -> Iterator[tuple[LiveBlock, int]]:
+    while (prefix := _exactly(link, PREFIX)) is not None:
+        header_length, volts_length = lengths_of(prefix.tobytes())
+        text = _exactly(link, header_length)
+        if text is None:
+            return
+        header, run = header_of(text.tobytes())
+        volts = _exactly(link, volts_length)
+        if volts is None:
+            return
+        yield volts_of(header, run, volts), int(header["dropped"])
+
+
+def _exactly(link: socket.socket, count: int) -> ByteArray | None:
+    """`count` bytes; None when the connection ends before them."""
+    buffer = np.empty(count, dtype=np.uint8)
+    view, have = buffer.data, 0
+    while have < count:
+        got = link.recv_into(view[have:])
+        if not got:
+            return None
+        have += got
+    return buffer
+
+
+def _shut(link: socket.socket) -> None:
+    with suppress(OSError):
+        link.shutdown(socket.SHUT_RDWR)
