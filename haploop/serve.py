@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from haploop.mocks.plant.plant import Plant
+    from haploop.mocks.plant import Plant
 
 __all__ = ["twin"]
 

@@ -83,7 +83,7 @@ def header_of(text: bytes) -> tuple[dict[str, Any], Run]:
                 raise ValueError(key)
         if len(header["overload"]) != len(run.channels) or not 0 < run.rate_hz < float("inf"):
             raise ValueError("overload")
-    except (ValueError, KeyError, TypeError, IndexError, ValidationError, RecursionError) as error:
+    except (ValueError, OverflowError, KeyError, TypeError, IndexError, ValidationError, RecursionError) as error:
         raise DataError(_foreign(f"its header cannot be read ({type(error).__name__})")) from None
     return header, run
 

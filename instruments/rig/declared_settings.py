@@ -10,15 +10,13 @@ __all__ = ["DeclaredSettings"]
 
 
 class DeclaredSettings:
-    """The declared settings of a rig's instruments, and which of them were confirmed already."""
+    """Which of the declared settings of a rig's instruments were confirmed already."""
 
-    def __init__(self, rig: Instruments) -> None:
-        self._rig = rig
+    def __init__(self) -> None:
         self._confirmed: set[str] = set()
 
-    def confirm(self) -> None:
+    def confirm(self, rig: Instruments) -> None:
         """See `Rig.confirm_settings`."""
-        rig = self._rig
         declared = {rig.vibrometer.identity: rig.vibrometer.declared}
         if rig.feeds_amplifier("player"):
             declared[rig.player.identity] = rig.player.declared

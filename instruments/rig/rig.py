@@ -49,10 +49,8 @@ class Rig(Instruments):
         self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
         self._limiter = Limiter(clock, self.audit, self.hardware)
         self._safe = SafeState(self._roles, clock, self.audit)
-        self._settings = DeclaredSettings(self)
+        self._settings = DeclaredSettings()
         self._feed = Feed()
-        monitoring = Monitoring(self, self.audit, self.hardware, self._limiter, self.live_run)
-        self._playing = Playing(self, clock, self._limiter, monitoring, self.make_safe)
         self._stack = ExitStack()
         self._signals = ExitStack()
 
@@ -96,6 +94,13 @@ class Rig(Instruments):
         """The lockout that refuses every play until `haploop reset`; None without one."""
         return self._limiter.lockout
 
+    @property
+    def _playing(self) -> Playing:
+        # Made for each play: kept, it would hold the rig that holds it, and a closed rig would keep its
+        # simulated world until Python looks for cycles.
+        monitoring = Monitoring(self, self.audit, self.hardware, self._limiter, self.live_run)
+        return Playing(self, self.clock, self._limiter, monitoring, self.make_safe)
+
     def tap(self, capacity: int = 16) -> Tap:
         """The newest blocks of every recording and play from now on, for a live view. See `Tap`."""
         return self._feed.tap(capacity)
@@ -117,7 +122,7 @@ class Rig(Instruments):
 
     def confirm_settings(self) -> None:
         """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
-        self._settings.confirm()
+        self._settings.confirm(self)
 
     def excite(
         self,

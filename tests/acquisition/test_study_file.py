@@ -135,7 +135,8 @@ segmentation = { quiet = 0.2 }
 def test_what_the_guide_and_a_new_study_show_can_be_loaded(tmp_path):
     root = Path(__file__).parents[2]
     guide = (root / "docs" / "recording.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"^```toml\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
+    tables = re.findall(r"^```toml\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
+    (example,) = (table for table in tables if "participants" in table)
     file = loaded(tmp_path, example)
     assert file.prompt_for("latch").startswith("Press the latch until it stays")
     assert file.prompts.ready.format(participant="P01", button="latch", presses=3).startswith("P01: index")

@@ -112,7 +112,7 @@ def test_an_interrupted_map_is_gone_on_with(open: OpenRig, tmp_path: Path) -> No
     rig = open()
     (plan,) = short(rig)
 
-    def stop(done: float, _total: float, _what: str) -> None:
+    def stop(_doing: str, done: float, _total: float, _unit: str) -> None:
         if done >= 0.25:
             raise KeyboardInterrupt
 
