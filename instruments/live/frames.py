@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ValidationError
 
 from haploop.instruments.errors import DataError
 from haploop.instruments.live.tap import LiveBlock, Run
@@ -83,7 +82,7 @@ def header_of(text: bytes) -> tuple[dict[str, Any], Run]:
                 raise ValueError(key)
         if len(header["overload"]) != len(run.channels) or not 0 < run.rate_hz < float("inf"):
             raise ValueError("overload")
-    except (ValueError, OverflowError, KeyError, TypeError, IndexError, ValidationError, RecursionError) as error:
+    except (ArithmeticError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise DataError(_foreign(f"its header cannot be read ({type(error).__name__})")) from None
     return header, run
 
