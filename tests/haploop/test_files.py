@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "acquisition"))
-from pattern import block_of, header
-
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
+from tests.acquisition.recording.pattern import block_of, header
 
 
 @pytest.fixture

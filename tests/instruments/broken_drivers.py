@@ -52,8 +52,8 @@ from haploop.mocks.operator.twin import OperatorTwin
 from haploop.mocks.plant import Plant
 from haploop.mocks.relay import BoxFault, RelayTwin
 from haploop.mocks.transport import DirectLine
-from tests.instruments.contacts import Contacts
-from tests.instruments.on_a_sound_card import OnASoundCard
+from tests.instruments.player.on_a_sound_card import OnASoundCard
+from tests.instruments.relay.contacts import Contacts
 
 PATCHES = {"A": 1, "B": 2, "D": 8}
 

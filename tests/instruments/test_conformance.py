@@ -45,9 +45,9 @@ from haploop.mocks.relay.yocto_hub import YoctoHub
 from haploop.mocks.transport import DirectLine, LineServer, ReplyFault
 from haploop.mocks.vibrometer.ofv5000 import Controller
 from tests.instruments import broken_drivers
-from tests.instruments.contacts import Contacts
-from tests.instruments.on_a_sound_card import OnASoundCard
-from tests.mocks import ni_client
+from tests.instruments.player.on_a_sound_card import OnASoundCard
+from tests.instruments.relay.contacts import Contacts
+from tests.mocks.daq import ni_client
 
 BOX_FAULTS = ("lost", "stuck")
 LINE_FAULTS = ("silence", "drip", "garbled", "truncated", "disconnect")

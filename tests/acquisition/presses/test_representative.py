@@ -1,0 +1,259 @@
+from __future__ import annotations
+
+import dataclasses
+import time
+
+import h5py
+import numpy as np
+import pytest
+from dtaidistance import dtw
+
+from benchmarks.synthetic_presses import FAMILIES, RATE, TIMES, error, shape_error, spectrum_error
+from haploop.acquisition import Recording, Representative, high_pass, record, representative
+from haploop.acquisition.presses.averaging import BARYCENTRE, REGISTRATION, average
+from haploop.acquisition.presses.registration import register
+from haploop.instruments import ConfigurationError, DataError
+from tests.acquisition.presses.pressworld import SHAPES, SyntheticPress, world_rig
+
+TEMPO = FAMILIES["tempo"]
+TEMPLATE = TEMPO.template(TIMES, np.zeros(3))
+
+
+def averaged(presses):
+    return average(list(presses.curves[:, :, None]), RATE)
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@pytest.mark.parametrize("family", ["tempo", "hands"])
+def test_smoothly_warped_presses_give_their_template_as_well_as_their_true_warps_would(family, full):
+    """Tuned on "tempo", seeds 0 to 2; "hands" and these seeds were held out."""
+    errors, limits, shapes = [], [], []
+    for seed in range(100, 110 if full else 101):
+        presses = FAMILIES[family].warped(seed, *((12, 10) if full else (4, 5)))
+        result = averaged(presses)
+        assert result.method == REGISTRATION
+        assert result.scores[REGISTRATION] < result.scores[BARYCENTRE]
+        errors.append(error(result.template[0], presses.template))
+        limits.append(error(presses.limit, presses.template))
+        # The template at the mean of the presses' times has the same shape, and is nearer to begin at.
+        shapes.append(shape_error(result.template[0], presses.limit))
+        assert error(result.template[0], presses.limit) < 0.3
+    print(family, rms(errors), rms(limits), rms(shapes))
+    assert rms(errors) < 1.2 * rms(limits)
+    assert rms(shapes) < 0.06
+
+
+@pytest.mark.parametrize("family", ["tempo", "hands"])
+def test_events_that_jitter_independently_keep_their_shape_and_their_spectrum(family, full):
+    shapes, spectra = {}, {}
+    for seed in range(100, 110 if full else 101):
+        presses = FAMILIES[family].jittered(seed, *((12, 10) if full else (4, 5)))
+        result = averaged(presses)
+        leads = {"chosen": result.template[0], "paper": result.leads[BARYCENTRE]}
+        for name, lead in leads.items():
+            shapes.setdefault(name, []).append(shape_error(lead, presses.limit))
+            spectra.setdefault(name, []).append(spectrum_error(lead, presses.template))
+    print(family, *((name, rms(shapes[name]), rms(spectra[name])) for name in leads))
+    assert rms(shapes["chosen"]) <= rms(shapes["paper"])
+    assert rms(spectra["chosen"]) < rms(spectra["paper"])
+
+
+def test_where_tones_that_overlap_come_each_on_its_own_the_barycentre_is_chosen():
+    presses = FAMILIES["crowded"].jittered(2, 1)
+    result = averaged(presses)
+    assert result.method == BARYCENTRE
+    assert result.scores[BARYCENTRE] < 0.9 * result.scores[REGISTRATION]
+    np.testing.assert_array_equal(result.template[0], result.leads[BARYCENTRE])
+    assert result.aligned.shape == (10, 2000)
+    spectra = {name: spectrum_error(lead, presses.template) for name, lead in result.leads.items()}
+    assert spectra[BARYCENTRE] < spectra[REGISTRATION]
+
+
+def test_one_outlier_press_in_ten_hardly_changes_it(full):
+    """Each participant makes one press that is another one altogether."""
+    presses = TEMPO.warped(100, 12 if full else 1)
+    clean = average(list(presses.curves[:, :-1, None]), RATE)
+    for loudness in (1.0, 3.0):
+        corrupted = presses.curves.copy()
+        corrupted[:, -1] = loudness * FAMILIES["hands"].jittered(7, len(corrupted), 1).curves[:, 0]
+        result = average(list(corrupted[:, :, None]), RATE)
+        assert result.method == clean.method == REGISTRATION
+        assert error(result.template[0], clean.template[0]) < 0.05
+        assert all(kept.tolist() == [True] * 9 + [False] for kept in result.kept)
+
+
+def test_120_presses_take_at_most_ten_seconds(full):
+    if not full:
+        pytest.skip("long; run with --full")
+    curves = TEMPO.warped(100).curves
+    begin = time.process_time()
+    average(list(curves[:, :, None]), RATE)
+    taken = time.process_time() - begin
+    print(f"{taken:.1f} s of processor time")
+    assert taken < 10
+
+
+def test_it_does_not_copy_noise_into_steps():
+    curves = TEMPO.warped(3, 1).curves[0]
+    result = register(curves[:, None], RATE).template[0]
+    high = np.abs(np.fft.rfft(result))[800:]  # above 2 kHz there is noise only
+    assert rms(high) < 0.6 * rms(np.abs(np.fft.rfft(curves[0])[800:]))
+
+
+def test_equal_presses_are_left_alone():
+    rng = np.random.default_rng(4)
+    curves = TEMPLATE + 0.02 * np.std(TEMPLATE) * rng.standard_normal((2, 4, 1, 2000))
+    assert error(average(list(curves), RATE).template[0], TEMPLATE) < 0.02
+
+
+def test_one_press_stands_for_itself():
+    alone = average([TEMPLATE[None, None]], RATE)
+    assert alone.scores == {}
+    assert error(alone.template[0], TEMPLATE) < 1e-12
+
+
+def test_distance_and_path_of_the_warping_are_what_the_convention_says():
+    rng = np.random.default_rng(5)
+    for samples, window in ((60, 15), (60, 3), (40, 40)):
+        one, two = np.cumsum(rng.standard_normal((2, samples)), axis=1)
+        distance, path = plain_dtw(one, two, window)
+        assert dtw.distance(one, two, window=window, use_c=True) == pytest.approx(distance, abs=1e-10)
+        assert dtw.warping_path(one, two, window=window, use_c=True) == path
+
+
+def plain_dtw(one, two, window):
+    """The convention in `haploop.acquisition.presses.averaging`, as one would write it on a blackboard."""
+    n = len(one)
+    total = np.full((n + 1, n + 1), np.inf)
+    total[0, 0] = 0
+    for i in range(n):
+        for j in range(max(0, i - window + 1), min(n, i + window)):
+            before = min(total[i, j], total[i, j + 1], total[i + 1, j])
+            total[i + 1, j + 1] = (one[i] - two[j]) ** 2 + before
+    i, j = n, n
+    path = [(n - 1, n - 1)]
+    while (i, j) != (1, 1):
+        i, j = min(((i - 1, j - 1), (i - 1, j), (i, j - 1)), key=lambda at: total[at])
+        path.append((i - 1, j - 1))
+    return np.sqrt(total[n, n]), path[::-1]
+
+
+def test_the_high_pass_keeps_the_click_and_its_time_and_takes_the_hand_away():
+    slow = 9.81 + 2 * np.sin(2 * np.pi * 1.0 * TIMES) + 5 * TIMES
+    filtered = high_pass(np.array([slow + TEMPLATE, slow]), RATE)
+    assert error(filtered[0] - filtered[1], TEMPLATE) < 0.1
+    assert np.argmax(filtered[0]) == np.argmax(TEMPLATE)
+    assert np.abs(filtered[1]).max() < 0.1 * np.ptp(slow)
+    with pytest.raises(DataError):
+        high_pass(np.zeros(1), RATE)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory) -> list[Recording]:
+    out = tmp_path_factory.mktemp("presses")
+    return [record(world_rig(seed=20 + p), "push", f"P0{p}", 6, out) for p in range(3)]
+
+
+def test_the_representative_stands_for_all_presses_of_all_participants(recordings):
+    result = representative(recordings)
+    true = SyntheticPress(SHAPES["push"], 0.0, 1.0, 1.0)
+    samples = np.arange(len(result.acceleration)) - result.activation_index
+    truth = high_pass(true.acceleration(true.activation + samples / RATE), RATE)
+    assert result.members == 18
+    assert result.left_out == ()
+    assert result.simulated is False
+    assert result.sources == tuple((r.path.name, r.content_hash) for r in recordings)
+    assert result.bandwidth_hz == 500
+    assert result.acceleration[0] == result.acceleration[-1] == 0
+    # Fingers differ in pace by a third, clicks do not: the first 50 ms behind the activation tell.
+    near = slice(result.activation_index - 25, result.activation_index + 250)
+    assert error(result.acceleration[near], truth[near]) < 0.12
+    assert result.force[result.activation_index] == pytest.approx(true.force(true.activation), rel=0.1)
+    assert np.argmax(result.activation > 0.5) == result.activation_index
+    # The contact opens at very different lags; its click is kept all the same.
+    opening = result.activation_index + int(np.argmax(result.activation[result.activation_index :] < 0.5))
+    again = slice(opening, opening + 100)
+    assert np.abs(result.acceleration[again]).max() > 0.8 * np.abs(truth).max() / 2
+    assert result.activation[opening - 10] > 0.95
+    assert result.activation[opening + 10] < 0.05
+    assert result.spread[near].max() < 0.5 * np.abs(result.acceleration).max()
+
+
+def test_saving_keeps_everything_and_overwrites_nothing(recordings, tmp_path):
+    result = dataclasses.replace(
+        representative(recordings[:1], undo_low_pass=(20, 400)), left_out=("P01, press 3: why",)
+    )
+    result.save(tmp_path / "push.h5")
+    back = Representative.load(tmp_path / "push.h5")
+    for field in dataclasses.fields(result):
+        mine, theirs = getattr(result, field.name), getattr(back, field.name)
+        assert np.array_equal(mine, theirs), field.name
+        assert type(mine) is type(theirs), field.name
+    with pytest.raises(ConfigurationError, match="not overwritten"):
+        result.save(tmp_path / "push.h5")
+    with pytest.raises(DataError, match="not a haploop representative"):
+        Representative.load(recordings[0].path)
+    with pytest.raises(DataError, match="not a haploop recording"):
+        Recording.open(tmp_path / "push.h5")
+    with h5py.File(tmp_path / "cut.h5", "w") as file:
+        file.attrs["format"] = "haploop representative"
+    with pytest.raises(DataError, match="damaged"):
+        Representative.load(tmp_path / "cut.h5")
+
+
+def test_presses_that_were_rejected_are_left_out_and_said_so(tmp_path):
+    rig = world_rig(seed=30)
+    tell = rig.operator.tell
+
+    def loud_once(request):
+        tell(request)
+        second = getattr(request, "number", 0) == 2 and getattr(request, "attempt", 0) == 1
+        rig.daq.world.gain = 6.0 if second else 1.0
+
+    rig.operator.tell = loud_once
+    result = representative([record(rig, "push", "P01", 3, tmp_path)])
+    assert result.members == 3
+    assert result.left_out == ("P01, press 2, attempt 1: A sensor left its range.",)
+
+    rig = world_rig(seed=31)
+    rig.daq.world.gain = 6.0
+    with pytest.raises(DataError):
+        record(rig, "push", "P02", 2, tmp_path)
+    with pytest.raises(DataError, match=r"no usable press of the push button .*left its range"):
+        representative([Recording.open(tmp_path / "P02-push.h5")])
+
+
+def test_the_accelerometers_own_low_pass_is_undone_within_a_band(tmp_path):
+    """A stock GY-61 passes 50 Hz."""
+    recording = record(world_rig(seed=50, pole_hz=50.0), "push", "P01", 4, tmp_path)
+    as_is = representative([recording])
+    undone = representative([recording], undo_low_pass=(10, 600))
+    assert as_is.undone_hz is None
+    assert as_is.noise_gain == 1
+    assert undone.undone_hz == (10, 600)
+    assert 3 < undone.noise_gain < 5
+    true = SyntheticPress(SHAPES["push"], 0.0, 1.0, 1.0)
+    lags = (np.arange(len(undone.acceleration)) - undone.activation_index) / RATE
+    truth = high_pass(true.acceleration(true.activation + lags), RATE)
+    near = slice(undone.activation_index - 25, undone.activation_index + 150)
+    assert error(as_is.acceleration[near], truth[near]) > 0.7
+    assert error(undone.acceleration[near], truth[near]) < 0.15
+    quiet = slice(200, 400)
+    assert np.std(undone.acceleration[quiet]) > 2 * np.std(as_is.acceleration[quiet])
+    for band in ((0, 100), (300, 200), (100, 2500)):
+        with pytest.raises(ConfigurationError, match="use a band within 0 to 2500 Hz"):
+            representative([recording], undo_low_pass=band)
+
+
+def test_recordings_that_do_not_belong_together_are_refused(recordings, tmp_path):
+    latch = record(world_rig(seed=40), "latch", "P01", 1, tmp_path)
+    with pytest.raises(ConfigurationError, match="the button is push in one and latch in the other"):
+        representative([recordings[0], latch])
+    with pytest.raises(ConfigurationError, match="given twice"):
+        representative([recordings[0], recordings[0]])
+    with pytest.raises(ConfigurationError, match="at least one"):
+        representative([])
+    assert representative([latch]).members == 1

@@ -1,0 +1,55 @@
+"""Recordings for xarray and pandas, where those are installed, and in one sentence where they are not."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from haploop.acquisition import Recording, record
+from haploop.instruments import ConfigurationError
+from tests.acquisition.presses.pressworld import world_rig
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    return record(world_rig(seed=4), "push", "P01", 1, tmp_path_factory.mktemp("export"))
+
+
+def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recording):
+    pytest.importorskip("xarray")
+    data = recording.to_xarray()
+    assert data.acceleration.dims == ("axis", "time")
+    assert np.array_equal(data.acceleration.sel(axis="z"), recording.acceleration[2])
+    assert np.array_equal(data.force, recording.force)
+    assert (data.force.units, data.time.units) == ("N", "s")
+    assert data.activation.delay == pytest.approx(42e-6)
+    assert float(data.time[5000]) == 1.0
+    assert data.attrs["content_hash"] == recording.content_hash
+
+
+def test_pandas_has_a_column_for_each_quantity(recording: Recording):
+    pytest.importorskip("pandas")
+    table = recording.to_pandas()
+    assert list(table) == [
+        "force",
+        "acceleration_x",
+        "acceleration_y",
+        "acceleration_z",
+        "activation",
+        "saturated",
+    ]
+    assert np.array_equal(table["acceleration_y"], recording.acceleration[1])
+    assert table.index[5000] == 1.0
+    assert table.attrs["units"]["force"] == "N"
+    assert table.attrs["source"] == "P01-push.h5"
+
+
+@pytest.mark.parametrize("name", ["xarray", "pandas"])
+def test_what_is_not_installed_is_named(recording: Recording, monkeypatch, name):
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(
+        ConfigurationError, match=f"{name} is not installed: install it with `pip install {name}`"
+    ):
+        getattr(recording, f"to_{name}")()

@@ -1,0 +1,206 @@
+"""Files that are being recorded, were interrupted, truncated or damaged: their contents, and recovery."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from haploop.acquisition import PressVerdict, Recording, record, recover, verify
+from haploop.acquisition.recording.file_format import from_codes
+from haploop.acquisition.recording.salvage import CHUNK, finish
+from haploop.acquisition.recording.writer import Writer
+from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
+from tests.acquisition.presses.pressworld import world_rig
+from tests.acquisition.recording.pattern import (
+    CHANNELS,
+    FULL_SCALE,
+    PRESS,
+    block_of,
+    codes_of,
+    header,
+    unfinished,
+)
+
+
+def test_an_unfinished_file_is_an_ordinary_hdf5_file_while_it_grows(tmp_path):
+    path = tmp_path / "P01-push.h5"
+    with Writer(path, header(), 250, 20) as writer:
+        for i in range(3):
+            writer.write(block_of(250 * i), 0.0)
+            with h5py.File(path, "r") as file:
+                assert file["blocks"]["first"][i] == 250 * i
+                assert np.array_equal(file["blocks"]["samples"][i], codes_of(250 * i, 250))
+            recording = Recording.open(path)
+            assert recording.volts.shape == (CHANNELS, 250 * (i + 1))
+            assert not recording.complete
+
+
+def test_a_short_last_block_and_a_block_written_twice_leave_no_wrong_row(tmp_path):
+    path = tmp_path / "P01-push.h5"
+    with Writer(path, header(), 250, 20) as writer:
+        writer.write(block_of(0), 0.0)
+        writer.write(block_of(0), 0.0)
+        writer.write(block_of(250, 17), 0.0)
+        with pytest.raises(InstrumentError, match="begins at sample"):
+            writer.write(block_of(1000), 0.0)
+        assert writer.written == 267
+    assert writer.committed == 267
+    full_scale = FULL_SCALE
+    assert np.array_equal(Recording.open(path).volts, from_codes(codes_of(0, 267), full_scale))
+
+
+def test_recovering_makes_it_whole_and_leaves_the_original_alone(tmp_path):
+    path = unfinished(tmp_path / "P01-push.h5")
+    before = path.read_bytes()
+    whole = recover(path)
+    assert path.read_bytes() == before
+    assert whole.name == "P01-push.recovered.h5"
+    assert verify(whole) == ()
+    assert verify(path) == (f"{path} was interrupted: `haploop recover` salvages it into a finished file.",)
+    recovered = Recording.open(whole)
+    assert np.array_equal(recovered.volts, Recording.open(path).volts)
+    assert recovered.content_hash != Recording.open(path).content_hash
+    assert recovered.events[-1].text == (
+        "Recovered 0.40 s with 1 of 1 presses accepted; samples after the last block are lost."
+    )
+    with pytest.raises(ConfigurationError, match="not overwritten"):
+        recover(path)
+    with pytest.raises(ConfigurationError, match="nothing to recover"):
+        recover(whole)
+
+
+def test_of_one_attempt_the_last_judgement_counts(tmp_path):
+    path = tmp_path / "P01-push.h5"
+    flags = ("no-activation", "double")
+    second = PressVerdict(2, 1, 200, 250, math.nan, math.nan, False, flags, "Press it down.")
+    with Writer(path, header(), 250, 20) as writer:
+        writer.write(block_of(0), 0.0)
+        writer.write_verdict(second)
+        writer.write_verdict(PRESS)
+        writer.write_verdict(PRESS._replace(accepted=False, flags=("rejected",), reason="ü" * 150))
+        with pytest.raises(DataError, match="ends at sample 251, but only 250 are written"):
+            writer.write_verdict(PRESS._replace(end=251))
+        with pytest.raises(DataError, match="no press flag 'odd'; the flags are no-activation,"):
+            writer.write_verdict(PRESS._replace(flags=("odd",)))
+        with pytest.raises(DataError, match="the span must not end before it begins"):
+            writer.write_verdict(PRESS._replace(end=99))
+    for recording in (Recording.open(path), Recording.open(recover(path))):
+        first, other = recording.verdicts
+        assert first == PRESS._replace(accepted=False, flags=("rejected",), reason="ü" * 100)
+        assert math.isnan(other.activation)
+        assert other[:4] + other[6:] == second[:4] + second[6:]
+        assert recording.accepted == ()
+
+
+def test_a_torn_event_and_a_torn_press_are_none(tmp_path):
+    path = unfinished(tmp_path / "P01-push.h5")
+    with h5py.File(path) as file:
+        places = [file[name].id.get_offset() for name in ("events", "presses")]
+    with path.open("r+b") as raw:
+        for place in places:
+            raw.seek(place + 30)
+            raw.write(b"t")
+    recording = Recording.open(path)
+    assert (recording.events, recording.verdicts) == ([], ())
+    assert recording.duration == 0.4
+
+
+def test_attempts_without_room_are_refused(tmp_path):
+    with (
+        Writer(tmp_path / "P01-push.h5", header(), 250, 20) as writer,
+        pytest.raises(InstrumentError, match="no space for further attempts"),
+    ):
+        writer.write(block_of(0), 0.0)
+        for attempt in range(1, 100):
+            writer.write_verdict(PRESS._replace(attempt=attempt))
+
+
+def cut(path: Path, folder: Path, keep: int) -> Path:
+    broken = folder / f"P09-{keep}.h5"
+    broken.write_bytes(path.read_bytes()[:keep])
+    return broken
+
+
+def test_of_a_file_that_was_cut_short_everything_before_the_cut_is_saved(tmp_path):
+    path = tmp_path / "P01-push.h5"
+    volts = from_codes(
+        np.random.default_rng(0).integers(-9000, 9000, (CHANNELS, 100_000)).astype(np.int16), FULL_SCALE
+    )
+    with Writer(path, header(), 250, 400) as writer:
+        for first in range(0, 100_000, 250):
+            writer.write(Block(first, volts[:, first : first + 250], np.zeros(CHANNELS, dtype=bool)), 0.0)
+        writer.write_verdict(PRESS)
+        writer.write_verdict(PRESS._replace(number=2, first=90_000, end=91_000))
+    unfinished = path.read_bytes()
+    finish(path)
+    size = path.stat().st_size
+    for keep in (size - 1, size // 2, size // 4):
+        broken = cut(path, tmp_path, keep)
+        before = broken.read_bytes()
+        with pytest.raises(DataError, match="truncated"):
+            verify(broken)
+        whole = Recording.open(recover(broken))
+        samples = whole.volts.shape[1]
+        assert 100_000 * keep / size - 1.2 * CHUNK < samples < 100_000
+        assert np.array_equal(whole.volts, volts[:, :samples])
+        assert verify(whole.path) == ()
+        assert [press.number for press in whole.verdicts] == ([1, 2] if samples >= 91_000 else [1])
+        assert "the rest of 20.00 s is damaged" in whole.events[-1].text
+        assert broken.read_bytes() == before
+    for keep in (2500, 100, 0):
+        with pytest.raises(DataError, match=r"truncated|damaged"):
+            recover(cut(path, tmp_path, keep))
+    path.write_bytes(unfinished)
+    whole = Recording.open(recover(cut(path, tmp_path, len(unfinished) // 2)))
+    assert 47_000 < whole.volts.shape[1] < 50_000
+    assert np.array_equal(whole.volts, volts[:, : whole.volts.shape[1]])
+
+
+def test_what_is_behind_a_damaged_place_is_left_out(tmp_path):
+    path = tmp_path / "P01-push.h5"
+    with Writer(path, header(), 250, 400) as writer:
+        for i in range(400):
+            writer.write(block_of(250 * i), 0.0)
+    finish(path)
+    with h5py.File(path) as file:
+        chunk = file["codes"].id.get_chunk_info(4)
+    raw = bytearray(path.read_bytes())
+    raw[chunk.byte_offset + 50] ^= 0xFF
+    path.write_bytes(raw)
+    assert Recording.open(recover(path)).volts.shape[1] == 4 * CHUNK // 250 * 250
+
+
+def test_what_was_changed_afterwards_is_not_recovered(tmp_path):
+    path = unfinished(tmp_path / "P01-push.h5")
+    finish(path)
+    with h5py.File(path, "r+") as file:
+        file["codes"][3, 1000] += 1
+    with pytest.raises(DataError, match="its original content cannot be restored"):
+        recover(path)
+
+
+def test_a_torn_block_ends_the_recording_there(tmp_path):
+    path = unfinished(tmp_path / "P01-push.h5")
+    with h5py.File(path) as file:
+        place = file["blocks"].id.get_offset() + 5 * file["blocks"].dtype.itemsize
+    with path.open("r+b") as raw:
+        raw.seek(place + 1000)
+        raw.write(b"torn")
+    assert Recording.open(path).volts.shape[1] == 5 * 250
+    assert any("2 blocks after a damaged block" in problem for problem in verify(path))
+    assert "2 blocks after a damaged block" in Recording.open(recover(path)).events[-1].text
+
+
+def test_nothing_is_ever_overwritten(tmp_path):
+    path = unfinished(tmp_path / "P01-push.h5")
+    before = path.read_bytes()
+    with pytest.raises(ConfigurationError, match="not overwritten"):
+        Writer(path, header(), 250, 20)
+    with pytest.raises(ConfigurationError, match=r"P01-push\.h5 already exists and is not overwritten"):
+        record(world_rig(), "push", "P01", 1, tmp_path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]

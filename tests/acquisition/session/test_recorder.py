@@ -1,0 +1,218 @@
+from __future__ import annotations
+
+import errno
+
+import numpy as np
+import pytest
+
+from haploop.acquisition import Recording, find_presses, record, recover, representative, verify
+from haploop.acquisition.recording.file_format import to_codes
+from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
+from tests.acquisition.presses.pressworld import World, world_rig
+
+
+def assert_kept(rig, path, at_least: int) -> Recording:
+    """The file holds exactly what the card gave, and no other row."""
+    recording = Recording.open(path)
+    codes, _ = to_codes(recording.volts, recording.header.full_scale)
+    given = np.concatenate(rig.daq.given, axis=1)
+    assert codes.shape[1] >= at_least
+    assert np.array_equal(codes, given[:, : codes.shape[1]])
+    assert not recording.complete
+    assert rig.daq.streams[0].closed
+    return recording
+
+
+@pytest.mark.parametrize("button", ["latch", "toggle", "push", "doorbell"])
+def test_every_press_is_asked_for_once_the_one_before_has_ended(tmp_path, button):
+    rig = world_rig(seed=1)
+    told = []
+    recording = record(rig, button, "P01", 4, tmp_path, lambda _, done, of, __: told.append((done, of)))
+    assert recording.path == tmp_path / f"P01-{button}.h5"
+    assert rig.operator.requests == [Rest(0.5), *(Press(button, "P01", n, 4) for n in (1, 2, 3, 4))]
+    assert told == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
+    prompts = [e.sample / 5000 for e in recording.events if e.kind == "prompt"]
+    for press, prompt in zip(rig.daq.world.presses[:-1], prompts[1:], strict=True):
+        assert 0.25 < prompt - press.end < 0.45
+    assert recording.duration - rig.daq.world.presses[-1].end > 0.5
+    assert np.abs(recording.force[:2000].mean()) < 0.01
+
+
+def test_the_same_world_gives_the_same_recording(tmp_path):
+    hashes = {record(world_rig(seed=3), "push", "P01", 3, tmp_path / str(i)).content_hash for i in range(2)}
+    assert len(hashes) == 1
+    assert record(world_rig(seed=4), "push", "P01", 3, tmp_path).content_hash not in hashes
+
+
+def test_rest_is_measured_once_the_hands_are_off(tmp_path):
+    rig = world_rig(seed=2)
+    rig.daq.world.press("push", 0.1)  # somebody is still playing with it
+    recording = record(rig, "push", "P01", 1, tmp_path)
+    (rest,) = [e.sample for e in recording.events if e.kind == "rest"]
+    assert rest / 5000 > rig.daq.world.presses[0].end
+    assert abs(recording.force[rest - 1000 : rest].mean()) < 0.01
+    assert len([e for e in recording.events if e.kind == "pressed"]) == 1
+    assert len(find_presses(recording)) == 2
+
+
+def test_no_press_within_15_seconds_is_an_error_and_the_file_stays(tmp_path):
+    rig = world_rig(answers=False)
+    with pytest.raises(DataError, match="No press 1 of 3 arrived within 15 s"):
+        record(rig, "push", "P01", 3, tmp_path)
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", 15 * 5000)
+    assert recording.duration < 16.5
+    assert recording.events[-1].kind == "error"
+
+
+def test_a_finger_that_never_lets_go_is_an_error(tmp_path):
+    rig = world_rig()
+    drop = rig.daq.world.volts
+    rig.daq.world.volts = lambda c, t: drop(c, t) + (0.3 * (t[-1] > 1) if c in ("gauge0", "gauge2") else 0)
+    with pytest.raises(DataError, match=r"Press 1 of 1 did not end within 15 s"):
+        record(rig, "push", "P01", 1, tmp_path)
+
+
+def test_force_that_never_rests_is_an_error(tmp_path):
+    rig = world_rig(drift=1.0)
+    with pytest.raises(DataError, match="did not come to rest within 15 s"):
+        record(rig, "push", "P01", 1, tmp_path)
+
+
+@pytest.mark.parametrize("number", [1, 2, 4])
+def test_ctrl_c_leaves_a_readable_recording_of_all_that_was_read(tmp_path, number):
+    rig = world_rig(seed=5)
+    tell = rig.operator.tell
+
+    def interrupted(request):
+        tell(request)
+        if isinstance(request, Press) and request.number == number:
+            raise KeyboardInterrupt
+
+    rig.operator.tell = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        record(rig, "push", "P01", 4, tmp_path)
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * 250)
+    assert recording.events[-1].kind == "interrupted"
+    assert len(find_presses(recording)) == number - 1
+    assert recording.path.parent == tmp_path
+    assert len(list(tmp_path.iterdir())) == 1
+    # It keeps no room for what was never recorded, and nothing of it is left to recover.
+    assert recording.path.stat().st_size < recording.volts.size * 2 + 50_000
+    assert verify(recording.path) == ()
+    with pytest.raises(ConfigurationError, match="nothing to recover"):
+        recover(recording.path)
+
+
+def test_where_an_interrupted_file_cannot_be_finished_it_stays_recoverable(tmp_path, monkeypatch):
+    def refused(*_arguments, **_settings):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("haploop.acquisition.recording.salvage.write_header", refused)
+    rig = world_rig(answers=False)
+    with pytest.raises(DataError, match="No press 1 of 3 arrived"):
+        record(rig, "push", "P01", 3, tmp_path)
+    monkeypatch.undo()
+    path = tmp_path / "P01-push.h5"
+    recording = assert_kept(rig, path, 15 * 5000)
+    assert list(tmp_path.iterdir()) == [path]
+    assert np.array_equal(Recording.open(recover(path)).volts, recording.volts)
+
+
+@pytest.mark.parametrize("presses", [0, -1, 2.5, 3.0, "3", None, float("nan")])
+def test_presses_are_counted_in_whole_numbers(tmp_path, presses):
+    with pytest.raises(
+        ConfigurationError, match=f"{presses!r} is not a number of presses: use a whole number"
+    ):
+        record(world_rig(), "push", "P01", presses, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_while_a_block_is_being_written_loses_no_block(tmp_path, monkeypatch):
+    from haploop.acquisition.recording.writer import Writer
+
+    put = Writer._put
+    calls = []
+
+    def interrupted(self, data, place):
+        put(self, data, place)
+        calls.append(1)
+        if len(calls) == 20:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Writer, "_put", interrupted)
+    rig = world_rig()
+    with pytest.raises(KeyboardInterrupt):
+        record(rig, "push", "P01", 4, tmp_path)
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * 250)
+    assert recording.volts.shape[1] == len(rig.daq.given) * 250
+
+
+def test_a_gap_is_an_event_in_the_file_and_an_error(tmp_path):
+    rig = world_rig()
+    rig.daq.gap_at = 25
+    with pytest.raises(InstrumentError, match="Samples 6250 to 6499 were lost"):
+        record(rig, "push", "P01", 4, tmp_path)
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", 6250)
+    assert recording.volts.shape[1] == 6250
+    assert (recording.events[-1].kind, recording.events[-1].sample) == ("gap", 6250)
+
+
+def test_a_card_that_fails_ends_it_with_the_card_s_own_sentence(tmp_path):
+    rig = world_rig()
+    rig.daq.fails_at = 30
+    with pytest.raises(InstrumentError, match="The card lost samples"):
+        record(rig, "push", "P01", 4, tmp_path)
+    assert_kept(rig, tmp_path / "P01-push.h5", 30 * 250)
+
+
+def test_a_rig_without_a_sensor_is_refused(tmp_path):
+    rig = world_rig()
+    sensors = rig.file.sensors.model_copy(update={"activation": None})
+    rig.file = rig.file.model_copy(update={"sensors": sensors})
+    with pytest.raises(ConfigurationError, match=r"no \[sensors\.activation\]"):
+        record(rig, "push", "P01", 1, tmp_path)
+    with pytest.raises(ConfigurationError, match="at least 1"):
+        record(world_rig(), "push", "P01", 0, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("trouble", [{"drift": 0.02, "offset": 30.0}, {"noise": 0.1}, {"drift": -0.02}])
+def test_the_live_counter_survives_drift_offset_and_noise(tmp_path, trouble):
+    rig = world_rig(seed=6, **trouble)
+    recording = record(rig, "toggle", "P01", 6, tmp_path)
+    assert len(rig.daq.world.presses) == 6
+    assert len(find_presses(recording)) == 6
+
+
+def test_weight_on_the_sensor_is_not_taken_for_a_force_beyond_its_rating(tmp_path):
+    recording = record(world_rig(seed=1, offset=119.0), "push", "P01", 1, tmp_path)
+    assert recording.force.max() > 3
+    assert not recording.saturated.any()
+
+
+def test_a_recording_that_ended_before_its_first_block_is_empty_and_readable(tmp_path):
+    rig = world_rig()
+    rig.daq.fails_at = 0
+    with pytest.raises(InstrumentError):
+        record(rig, "push", "P01", 1, tmp_path)
+    recording = Recording.open(tmp_path / "P01-push.h5")
+    assert recording.duration == 0
+    assert recording.force.shape == (0,)
+    assert recording.saturated.shape == (0,)
+    assert find_presses(recording) == ()
+    with pytest.raises(DataError, match="none was found"):
+        representative([recording])
+
+
+def test_a_full_scale_sensor_is_flagged(tmp_path):
+    rig = world_rig(seed=1)
+    rig.daq.world.gain = 6.0
+    with pytest.raises(
+        DataError, match=r"Press 1 of 2 was not accepted in 5 attempts.*A sensor left its range"
+    ):
+        record(rig, "push", "P01", 2, tmp_path)
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", 5 * 2500)
+    assert recording.saturated.any()
+    assert [press.saturated for press in find_presses(recording)] == 5 * [True]
+    assert [press.flags for press in recording.verdicts] == 5 * [("saturated",)]
+    assert isinstance(rig.daq.world, World)

@@ -1,0 +1,174 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyuff
+from click.testing import CliRunner
+from scipy.io import loadmat
+
+from haploop.calibration import Calibration, Response, read_uff, write_uff
+from haploop.cli import cli
+from haploop.exits import CommandState
+from haploop.instruments import ConfigurationError, DataError, load_rig_file
+from tests.calibration.conftest import Calibrated
+from tests.calibration.model.test_model import plate
+
+
+@pytest.fixture
+def response() -> Response:
+    measured, _, _ = plate(5, lines=401)
+    # What an odd multisine leaves is not evenly spaced.
+    kept = np.arange(401) % 5 > 0
+    return replace(
+        measured,
+        frequencies=measured.frequencies[kept],
+        velocity=measured.velocity[kept],
+        coherence=np.full(kept.sum(), 0.99),
+        deviation=np.full(kept.sum(), 1e-7),
+        point="20",
+    )
+
+
+def test_what_is_written_is_read(response: Response, tmp_path: Path) -> None:
+    other = replace(
+        response, patch="B", point="button", velocity=2j * response.velocity, coherence=np.zeros(0)
+    )
+    path = tmp_path / "two.uff"
+    write_uff(path, [response, other])
+    back = read_uff(path)
+    assert [(r.patch, r.point) for r in back] == [("A", "20"), ("B", "button")]
+    for before, after in zip((response, other), back, strict=True):
+        assert after.velocity == pytest.approx(before.velocity, rel=1e-10)
+        # The format has six digits.
+        assert after.frequencies == pytest.approx(before.frequencies, rel=5e-6)
+        assert after.source.startswith("imported from two.uff, sha256 ")
+        assert after.simulated and after.created == before.created and after.excitation == before.excitation
+    assert back[0].coherence == pytest.approx(0.99) and len(back[0].deviation)
+    assert not len(back[1].coherence) and not len(back[1].deviation)
+    with pytest.raises(DataError, match="not overwritten"):
+        write_uff(path, [response])
+    with pytest.raises(DataError, match="no response"):
+        write_uff(tmp_path / "none.uff", [])
+    assert [p.name for p in tmp_path.iterdir()] == ["two.uff"]
+
+
+def test_another_reader_finds_units_and_places(response: Response, tmp_path: Path) -> None:
+    path = tmp_path / "one.uff"
+    write_uff(path, [response])
+    sets = pyuff.UFF(str(path)).read_sets()
+    assert [s["type"] for s in sets] == [151, 164, 58, 58]
+    frf = sets[2]
+    assert (frf["func_type"], frf["ordinate_spec_data_type"], frf["abscissa_spec_data_type"]) == (4, 11, 18)
+    assert (frf["rsp_node"], frf["rsp_dir"], frf["ref_node"]) == (21, 3, 1)
+    assert frf["ordinate_axis_units_lab"].strip() == "m/s" and frf["orddenom_axis_units_lab"].strip() == "V"
+    assert "Simulated" in frf["id5"]
+
+
+def exported(path: Path, **change: Any) -> Path:
+    """As a scanning vibrometer's software writes it: evenly spaced, nodes for points, its own units."""
+    f = np.arange(10.0, 1000.0, 2.5)
+    values = {
+        "binary": 0,
+        "func_type": 4,
+        "rsp_node": 17,
+        "rsp_dir": 3,
+        "ref_node": 999,
+        "ref_dir": 0,
+        "abscissa_spacing": 1,
+        "abscissa_min": 10.0,
+        "abscissa_inc": 2.5,
+        "abscissa_spec_data_type": 18,
+        "ordinate_spec_data_type": 8,
+        "ordinate_axis_units_lab": "m",
+        "orddenom_spec_data_type": 0,
+        "orddenom_axis_units_lab": "V",
+        "id1": "Scan",
+        "data": 1e-9 / (1 + 1j * f / 300),
+        "x": f,
+    }
+    sets = [pyuff.prepare_58(**{**values, **change})]
+    pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+    return path
+
+
+@pytest.mark.parametrize(("kind", "power"), [(8, 1), (11, 0), (12, -1)])
+def test_a_vibrometers_export_is_velocity_whatever_it_holds(tmp_path: Path, kind: int, power: int) -> None:
+    (one,) = read_uff(exported(tmp_path / "scan.uff", ordinate_spec_data_type=kind), patch="A")
+    f = one.frequencies
+    assert one.velocity == pytest.approx(1e-9 / (1 + 1j * f / 300) * (2j * np.pi * f) ** power, rel=1e-5)
+    assert (one.patch, one.point, one.simulated) == ("A", "17", False)
+    unit = {8: "m", 11: "m/s", 12: "m/s^2"}[kind]
+    said = exported(tmp_path / "label.uff", ordinate_spec_data_type=0, ordinate_axis_units_lab=unit)
+    assert read_uff(said)[0].velocity == pytest.approx(one.velocity)
+    upside_down = exported(tmp_path / "down.uff", ordinate_spec_data_type=kind, rsp_dir=-3)
+    assert read_uff(upside_down)[0].velocity == pytest.approx(-one.velocity)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"func_type": 1, "data": np.ones(396)}, r"types \[1\]"),
+        ({"rsp_dir": 1}, "out of the plane"),
+        ({"ordinate_spec_data_type": 13}, "displacement, velocity or acceleration"),
+        ({"ordinate_spec_data_type": 0, "ordinate_axis_units_lab": "dB"}, "'dB'"),
+        ({"orddenom_spec_data_type": 13, "orddenom_axis_units_lab": "N"}, "per newton"),
+    ],
+)
+def test_what_is_no_response_per_volt_is_refused(tmp_path: Path, change: dict[str, Any], said: str) -> None:
+    with pytest.raises(DataError, match=said):
+        read_uff(exported(tmp_path / "scan.uff", **change))
+
+
+def test_files_that_are_none_say_so(response: Response, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="cannot be read"):
+        read_uff(tmp_path / "missing.uff")
+    text = tmp_path / "text.uff"
+    text.write_text("hello")
+    with pytest.raises(DataError, match="no data set 58"):
+        read_uff(text)
+    write_uff(tmp_path / "whole.uff", [response])
+    lines = (tmp_path / "whole.uff").read_text().splitlines(keepends=True)
+    for name, kept in (
+        ("short", lines[:100] + lines[-1:]),
+        ("garbled", [*lines[:40], "x y z\n", *lines[41:]]),
+    ):
+        cut = tmp_path / f"{name}.uff"
+        cut.write_text("".join(kept))
+        with pytest.raises(DataError, match=r"damaged|no data set"):
+            read_uff(cut)
+
+
+def test_an_imported_response_is_fitted_and_needs_a_rig_to_be_played(
+    response: Response, tmp_path: Path
+) -> None:
+    path = tmp_path / "scan.uff"
+    write_uff(path, [response])
+    (alone,) = read_uff(path)
+    with pytest.raises(ConfigurationError, match="which rig"):
+        Calibration.of(alone)
+    (one,) = read_uff(path, rig=load_rig_file("simulated"))
+    calibration = Calibration.of(one)
+    assert calibration.rate_hz == 50e3 and calibration.model.stable
+    calibration.save(tmp_path / "calibration.h5")
+    assert Calibration.load(tmp_path / "calibration.h5").digest == calibration.digest
+
+
+def test_a_calibration_is_exported_by_a_command(calibrated: Calibrated, tmp_path: Path) -> None:
+    file = tmp_path / "calibration.h5"
+    calibrated.calibration.save(file)
+    for name in ("a.uff", "a.mat"):
+        arguments = ["export", str(file), "--to", str(tmp_path / name)]
+        result = CliRunner().invoke(cli, arguments, obj=CommandState())
+        assert result.exit_code == 0, result.output
+        assert ("Simulated" in result.output) == calibrated.rig.simulated
+    (back,) = read_uff(tmp_path / "a.uff")
+    assert back.velocity == pytest.approx(calibrated.calibration.response.velocity, rel=1e-10)
+    assert np.array_equal(loadmat(tmp_path / "a.mat")["poles"].ravel(), calibrated.calibration.model.poles)
+    for wrong, said in (("a.uff", "is not overwritten"), ("a.txt", ".uff or .mat")):
+        arguments = ["export", str(file), "--to", str(tmp_path / wrong)]
+        result = CliRunner().invoke(cli, arguments, obj=CommandState())
+        assert result.exit_code == 2 and said in " ".join(result.output.split())

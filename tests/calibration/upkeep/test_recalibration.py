@@ -1,0 +1,419 @@
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import re
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.calibration import Calibration, Response
+from haploop.calibration.drive.button import DigitalButton, build_button
+from haploop.calibration.upkeep import recalibration
+from haploop.calibration.upkeep.drift import compare
+from haploop.calibration.upkeep.history import History
+from haploop.calibration.upkeep.recalibration import (
+    Outcome,
+    activate,
+    adopt,
+    buttons_of,
+    calibrations_of,
+    checks_before,
+    recalibrate,
+)
+from haploop.instruments import (
+    ConfigurationError,
+    DataError,
+    InstrumentError,
+    LimitError,
+    Rig,
+    load_rig_file,
+    log_entries,
+)
+from haploop.instruments.config.rig_file import Recalibration
+from haploop.instruments.operator.unattended import Unattended
+from tests.calibration.conftest import Calibrated, make_press
+from tests.calibration.map.killing import Victims
+from tests.conftest import OpenRig
+
+pytestmark = pytest.mark.many_plays
+
+WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
+
+
+def moved(
+    calibration: Calibration, shift: float = 0.0, damping: float = 1.0, gain: float = 1.0, path: float = 1.0
+) -> Response:
+    """The response that the calibrated place would show had its table changed so, exactly."""
+    response, model = calibration.response, calibration.model
+    poles = (1 + shift) * (damping * model.poles.real + 1j * model.poles.imag)
+    velocity = gain * replace(model, poles=poles).velocity(response.frequencies)
+    return replace(response, velocity=velocity, path=path * response.path)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "says"),
+    [
+        ({}, "unchanged", r"\(.0.00%\)"),
+        ({"shift": 0.001}, "unchanged", r"\(\+0.10%\)"),
+        ({"shift": -0.001}, "unchanged", r"\(-0.10%\)"),
+        ({"damping": 1.15, "gain": 0.95}, "unchanged", ""),
+        ({"shift": 0.03}, "drifted", r"resonance of patch A at the button point changed by \+3.00%"),
+        ({"shift": -0.0035}, "drifted", r"changed by -0.35%, and 0.30% is accepted"),
+        ({"damping": 1.3}, "drifted", r"damping .* changed by \+30%, and 20%"),
+        ({"gain": 0.85}, "drifted", r"gain .* changed by -15.0%, and 10.0%"),
+        ({"path": 0.8}, "drifted", r"gain .* changed by -20.0%"),
+        ({"gain": 0.5}, "broken", "0.50 times what it was"),
+        ({"shift": 0.118}, "broken", "more than 10%, which is no drift"),
+    ],
+)
+def test_a_response_is_laid_over_the_active_one(
+    calibrated: Calibrated, change: dict[str, float], kind: str, says: str
+) -> None:
+    active = calibrated.calibration
+    verdict = compare(active, moved(active, **change))
+    assert verdict.kind == kind
+    assert len(verdict.sentences) == 1
+    assert pytest.approx(1 + change.get("shift", 0)) == (
+        verdict.now.resonance_hz / verdict.before.resonance_hz if verdict.now else None
+    )
+    assert re.search(says, verdict.sentences[0])
+
+
+def test_what_is_not_the_same_place_is_broken(calibrated: Calibrated) -> None:
+    active = calibrated.calibration
+    response = active.response
+    mirrored = replace(response, velocity=response.velocity * np.exp(0.02j * response.frequencies))
+    verdict = compare(active, mirrored)
+    assert verdict.kind == "broken"
+    assert "the laser still looks at the point" in verdict.sentences[0]
+
+
+def test_a_single_mode_that_moved_is_a_drift(calibrated: Calibrated) -> None:
+    active = calibrated.calibration
+    model, response = active.model, active.response
+    poles = model.poles.copy()
+    one = int(np.argmin(np.abs(np.abs(poles) / (2 * np.pi) - 200)))
+    poles[one] *= 1.01
+    verdict = compare(
+        active, replace(response, velocity=replace(model, poles=poles).velocity(response.frequencies))
+    )
+    assert verdict.kind == "drifted"
+    assert "no common drift explains" in verdict.sentences[-1]
+
+
+def test_coherence_is_judged_first(calibrated: Calibrated) -> None:
+    active = calibrated.calibration
+    weak = replace(moved(active), coherence=np.full(len(active.response.frequencies), 0.7))
+    assert compare(active, weak).kind == "broken"
+    assert compare(active, weak, Recalibration(coherence=0.6)).kind == "unchanged"
+    assert compare(active, moved(active, 0.001), Recalibration(resonance=0.0005)).kind == "drifted"
+
+
+# On a rig
+
+
+@pytest.fixture(scope="session")
+def first(calibrated: Calibrated, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A history with one generation, of one button, and one look."""
+    button = build_button(calibrated.rig, make_press(), calibrated.calibration, iterations=0)
+    folder = tmp_path_factory.mktemp("history") / "calibrations"
+    history = History(folder)
+    adopt(history, [button], actor="a test", reason="it begins", when=WHEN)
+    # The look that knows how the laser is when all is well.
+    assert recalibrate(calibrated.rig, history, when=WHEN).kind == "unchanged"
+    return folder
+
+
+@pytest.fixture
+def history(first: Path, tmp_path: Path) -> History:
+    return History(shutil.copytree(first, tmp_path / "calibrations"))
+
+
+def left_alone(rig: Rig, aimed_at: str = "button") -> Rig:
+    rig.adopt("operator", Unattended(aimed_at))
+    return rig
+
+
+def content(history: History) -> Mapping[str, str]:
+    """Everything in the folder but the looks."""
+    return {
+        str(path.relative_to(history.folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in history.folder.rglob("*")
+        if path.is_file() and path.name != "looks.jsonl"
+    }
+
+
+def changed_nothing(history: History, outcome: Outcome, before: Mapping[str, str], kind: str) -> bool:
+    look = history.looks[-1]
+    return (
+        content(history) == before
+        and outcome.kind == kind == look["outcome"]
+        and outcome.active.name == history.active().name == look["active"]
+    )
+
+
+def test_the_table_as_it_was_is_unchanged(calibrated: Calibrated, history: History) -> None:
+    before = content(history)
+    outcome = recalibrate(calibrated.rig, history)
+    assert changed_nothing(history, outcome, before, "unchanged")
+    assert not outcome.before and not outcome.after
+
+
+@pytest.mark.requires("simulation")
+def test_a_tenth_of_a_percent_is_unchanged(open: OpenRig, history: History) -> None:
+    before = content(history)
+    rig = left_alone(open(mode_drift=0.001))
+    outcome = recalibrate(rig, history, when=WHEN)
+    assert changed_nothing(history, outcome, before, "unchanged")
+    (verdict,) = outcome.verdicts
+    assert verdict.now is not None
+    assert verdict.now.resonance_hz == pytest.approx(rig.simulation.truth.resonance_hz, rel=3e-4)
+    assert "Aim the laser at the button point." in rig.operator.assumed  # type: ignore[attr-defined]
+
+
+@pytest.mark.requires("simulation")
+def test_three_percent_are_brought_back(open: OpenRig, history: History) -> None:
+    parent = history.active()
+    rig = left_alone(open(mode_drift=0.03))
+    outcome = recalibrate(rig, history, when=WHEN + timedelta(days=1), iterations=0)
+    assert outcome.kind == "restored"
+    assert set(outcome.before) == set(outcome.after) == {"push-A-button"}
+    before, after = outcome.before["push-A-button"], outcome.after["push-A-button"]
+    assert not before.passed and before.nrmse > 0.5
+    assert after.passed and after.check.nrmse < 0.15
+    active = history.active()
+    assert active.name == outcome.active.name == "0002-20260801T021500Z"
+    assert (active.parent, len(history.activations)) == (parent.name, 2)
+    assert "changed by +3.0" in active.reason and active.details["buttons"]["push-A-button"]["before"]
+    assert {n: b.check.nrmse for n, b in buttons_of(active).items()} == {
+        n: b.check.nrmse for n, b in outcome.after.items()
+    }
+    assert checks_before(active)["push-A-button"].nrmse == outcome.before["push-A-button"].nrmse
+    assert rig.simulation.truth.resonance_hz == pytest.approx(
+        calibrations_of(active)[0].model.resonance_hz, rel=1e-3
+    )
+    # The next night finds nothing to do, and the parent is as it was.
+    again = recalibrate(rig, history, when=WHEN + timedelta(days=2))
+    assert again.kind == "unchanged"
+    parent.verify()
+
+
+@pytest.mark.requires("simulation")
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ({"kind": "patch-dead"}, "patch is dead or its wires are off"),
+        ({"kind": "laser-blocked"}, "laser does not see the surface"),
+        ({"kind": "sensor-disconnected", "channel": "laser"}, "laser is not connected"),
+        ({"kind": "sensor-disconnected", "channel": "acceleration_z"}, "accelerometer is loose"),
+        ({"kind": "accelerometer-inverted"}, "accelerometer is loose or turned"),
+        ({"kind": "amplifier-trip"}, "check the amplifier"),
+        ({"kind": "relay-swapped"}, "check that the laser still looks at the point"),
+        ({"kind": "daq-overrun", "times": 9}, "lost"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_is_broken_is_named_and_changes_nothing(
+    open: OpenRig, history: History, fault: dict[str, Any], says: str
+) -> None:
+    """Drifted by 3 % as well: broken comes first."""
+    before = content(history)
+    rig = left_alone(open(mode_drift=0.03, faults=[fault]))
+    outcome = recalibrate(rig, history)
+    assert changed_nothing(history, outcome, before, "broken")
+    assert says in " ".join(outcome.sentences)
+    assert rig.simulation.faults[0].fired
+    assert not rig.simulation.truth.closed
+
+
+def test_a_point_that_nobody_aims_at_is_not_measured(calibrated: Calibrated, history: History) -> None:
+    before = content(history)
+    calibrated.rig.adopt("operator", _Elsewhere(calibrated.rig.operator))
+    try:
+        outcome = recalibrate(calibrated.rig, history)
+    finally:
+        calibrated.rig.adopt("operator", calibrated.rig.operator.inner)  # type: ignore[attr-defined]
+    assert changed_nothing(history, outcome, before, "broken")
+    assert outcome.verdicts == ()
+    assert outcome.sentences == (
+        "Patch A at the button point was not measured: the laser would need to be aimed.",
+    )
+
+
+class _Elsewhere(Unattended):
+    def __init__(self, inner: Any) -> None:
+        super().__init__("37")
+        self.inner = inner
+
+
+@pytest.mark.requires("simulation")
+def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One button of two fails: neither is activated."""
+    (push,) = buttons_of(history.active()).values()
+    latch = replace(push, press=replace(push.press, button="latch"))
+    adopt(history, [latch], actor="a test", reason="a second one")
+    old = {"push": push, "latch": latch}
+
+    def build(_rig: Rig, press: Any, _calibration: Calibration, **_more: Any) -> DigitalButton:
+        button = old[press.button]
+        if press.button == "latch":
+            return button
+        return replace(button, check=replace(button.check, reasons=("It is not what it was.",)))
+
+    monkeypatch.setattr(recalibration, "build_button", build)
+    monkeypatch.setattr(recalibration, "check", lambda _rig, _drive, **_more: push.check)
+    before = content(history)
+    rig = left_alone(open(mode_drift=0.01))
+    outcome = recalibrate(rig, history)
+    assert changed_nothing(history, outcome, before, "drifted")
+    assert set(outcome.after) == {"latch-A-button", "push-A-button"}
+    assert outcome.sentences[-2:] == (
+        "push-A-button: It is not what it was.",
+        f"Nothing was changed: {outcome.active.name} stays the active one.",
+    )
+
+    for error, kind in ((LimitError("no headroom."), "drifted"), (InstrumentError("it died."), "broken")):
+
+        def fail(*_args: Any, error: Exception = error, **_more: Any) -> DigitalButton:
+            raise error
+
+        monkeypatch.setattr(recalibration, "build_button", fail)
+        outcome = recalibrate(rig, history)
+        assert changed_nothing(history, outcome, before, kind)
+        assert str(error) in " ".join(outcome.sentences)
+
+
+def test_another_rig_s_history_is_refused(calibrated: Calibrated, history: History, tmp_path: Path) -> None:
+    generation = history.active()
+    (calibration,) = calibrations_of(generation)
+    foreign = replace(calibration, response=replace(calibration.response, rig="another"))
+    parts = {"calibrations/A-button.h5": foreign}
+    other = history.add(parts, when=WHEN, reason="", details={})
+    history.activate(other, when=WHEN, actor="", reason="")
+    with pytest.raises(ConfigurationError, match=r"of the \w+ rig 'another', and this is the"):
+        recalibrate(calibrated.rig, history)
+    with pytest.raises(DataError, match="no active calibration"):
+        recalibrate(calibrated.rig, History(tmp_path / "none"))
+
+
+def test_what_did_not_pass_is_not_adopted(history: History) -> None:
+    before = content(history)
+    good = buttons_of(history.active())["push-A-button"]
+    bad = replace(good, check=replace(good.check, reasons=("No.",)))
+    with pytest.raises(DataError, match="push-A-button did not pass"):
+        adopt(history, [bad], actor="", reason="")
+    with pytest.raises(DataError, match="only once"):
+        adopt(history, [good, good], actor="", reason="")
+    assert content(history) == before
+    other = replace(good, press=replace(good.press, button="a latch/2"))
+    adopted = adopt(history, [other], actor="a test", reason="one more")
+    assert set(buttons_of(adopted)) == {"push-A-button", "a_latch_2-A-button"}
+    assert history.active() == adopted
+
+
+RECALIBRATE = """
+from haploop.calibration.upkeep import recalibration
+from haploop.calibration.upkeep.history import History
+from haploop.instruments import open_rig
+from haploop.instruments.operator.unattended import Unattended
+from tests.calibration.map.killing import serve
+
+def run(folder):
+    history = History(folder)
+    if {short}:
+        # What takes long, and writes nothing, is left out: only --full has the time.
+        old = recalibration.buttons_of(history.active())
+        recalibration.check = lambda _rig, drive, **_more: old[f"{{drive.button}}-A-button"].check
+        recalibration.build_button = lambda _rig, press, *_, **_more: old[f"{{press.button}}-A-button"]
+    with open_rig("simulated", simulate="twin", simulation={{"mode_drift": 0.03}}) as rig:
+        rig.adopt("operator", Unattended())
+        recalibration.recalibrate(rig, history, iterations=0)
+
+serve(run)
+"""
+
+
+@pytest.mark.timeout(7200)
+@pytest.mark.requires("simulation")
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no fork, which makes many kills cheap")
+def test_killed_at_any_moment_exactly_one_is_active_and_whole(
+    calibrated: Calibrated, first: Path, tmp_path: Path, mode: str, full: bool
+) -> None:
+    """Moments over the whole run, and every second one while the new generation is being written."""
+    if mode != "twin":
+        pytest.skip("kills a twin")
+    rng = random.Random(11)
+    ends = {"parent": 0, "new": 0, "part": 0}
+    with Victims(RECALIBRATE.format(short=not full)) as victims:
+        began = time.monotonic()
+        victims.begin(str(shutil.copytree(first, tmp_path / "whole")))
+        assert victims.end() == 0
+        took = time.monotonic() - began
+        assert len(History(tmp_path / "whole").generations) == 2
+        for number in range(50 if full else 4):
+            history = History(shutil.copytree(first, tmp_path / f"{number}"))
+            parent = history.active().name
+            victim = victims.begin(str(history.folder))
+            if number % 2:
+                deadline = time.monotonic() + 60
+                while not any(history.folder.glob("*0002-*")) and time.monotonic() < deadline:
+                    time.sleep(0.001)
+                time.sleep(rng.uniform(0, 0.1))
+            else:
+                time.sleep(rng.uniform(0, took))
+            victims.kill(victim)
+            active = history.active()  # whole, or this raises
+            assert parent in (active.name, active.parent)
+            ends["parent" if active.name == parent else "new"] += 1
+            ends["part"] += any(history.folder.glob(".*"))
+            for generation in history.generations:
+                generation.verify()
+                assert all(button.passed for button in buttons_of(generation).values())
+            shutil.rmtree(history.folder)
+    print(ends)
+    assert ends["parent"] and (ends["new"] or not full)
+
+
+def test_what_becomes_active_is_logged_and_what_is_refused_is_not(
+    history: History, calibrated: Calibrated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "state"))
+    rig = calibrated.rig
+    first = history.active()
+    good = buttons_of(first)["push-A-button"]
+    bad = replace(good, check=replace(good.check, reasons=("No.",)))
+    for button, file, error in (
+        (bad, rig.file, DataError),
+        (good, load_rig_file("bench"), ConfigurationError),
+    ):
+        with pytest.raises(error, match=r"did not pass|not on 'bench'"):
+            adopt(history, [button], actor="a test", reason="no", rig=file)
+    with pytest.raises(ConfigurationError, match="not on 'bench'"):
+        activate(history, first.name, actor="a test", reason="no", rig=load_rig_file("bench"))
+    assert history.active() == first
+    second = adopt(history, [good], actor="a test", reason="once more", rig=rig.file)
+    assert activate(history, "1", actor="a test", reason="was better") == first == history.active()
+    logged = [(e["kind"], e["calibration"], e["reason"]) for e in log_entries(rig.file, rig.mode)]
+    assert logged == [("adopted", second.name, "once more"), ("activated", first.name, "was better")]
+
+
+def test_what_cannot_be_logged_does_not_become_active(
+    history: History, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    monkeypatch.setenv("HAPLOOP_STATE", str(tmp_path / "file"))
+    first, activations = history.active(), history.activations
+    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
+        adopt(history, list(buttons_of(first).values()), actor="a test", reason="no log")
+    with pytest.raises(ConfigurationError, match="HAPLOOP_STATE"):
+        activate(history, first.name, actor="a test", reason="no log")
+    assert history.activations == activations

@@ -1,0 +1,206 @@
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haploop.instruments import ConfigurationError, load_rig_file
+from haploop.instruments.config.toml_lines import key_lines
+from haploop.instruments.rig.schema import rig_schema
+
+SHIPPED = Path(__file__).parents[3] / "rigs" / "simulated.toml"
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "rig.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_a_shipped_rig_is_found_by_its_bare_name() -> None:
+    assert load_rig_file("simulated") == load_rig_file(SHIPPED)
+
+
+def test_the_papers_numbers() -> None:
+    rig = load_rig_file("simulated")
+    assert rig.rate_hz == 5000
+    assert rig.table is not None
+    assert rig.table.rows * rig.table.columns == 84
+    assert rig.table.patches == ("A", "B", "C", "D")
+    assert rig.limits.peak_to_peak == 100
+    assert rig.amplifier is not None
+    assert rig.amplifier.settings["gain"] == 50
+
+
+def test_a_simulation_table_chooses_another_plant(tmp_path: Path) -> None:
+    text = SHIPPED.read_text(encoding="utf-8") + "\n[simulation]\nseed = 7\ndamping_scale = 3\n"
+    rig = load_rig_file(written(tmp_path, text))
+    assert (rig.simulation.seed, rig.simulation.damping_scale) == (7, 3)
+
+
+def test_a_file_with_nothing_but_a_simulation_is_the_simulated_rig(tmp_path: Path) -> None:
+    rig = load_rig_file(written(tmp_path, "[simulation]\nmode_drift = 0.03\n"))
+    assert rig.name == "simulated"
+    assert rig.simulation.mode_drift == 0.03
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("name = ", "not valid TOML"),
+        ('name = "x"\n', "'daq' is missing"),
+        ("[simulation]\nsead = 1\n", "unknown key 'simulation.sead'; did you mean 'seed'"),
+        ("[simulation]\nseed = -1\n", "simulation.seed"),
+        ("[simulation]\ndamping_scale = nan\n", "simulation.damping_scale"),
+    ],
+)
+def test_what_is_wrong_is_named_in_one_sentence(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says) as caught:
+        load_rig_file(written(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[simulation]\n\nsead = 1\n", "rig.toml, line 3: unknown key 'simulation.sead'"),
+        (
+            'base = "minimal"\n[daq.channels]\n# a new one\nextra = { terminl = "Dev1/ai1", range = 1 }\n',
+            "rig.toml, line 4: unknown key 'daq.channels.extra.terminl'; did you mean 'terminal'",
+        ),
+        ('base = "minimal"\n\n[daq.channels.extra]\nrange = 1\n', "line 3: the key 'daq.channels.extra.term"),
+        (
+            'base = "haptable"\n[relay]\nsettle = 0.1\ndead_man = 0\n',
+            "rig.toml, line 4: relay.dead_man: .* greater than or equal to 0.1",
+        ),
+        ('base = "haptable"\nlimits.peak_to_peak = -1\n', "rig.toml, line 2: limits.peak_to_peak"),
+        (
+            'base = "haptable"\n[sensors.force]\nmatrix = [\n  [1, 2],\n]\n[limits]\npeak_to_peak = 1\n',
+            "rig.toml, line 3: sensors.force.matrix.0",
+        ),
+        (
+            '[[simulation.faults]]\nkind = "patch-dead"\n'
+            '[[simulation.faults]]\nkind = "patch-dead"\npach = "A"\n',
+            "rig.toml, line 5: unknown key 'simulation.faults.1.pach'; did you mean 'patch'",
+        ),
+        ('[[simulation.faults]]\nkind = "relay-stick"\n', "line 2: unknown fault kind .*'relay-stuck'"),
+        ('base = "haptable"\n[table]\npatch_places = { E = [0, 0] }\n', "line 3: table.patch_places.*'E'"),
+    ],
+)
+def test_the_line_is_named(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says) as caught:
+        load_rig_file(written(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_key_is_looked_for_in_the_file_where_it_stands(tmp_path: Path) -> None:
+    written(tmp_path, '# mine\nbase = "haptable"\nname = "mine"\n[amplifier]\ngian = 50\n')
+    variant = tmp_path / "variant.toml"
+    variant.write_text('base = "rig.toml"\n[amplifier]\nmin = -50\n', encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"rig\.toml, line 5: unknown key 'amplifier\.gian'"):
+        load_rig_file(variant)
+    variant.write_text('base = "rig.toml"\n[amplifier]\nmin = -50\ngian = 20\n', encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"variant\.toml, line 4: unknown key 'amplifier\.gian'"):
+        load_rig_file(variant)
+
+
+def test_what_looks_like_a_key_within_a_value_is_none() -> None:
+    text = (
+        '[a]\nlist = [\n  "x = 1", # [b]\n]\nlong = """\n[c]\nkey = 2\n"""\n'
+        '"d e".f = 3\n[[g]]\n[[g]]\n[g.h]\ni = 4\n'
+    )
+    assert key_lines(text) == {
+        ("a",): 1,
+        ("a", "list"): 2,
+        ("a", "long"): 5,
+        ("a", "d e", "f"): 9,
+        ("g", 0): 10,
+        ("g", 1): 11,
+        ("g", 1, "h"): 12,
+        ("g", 1, "h", "i"): 13,
+    }
+
+
+def chosen(table: dict[str, Any], key: str, name: str) -> dict[str, Any]:
+    """What a schema asks of a table whose `key` is `name`."""
+    (rule,) = [r["then"] for r in table["allOf"] if r["if"]["properties"][key] == {"const": name}]
+    return rule
+
+
+def test_the_schema_knows_every_driver_and_every_fault() -> None:
+    schema = rig_schema()
+    relay = schema["properties"]["relay"]
+    assert {"yocto-maxicoupler", "serial-relay"} <= set(relay["properties"]["driver"]["enum"])
+    assert "pdv-100" not in relay["properties"]["driver"]["enum"]
+    yocto = chosen(relay, "driver", "yocto-maxicoupler")
+    assert yocto["additionalProperties"] is False
+    assert {"driver", "hub", "patches", "rating", "dead_man"} <= set(yocto["properties"])
+    faults = schema["$defs"]["SimulationSettings"]["properties"]["faults"]["items"]
+    assert "after" in chosen(faults, "kind", "amplifier-trip")["properties"]
+    text = json.dumps(schema, allow_nan=False)
+    references = set(re.findall(r'"#/\$defs/([^"]+)"', text))
+    assert references <= set(schema["$defs"])
+
+
+def test_the_schema_has_every_key_of_the_shipped_rigs() -> None:
+    schema = rig_schema()
+    for file in SHIPPED.parent.glob("*.toml"):
+        for role, table in tomllib.loads(file.read_text(encoding="utf-8")).items():
+            assert role in schema["properties"]
+            if isinstance(table, dict) and "driver" in table:
+                rule = chosen(schema["properties"][role], "driver", table["driver"])
+                assert set(table) <= set(rule["properties"])
+
+
+def test_a_missing_file_says_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="simulated"):
+        load_rig_file(tmp_path / "none.toml")
+    with pytest.raises(ConfigurationError, match="simulated"):
+        load_rig_file("none")
+
+
+def test_a_base_is_merged_table_by_table(tmp_path: Path) -> None:
+    stock = load_rig_file("stock-accelerometer")
+    assert stock.sensors.acceleration is not None
+    assert stock.sensors.acceleration.bandwidth_hz == 50
+    assert stock.sensors.force == load_rig_file("simulated").sensors.force
+    variant = tmp_path / "variant.toml"
+    variant.write_text('base = "rig.toml"\nrate_hz = 10000\n', encoding="utf-8")
+    written(tmp_path, 'base = "simulated"\nname = "mine"\n')
+    assert (load_rig_file(variant).name, load_rig_file(variant).rate_hz) == ("mine", 10_000)
+
+
+def test_another_driver_takes_nothing_over_from_the_bases(tmp_path: Path) -> None:
+    text = (
+        'base = "haptable"\n[vibrometer]\ndriver = "ofv-5000"\n'
+        'port = "COM3"\nchannel = "laser"\nscale = 0.005\n'
+    )
+    vibrometer = load_rig_file(written(tmp_path, text)).vibrometer
+    assert vibrometer is not None
+    assert set(vibrometer.settings) == {"port", "channel", "scale"}
+
+
+def test_a_base_that_is_its_own_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="is itself based on this file"):
+        load_rig_file(written(tmp_path, 'base = "rig.toml"\n'))
+
+
+def test_every_shipped_rig_loads() -> None:
+    for file in SHIPPED.parent.glob("*.toml"):
+        assert load_rig_file(file).name == file.stem
+
+
+def test_only_rigs_that_say_so_are_simulated() -> None:
+    assert load_rig_file("simulated").simulate == "twin"
+    assert load_rig_file("haptable").simulate is None
+    assert load_rig_file("minimal").simulate is None
+
+
+@pytest.mark.parametrize("line", ["max = nan", "min = nan", "max = -60", "min = 60", "peak_to_peak = inf"])
+def test_limits_are_numbers_about_zero(tmp_path: Path, line: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"limits.{line.split(maxsplit=1)[0]}"):
+        load_rig_file(written(tmp_path, f'base = "simulated"\n[limits]\n{line}\n'))

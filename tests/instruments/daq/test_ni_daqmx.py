@@ -1,0 +1,374 @@
+"""The NI driver, through the real nidaqmx package, against its wire and a plant of two nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import nidaqmx
+import numpy as np
+import pytest
+from nidaqmx.error_codes import DAQmxErrors
+
+from haploop.instruments.clock import RealClock
+from haploop.instruments.conformance import bypass_interlock
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.mocks.daq.ni import NiServer, inventory_of
+from haploop.mocks.daq.products import PRODUCTS, convert_interval
+from tests.mocks.daq.ni_client import Bench, connected
+
+CARDS = {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"}
+WIRING = {
+    "Dev1/ai0": "tone",
+    "Dev1/ai1": "tone",
+    "Dev2/ai0": "tone",
+    "Dev2/ai1": "loop",
+    "Dev2/ai2": "loop",
+    "Dev2/ao0": "out",
+}
+LSB = 20 / 2**16
+"""Volts per code in a range of +-10 V."""
+
+
+def settings(**changes: Any) -> NiDaq.Settings:
+    return NiDaq.Settings.model_validate(
+        {
+            "devices": CARDS,
+            "channels": {
+                "force": {"terminal": "Dev1/ai0", "range": 10, "config": "diff"},
+                "torque": {"terminal": "Dev1/ai1", "range": 5, "config": "diff"},
+                "laser": {"terminal": "Dev2/ai0", "range": 5, "config": "rse"},
+                "drive": {"terminal": "Dev2/ai1", "range": 10, "config": "rse"},
+                "echo": {"terminal": "Dev2/ai2", "range": 4, "config": "nrse"},
+            },
+            "outputs": {"amplifier": {"terminal": "Dev2/ao0", "range": 8}},
+            **changes,
+        }
+    )
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def server(bench: Bench) -> Iterator[NiServer]:
+    with NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True) as server:
+        yield server
+
+
+@pytest.fixture
+def daq(server: NiServer, bench: Bench) -> Iterator[NiDaq]:
+    with opened(server, bench) as daq:
+        yield daq
+
+
+@contextmanager
+def opened(server: NiServer, bench: Bench, **changes: Any) -> Iterator[NiDaq]:
+    daq = NiDaq.open(settings(server=server.address, **changes), bench.clock)
+    bypass_interlock(daq)
+    try:
+        yield daq
+    finally:
+        daq.close()
+
+
+def tone(first: float, rate_hz: float, count: int, delay: float = 0.0) -> Any:
+    return 3 * np.sin(2 * np.pi * 10 * (first + np.arange(count) / rate_hz + delay))
+
+
+def test_identity(daq: NiDaq) -> None:
+    assert daq.identity == "PCI-6034E (Dev1, serial 0) + PCIe-6321 (Dev2, serial 0)"
+
+
+def test_rows_come_in_the_order_asked_for_with_their_delays(daq: NiDaq, bench: Bench) -> None:
+    start = bench.clock.now()
+    with daq.stream(["laser", "torque", "drive", "force"], 5000, 500, 1800) as stream:
+        capture = stream.capture()
+
+    old, new = (convert_interval(PRODUCTS[product], 5000, 2) for product in CARDS.values())
+    assert (old, new) == pytest.approx((15e-6, 14e-6))
+    assert stream.delays == pytest.approx([0, 0, new, old])
+    assert stream.full_scale.tolist() == [5, 5, 10, 10]
+    assert capture.volts.shape == (4, 1800) and capture.rate_hz == 5000
+    for row in (0, 1, 3):
+        expected = tone(start, 5000, 1800, stream.delays[row])
+        assert np.abs(capture.volts[row] - expected).max() < 6 * LSB
+    assert not capture.overload.any()
+
+
+def test_blocks_are_gapless_and_the_last_is_shorter(daq: NiDaq) -> None:
+    with daq.stream(["laser"], 5000, 400, 1000) as stream:
+        blocks = list(stream)
+
+    assert [(b.first, b.end) for b in blocks] == [(0, 400), (400, 800), (800, 1000)]
+
+
+def test_continuous_stream_ends_when_it_is_closed(daq: NiDaq) -> None:
+    with daq.stream(["laser", "force"], 5000, 250) as stream:
+        blocks = []
+        for block in stream:
+            blocks.append(block)
+            if len(blocks) == 8:
+                stream.close()
+
+    assert blocks[-1].end == 2000
+    stream.close()
+
+
+def test_waveform_is_sample_aligned_and_ends_at_zero(daq: NiDaq, server: NiServer, bench: Bench) -> None:
+    wave = np.random.default_rng(1).uniform(-3, 3, 2000)
+
+    with daq.stream(["drive", "laser"], 50_000, 600, 2500, {"amplifier": wave}) as stream:
+        capture = stream.capture()
+        assert server.output("Dev2/ao0") == pytest.approx(wave[-1], abs=LSB)
+
+    assert np.abs(capture.volts[0, :2000] - wave).max() < 7 * LSB
+    # After its last sample the output holds it.
+    assert np.abs(capture.volts[0, 2000:] - wave[-1]).max() < 7 * LSB
+    assert server.output("Dev2/ao0") == 0
+
+
+def test_waveform_on_the_clock_of_another_card(daq: NiDaq) -> None:
+    """No input on the card of the output: its outputs then run on the other card's sample clock."""
+    wave = np.linspace(0, 1, 200)
+
+    with daq.stream(["force"], 5000, 100, 300, {"amplifier": wave}) as stream:
+        assert stream.capture().volts.shape == (1, 300)
+
+
+def test_same_seed_gives_the_same_samples_however_they_are_cut() -> None:
+    captures = []
+    for block in (50, 333):
+        bench = Bench()
+        with (
+            NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True, seed=5) as server,
+            opened(server, bench) as daq,
+            daq.stream(["laser", "force"], 5000, block, 1000) as stream,
+        ):
+            captures.append(stream.capture().volts)
+
+    assert np.array_equal(*captures)
+
+
+def test_overload_is_told_per_channel(daq: NiDaq) -> None:
+    wave = np.full(400, 7.0)
+
+    with daq.stream(["drive", "echo"], 5000, 100, 300, {"amplifier": wave}) as stream:
+        assert stream.full_scale.tolist() == [10, 5]
+        assert stream.capture().overload.tolist() == [False, True]
+
+
+def test_opening_and_zeroing(server: NiServer, bench: Bench) -> None:
+    with connected(server) as options, nidaqmx.Task(grpc_options=options) as task:
+        task.ao_channels.add_ao_voltage_chan("Dev2/ao0")
+        task.write(2.5)
+    with opened(server, bench) as daq:
+        assert server.output("Dev2/ao0") == pytest.approx(2.5, abs=LSB)
+        daq.zero()
+        daq.zero()
+        assert server.output("Dev2/ao0") == 0
+
+
+def test_zero_while_a_waveform_plays(daq: NiDaq, server: NiServer) -> None:
+    with daq.stream(["drive"], 5000, 100, None, {"amplifier": np.full(50_000, 3.0)}) as stream:
+        next(iter(stream))
+        assert server.output("Dev2/ao0") == pytest.approx(3, abs=LSB)
+        daq.zero()
+        assert server.output("Dev2/ao0") == 0
+
+
+def test_interrupted_stream_leaves_the_cards_free(daq: NiDaq, server: NiServer) -> None:
+    with (
+        pytest.raises(KeyboardInterrupt),
+        daq.stream(["drive"], 5000, 100, None, {"amplifier": np.ones(50_000)}) as stream,
+    ):
+        for _ in stream:
+            raise KeyboardInterrupt
+
+    assert server.output("Dev2/ao0") == 0
+    with daq.stream(["drive"], 5000, 100, 200) as stream:
+        assert stream.capture().volts.shape == (1, 200)
+
+
+@pytest.mark.parametrize(
+    "fault, sentence",
+    [
+        (DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE, "Dev2 lost samples, .* not read in time"),
+        (DAQmxErrors.INPUT_FIFO_OVERFLOW, "Dev2 lost samples, .* memory overflowed"),
+        (DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE, "Dev2 did not deliver"),
+        (DAQmxErrors.INVALID_TASK, "ended by somebody else"),
+    ],
+)
+def test_lost_samples_are_never_silence(
+    daq: NiDaq, server: NiServer, fault: DAQmxErrors, sentence: str
+) -> None:
+    with daq.stream(["laser"], 5000, 100, 1000) as stream:
+        blocks = iter(stream)
+        next(blocks)
+        server.inject("Dev2", fault)
+        with pytest.raises(InstrumentError, match=sentence):
+            next(blocks)
+
+
+def test_reader_that_comes_too_late(server: NiServer, bench: Bench) -> None:
+    with (
+        opened(server, bench, buffer_s=0.1) as daq,
+        daq.stream(["laser"], 5000, 100) as stream,
+    ):
+        blocks = iter(stream)
+        next(blocks)
+        bench.clock.sleep(0.2)
+        with pytest.raises(InstrumentError, match=r"make buffer_s in \[daq\] larger"):
+            next(blocks)
+    with (
+        opened(server, bench, buffer_s=1) as daq,
+        daq.stream(["laser"], 5000, 100) as stream,
+    ):
+        blocks = iter(stream)
+        next(blocks)
+        bench.clock.sleep(0.2)
+        assert next(blocks).first == 100
+
+
+def test_cards_without_a_cable(bench: Bench) -> None:
+    with NiServer(inventory_of(CARDS), bench, WIRING) as server, opened(server, bench) as daq:
+        with pytest.raises(InstrumentError, match="connect a RTSI cable, and declare it"):
+            daq.stream(["laser", "force"], 5000, 100)
+        # Nothing stays reserved.
+        with daq.stream(["force"], 5000, 100, 200) as stream:
+            stream.capture()
+
+
+def test_card_in_use(server: NiServer, daq: NiDaq) -> None:
+    with connected(server) as options, nidaqmx.Task(grpc_options=options) as task:
+        task.ai_channels.add_ai_voltage_chan("Dev2/ai7")
+        task.timing.cfg_samp_clk_timing(1000)
+        task.start()
+        with pytest.raises(InstrumentError, match="Dev2 is in use by another program"):
+            daq.stream(["laser"], 5000, 100)
+
+
+def test_server_that_dies(bench: Bench) -> None:
+    server = NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True)
+    daq = NiDaq.open(settings(server=server.address), bench.clock)
+    bypass_interlock(daq)
+    stream = daq.stream(["laser", "force"], 5000, 100, None, {"amplifier": np.ones(1000)})
+    blocks = iter(stream)
+    next(blocks)
+    server.close()
+    with pytest.raises(InstrumentError, match=r"NI device server at .* failed while Dev2 was used"):
+        next(blocks)
+    with pytest.raises(InstrumentError):
+        stream.close()
+    with pytest.raises(InstrumentError):
+        daq.zero()
+    daq.close()
+    daq.close()
+
+
+def test_no_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("haploop.instruments.daq.ni_sessions._CONNECT", 0.2)
+    with pytest.raises(InstrumentError, match=r"No NI device server answers at 127\.0\.0\.1:9"):
+        NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
+
+
+def test_no_driver() -> None:
+    if _driver_is_installed():
+        pytest.skip("an NI driver is installed here")
+    with pytest.raises(InstrumentError, match="driver is not installed"):
+        NiDaq.open(settings(), RealClock())
+
+
+def _driver_is_installed() -> bool:
+    try:
+        _ = nidaqmx.system.System.local().driver_version
+    except nidaqmx.errors.DaqNotFoundError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    "changes, error, sentence",
+    [
+        (
+            {"devices": {"Dev1": "PCIe-6321"}},
+            ConfigurationError,
+            "Dev1 is a PCI-6034E, and the rig",
+        ),
+        ({"devices": {"Dev9": "PCIe-6321"}}, InstrumentError, "no NI device 'Dev9'; the system lists Dev1"),
+    ],
+)
+def test_wrong_devices(
+    server: NiServer, bench: Bench, changes: dict[str, Any], error: type[Exception], sentence: str
+) -> None:
+    with pytest.raises(error, match=sentence), opened(server, bench, **changes):
+        pass
+
+
+def channel(terminal: str, range: float = 10, config: str = "rse") -> dict[str, Any]:
+    return {"channels": {"a": {"terminal": terminal, "range": range, "config": config}}}
+
+
+@pytest.mark.parametrize(
+    "changes, sentence",
+    [
+        (channel("Dev2/ai77"), "Dev2 does not have a terminal"),
+        (channel("Dev2/ai0", range=11), "no range of .-11 V"),
+        (channel("Dev2/ai9", config="diff"), "terminal configuration DIFF"),
+    ],
+)
+def test_wrong_channels(server: NiServer, bench: Bench, changes: dict[str, Any], sentence: str) -> None:
+    with opened(server, bench, **changes) as daq, pytest.raises(ConfigurationError, match=sentence):
+        daq.stream(["a"], 5000, 100)
+
+
+@pytest.mark.parametrize(
+    "request_, error, sentence",
+    [
+        (lambda d: d.stream(["nobody"], 5000, 100), ConfigurationError, "no channel 'nobody'"),
+        (lambda d: d.stream(["laser", "laser"], 5000, 100), ConfigurationError, "each channel once"),
+        (lambda d: d.stream(["laser"], 1e6, 100), ConfigurationError, "cannot sample that fast"),
+        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"x": np.ones(9)}), ConfigurationError, "no channel 'x'"),
+        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.full(9, 9.0)}), LimitError, "reaches 9 V"),
+        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.array([0, np.nan])}), LimitError, "nan"),
+    ],
+)
+def test_wrong_requests(
+    daq: NiDaq, request_: Callable[[NiDaq], object], error: type[Exception], sentence: str
+) -> None:
+    with pytest.raises(error, match=sentence):
+        request_(daq)
+
+
+def test_modules_of_one_chassis(bench: Bench) -> None:
+    """Simultaneous inputs in one slot, outputs in another: the chassis has the clock."""
+    chassis = {"Frame": "cDAQ-9178", "In": "NI 9215", "Out": "NI 9263"}
+    plain = inventory_of(chassis).devices
+    modules = [
+        replace(device, chassis="Frame", slot=slot) if device.name != "Frame" else device
+        for slot, device in enumerate(plain.values())
+    ]
+    wiring = {"In/ai0": "tone", "In/ai3": "loop", "Out/ao1": "out"}
+    table = {
+        "channels": {
+            "laser": {"terminal": "In/ai0", "range": 10},
+            "drive": {"terminal": "In/ai3", "range": 10},
+        },
+        "outputs": {"amplifier": {"terminal": "Out/ao1"}},
+        "devices": {"In": "NI 9215", "Out": "NI 9263"},
+    }
+    wave = np.linspace(-2, 2, 500)
+    with NiServer(modules, bench, wiring) as server:
+        daq = NiDaq.open(NiDaq.Settings.model_validate({**table, "server": server.address}), bench.clock)
+        bypass_interlock(daq)
+        with daq.stream(["drive", "laser"], 10_000, 100, 600, {"amplifier": wave}) as stream:
+            capture = stream.capture()
+        daq.close()
+
+    assert stream.delays.tolist() == [0, 0]
+    assert np.abs(capture.volts[0, :500] - wave).max() < 9 * LSB

@@ -1,0 +1,215 @@
+"""The relay role on a serial board: the codec, and the same scenario on the twin and through a socket."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import pytest
+
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.relay.role import Relay
+from haploop.instruments.relay.serial_relay import SerialRelay, answer_in
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.relay import BoxFault, SimulatedBox, box_in
+from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire, wire
+from haploop.mocks.transport import Loopback, ReplyFault
+from tests.instruments.relay.contacts import Contacts
+
+PATCHES = {"A": 0, "B": 1, "D": 7}
+
+
+@pytest.mark.parametrize(
+    ("received", "command", "answer"),
+    [
+        (b"relay on 3\n\r>", "relay on 3", ""),
+        (b"relay read 3\n\ron\n\r>", "relay read 3", "on"),
+        (b"relay read 3\r\noff\r\n>", "relay read 3", "off"),
+        (b"\n\rver\n\r00000008\n\r>", "ver", "00000008"),
+    ],
+)
+def test_answers_of_real_boards(received: bytes, command: str, answer: str) -> None:
+    assert answer_in(received, command) == answer
+
+
+@pytest.mark.parametrize(
+    "received",
+    [
+        b">",
+        b"on\n\r>",
+        b"relay read 4\n\ron\n\r>",
+        b"relay read 3\n\ron\n\roff\n\r>",
+        b"relay read 3\n\r\xff\n\r>",
+        b"relay read 3\n\ron\n\r",
+    ],
+)
+def test_what_is_no_answer_to_this_command_is_refused(received: bytes) -> None:
+    with pytest.raises(ValueError, match="'"):
+        answer_in(received, "relay read 3")
+
+
+@dataclass
+class Setup:
+    bench: Contacts
+    box: SimulatedBox
+    relay: Relay
+    wire: SerialRelayWire | None = None
+
+
+def settings(**changes: object) -> SerialRelay.Settings:
+    return SerialRelay.Settings.model_validate(
+        {"patches": PATCHES, "rating": 60, "port": "COM5", "timeout": 0.2, **changes}
+    )
+
+
+@pytest.fixture
+def wired() -> Iterator[Setup]:
+    bench = Contacts(PATCHES)
+    box = box_in(bench, PATCHES, range(8))
+    with SerialRelayWire(box) as board:
+        relay = SerialRelay.open(settings(port=board.url), bench.clock)
+        yield Setup(bench, box, relay, board)
+        relay.close()
+
+
+@pytest.fixture(params=["twin", "wire"])
+def setup(request: pytest.FixtureRequest) -> Setup:
+    if request.param == "wire":
+        found: Setup = request.getfixturevalue("wired")
+        return found
+    bench = Contacts(PATCHES)
+    twin = SerialRelayTwin(settings(), bench)
+    return Setup(bench, twin.box, twin)
+
+
+def test_connects_exactly_these_patches(setup: Setup) -> None:
+    for patches in ({"A"}, {"B", "D"}, {"A", "B", "D"}, set()):
+        setup.relay.connect(patches)
+        assert setup.relay.connected() == patches
+        assert setup.bench.closed() == patches
+
+
+def test_says_that_it_cannot_open_by_itself(setup: Setup) -> None:
+    assert setup.relay.dead_man == math.inf
+    setup.relay.connect(["A"])
+    setup.bench.clock.sleep(1000)
+    setup.relay.renew()
+    assert setup.bench.closed() == {"A"}
+
+
+@pytest.mark.parametrize("kind", ["lost", "stuck"])
+def test_a_channel_that_does_not_follow_is_an_error(setup: Setup, kind: str) -> None:
+    setup.relay.connect(["A"])
+    fault = BoxFault(kind, channel=0)  # type: ignore[arg-type]
+    setup.box.faults.append(fault)
+    with pytest.raises(InstrumentError, match=r"channel 0 \(patch A\) was told to open but reads closed"):
+        setup.relay.connect(["B"])
+    assert fault.fired
+
+
+def test_close_changes_no_channel_and_frees_the_port(wired: Setup) -> None:
+    assert wired.wire is not None
+    wired.relay.connect(["D"])
+    wired.relay.close()
+    wired.relay.close()
+    assert wired.bench.closed() == {"D"}
+    with pytest.raises(InstrumentError, match="open the rig again"):
+        wired.relay.connected()
+    again = SerialRelay.open(settings(port=wired.wire.url), wired.bench.clock)
+    assert again.connected() == {"D"}
+    assert again.identity == f"The relay board at {wired.wire.url} (firmware 00000008)"
+    again.close()
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (ReplyFault("silence"), "did not answer .* within 0.2 s"),
+        (ReplyFault("disconnect"), "cannot be talked to"),
+        (ReplyFault("garbled"), "no such board does"),
+        (ReplyFault("truncated"), "cannot be talked to|no such board does"),
+        (ReplyFault("terminator"), "and no prompt, which no such board does"),
+        (ReplyFault("drip", delay=0.15), "no such board does"),
+    ],
+    ids=lambda value: value.kind if isinstance(value, ReplyFault) else "",
+)
+def test_every_bad_answer_is_one_sentence_and_the_driver_recovers(
+    wired: Setup, fault: ReplyFault, sentence: str
+) -> None:
+    assert wired.wire is not None
+    wired.wire.faults.append(fault)
+    with pytest.raises(InstrumentError, match=sentence):
+        wired.relay.connected()
+    assert fault.fired
+    wired.wire.faults.clear()
+    wired.relay.connect(["A"])
+    assert wired.relay.connected() == {"A"}
+
+
+def test_a_late_answer_is_not_taken_for_the_next_ones(wired: Setup) -> None:
+    """The command that timed out is answered after the next has been sent."""
+    assert wired.wire is not None
+    wired.relay.connect(["A"])
+    wired.wire.faults.append(ReplyFault("delay", asked="relay read 0", delay=0.25, times=1))
+    with pytest.raises(InstrumentError, match="did not answer 'relay read 0'"):
+        wired.relay.connected()
+    wired.relay.connect([])
+    assert wired.relay.connected() == set()
+
+
+def test_what_a_board_says_unasked_is_not_taken_for_an_answer() -> None:
+    box = box_in(Contacts(PATCHES), PATCHES, range(8))
+    with SerialRelayWire(box) as board:
+
+        def talkative(link: socket.socket) -> None:
+            with socket.create_connection(("127.0.0.1", int(board.url.split(":")[-1]))) as quiet:
+                while asked := link.recv(256):
+                    quiet.sendall(asked)
+                    answer = b""
+                    while not answer.endswith(b">"):
+                        answer += quiet.recv(256)
+                    link.sendall(answer + b"relay read 0\n\ron\n\r>")
+
+        with Loopback(talkative) as port:
+            relay = SerialRelay.open(settings(port=f"socket://{port.address}"), VirtualClock())
+            assert relay.connected() == set()
+            relay.close()
+
+
+def test_a_board_that_is_unplugged_is_noticed(wired: Setup) -> None:
+    assert wired.wire is not None
+    wired.relay.connect(["A"])
+    wired.wire.close()
+    for action in (wired.relay.renew, lambda: wired.relay.connect([])):
+        with pytest.raises(InstrumentError, match="cannot be talked to"):
+            action()
+
+
+def test_a_channel_that_the_board_has_not_is_refused(wired: Setup) -> None:
+    assert wired.wire is not None
+    with pytest.raises(InstrumentError, match=r"'relay read C' with '', which no such board does"):
+        SerialRelay.open(settings(port=wired.wire.url, patches={"A": 12}), wired.bench.clock)
+
+
+def test_nobody_at_the_port() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = f"socket://127.0.0.1:{free.getsockname()[1]}"
+        with pytest.raises(InstrumentError, match=f"{port} cannot be talked to .*plug it in"):
+            SerialRelay.open(settings(port=port), VirtualClock())
+    with pytest.raises(InstrumentError, match=r"cannot be talked to .*plug it in"):
+        SerialRelay.open(settings(port="no such port"), VirtualClock())
+    with pytest.raises(ConfigurationError, match=r"'port' in .relay. cannot be 'nonsense://x'"):
+        SerialRelay.open(settings(port="nonsense://x"), VirtualClock())
+
+
+def test_wire_gives_what_points_the_driver_at_it() -> None:
+    bench = Contacts(PATCHES)
+    asked = settings()
+    with wire(asked, bench) as override:
+        relay = SerialRelay.open(asked.model_copy(update=override), bench.clock)
+        relay.connect(["D"])
+        assert bench.closed() == {"D"}
+        relay.close()

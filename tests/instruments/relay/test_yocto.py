@@ -1,0 +1,408 @@
+"""The relay role on the Yocto-MaxiCoupler: the same scenario on the twin and through the hub's protocol."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import hypothesis
+import hypothesis.strategies as st
+import pytest
+from pydantic import ValidationError
+
+from haploop.instruments.clock import RealClock
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.relay.role import Relay
+from haploop.instruments.relay.yocto import Yocto
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.relay import BoxFault, RelayTwin, SimulatedBox, box_in
+from haploop.mocks.relay.yocto_hub import YoctoHub, wire
+from haploop.mocks.transport import Loopback, ReplyFault
+from tests.instruments.relay.contacts import Contacts
+
+PATCHES = {"A": 1, "B": 2, "C": 3, "D": 8}
+
+
+@dataclass
+class Setup:
+    bench: Contacts
+    box: SimulatedBox
+    relay: Relay
+    hub: YoctoHub | None = field(default=None)
+
+
+def settings(**changes: object) -> Yocto.Settings:
+    return Yocto.Settings.model_validate({"patches": PATCHES, "timeout": 0.5, **changes})
+
+
+@pytest.fixture(params=["twin", "wire"])
+def setup(request: pytest.FixtureRequest) -> Iterator[Setup]:
+    bench = Contacts(PATCHES)
+    if request.param == "twin":
+        twin = RelayTwin(settings(), bench)
+        yield Setup(bench, twin.box, twin)
+        return
+    box = box_in(bench, PATCHES)
+    with YoctoHub(box) as hub:
+        yield Setup(bench, box, Yocto.open(settings(hub=hub.url), bench.clock), hub)
+
+
+@pytest.fixture
+def wired() -> Iterator[Setup]:
+    bench = Contacts(PATCHES)
+    box = box_in(bench, PATCHES)
+    with YoctoHub(box) as hub:
+        yield Setup(bench, box, Yocto.open(settings(hub=hub.url), bench.clock), hub)
+
+
+def test_opening_changes_no_channel(setup: Setup) -> None:
+    setup.box.set_state(3, True)
+    setup.bench.clock.sleep(0.1)
+    RelayTwin(settings(), setup.bench) if setup.hub is None else Yocto.open(
+        settings(hub=setup.hub.url), setup.bench.clock
+    )
+    assert setup.relay.connected() == {"C"}
+    assert setup.relay.patches == ("A", "B", "C", "D")
+    assert setup.relay.rating == 48
+    assert setup.relay.dead_man == 2
+
+
+def test_connects_exactly_these_patches(setup: Setup) -> None:
+    for patches in ({"A"}, {"B", "D"}, {"A", "B", "C", "D"}, {"C"}, set()):
+        setup.relay.connect(patches)
+        assert setup.relay.connected() == patches
+        assert setup.bench.closed() == patches, "the contacts have settled when connect returns"
+
+
+def test_breaks_before_it_makes(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    setup.relay.connect(["B"])
+    assert setup.bench.closed() == {"B"}
+    events = sorted(setup.bench.events)
+    assert [(p, c) for _, p, c in events] == [("A", True), ("A", False), ("B", True)]
+    assert events[2][0] - events[1][0] > 0.01
+
+
+def test_unknown_patch_changes_nothing(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    with pytest.raises(ConfigurationError, match=r"no patch 'E'.* A, B, C, D"):
+        setup.relay.connect(["B", "E"])
+    assert setup.relay.connected() == {"A"}
+
+
+def test_dead_man_opens_the_box_of_a_silent_program(setup: Setup) -> None:
+    setup.relay.connect(["A", "B"])
+    closed = setup.bench.clock.now()
+    setup.bench.clock.sleep(10)
+    assert setup.bench.closed() == set()
+    opened = [at for at, _, closed in setup.bench.events if not closed]
+    assert len(opened) == 2
+    assert all(1.95 < at - closed < 2.02 for at in opened)
+
+
+def test_renewing_keeps_it_closed(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    for _ in range(20):
+        setup.bench.clock.sleep(1.9)
+        setup.relay.renew()
+    assert setup.bench.closed() == {"A"}
+    assert len(setup.bench.events) == 1, "the contact never bounced"
+
+
+def test_renewing_does_not_close_again_what_opened_by_itself(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    setup.bench.clock.sleep(2.5)
+    with pytest.raises(InstrumentError, match=r"channel 1 \(patch A\) reads open .*renewed for 2 s"):
+        setup.relay.renew()
+    setup.relay.renew()
+    setup.bench.clock.sleep(1)
+    assert setup.bench.closed() == set()
+
+
+def test_renewing_notices_a_channel_that_somebody_else_closed(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    setup.box.set_state(2, True)
+    setup.bench.clock.sleep(0.1)
+    with pytest.raises(InstrumentError, match=r"channel 2 \(patch B\) reads closed .*another program"):
+        setup.relay.renew()
+
+
+def test_no_renewal_outlasts_the_longest_time(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    start = setup.bench.clock.now()
+    with pytest.raises(InstrumentError, match="channel 1"):
+        for _ in range(200):
+            setup.bench.clock.sleep(1)
+            setup.relay.renew()
+    assert setup.bench.clock.now() - start == pytest.approx(120, abs=1.1)
+
+
+def test_renew_without_a_patch_does_nothing(setup: Setup) -> None:
+    setup.relay.renew()
+    setup.relay.connect([])
+    setup.relay.renew()
+    setup.bench.clock.sleep(1)
+    assert setup.bench.events == []
+
+
+@pytest.mark.parametrize("kind", ["lost", "stuck"])
+def test_a_channel_that_does_not_close_is_an_error(setup: Setup, kind: str) -> None:
+    fault = BoxFault(kind, channel=2)  # type: ignore[arg-type]
+    setup.box.faults.append(fault)
+    with pytest.raises(InstrumentError, match=r"channel 2 \(patch B\) was told to close but reads open"):
+        setup.relay.connect(["A", "B"])
+    assert fault.fired
+    setup.bench.clock.sleep(3)
+    assert setup.bench.closed() == set(), "what had closed is left to the dead-man"
+
+
+@pytest.mark.parametrize("kind", ["lost", "stuck"])
+def test_a_channel_that_does_not_open_is_an_error_before_any_other_closes(setup: Setup, kind: str) -> None:
+    setup.relay.connect(["A"])
+    fault = BoxFault(kind, channel=1)  # type: ignore[arg-type]
+    setup.box.faults.append(fault)
+    with pytest.raises(InstrumentError, match=r"channel 1 \(patch A\) was told to open but reads closed"):
+        setup.relay.connect(["B"])
+    assert fault.fired
+    assert setup.bench.closed() == {"A"}
+
+
+def test_one_lost_renewal_does_no_harm(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    setup.box.faults.append(BoxFault("lost", channel=1, times=1))
+    for _ in range(10):
+        setup.bench.clock.sleep(0.9)
+        setup.relay.renew()
+    assert setup.bench.closed() == {"A"}
+    assert setup.box.faults[0].fired == 1
+
+
+def test_a_welded_contact_is_hidden_from_the_read_back(setup: Setup) -> None:
+    """Why the rig measures the drive at the patches: the box has no auxiliary contact to ask."""
+    setup.relay.connect(["A"])
+    setup.box.faults.append(BoxFault("welded", channel=1))
+    setup.relay.connect([])
+    assert setup.relay.connected() == set()
+    assert setup.bench.closed() == {"A"}
+
+
+def test_close_changes_no_channel_and_may_be_called_again(setup: Setup) -> None:
+    setup.relay.connect(["A"])
+    setup.relay.close()
+    setup.relay.close()
+    assert setup.bench.closed() == {"A"}
+    with pytest.raises(InstrumentError, match="closed; open the rig again"):
+        setup.relay.connect(["B"])
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (ReplyFault("silence"), "did not answer within 0.5 s"),
+        (ReplyFault("drip"), "did not answer within 0.5 s"),
+        (ReplyFault("disconnect"), "cannot be talked to"),
+        (ReplyFault("not found"), "answered .* with status 404"),
+        (ReplyFault("password"), "asks for a password"),
+        (ReplyFault("garbled", asked="api.json"), "something else than whole JSON"),
+        (ReplyFault("truncated", asked="api.json"), "something else than whole JSON"),
+    ],
+    ids=lambda value: value.kind if isinstance(value, ReplyFault) else "",
+)
+def test_every_bad_reply_is_one_sentence_within_the_deadline(
+    wired: Setup, fault: ReplyFault, sentence: str
+) -> None:
+    assert wired.hub is not None
+    wired.hub.faults.append(fault)
+    clock = RealClock()
+    for action in (wired.relay.connected, lambda: wired.relay.connect(["A"])):
+        start = clock.now()
+        with pytest.raises(InstrumentError, match=sentence):
+            action()
+        assert clock.now() - start < 3
+    assert fault.fired >= 2
+    wired.hub.faults.clear()
+    wired.relay.connect(["A"])
+    assert wired.relay.connected() == {"A"}, "the driver recovers with the hub"
+
+
+def test_a_slow_hub_is_no_fault(wired: Setup) -> None:
+    assert wired.hub is not None
+    fault = ReplyFault("delay", delay=0.05)
+    wired.hub.faults.append(fault)
+    wired.relay.connect(["A"])
+    assert fault.fired > 5
+    assert wired.relay.connected() == {"A"}
+
+
+def test_one_refused_command_does_not_keep_the_others_closed(wired: Setup) -> None:
+    assert wired.hub is not None
+    wired.relay.connect(["A", "B", "C"])
+    wired.hub.faults.append(ReplyFault("not found", asked="ctx=relay1"))
+    with pytest.raises(InstrumentError, match="404"):
+        wired.relay.connect([])
+    wired.bench.clock.sleep(0.1)
+    assert wired.bench.closed() == {"A"}
+
+
+def test_a_killed_hub_is_noticed_and_the_box_opens_by_itself(wired: Setup) -> None:
+    assert wired.hub is not None
+    wired.relay.connect(["A"])
+    wired.hub.close()
+    with pytest.raises(InstrumentError, match="cannot be talked to"):
+        wired.relay.renew()
+    with pytest.raises(InstrumentError, match="cannot be talked to"):
+        wired.relay.connect([])
+    wired.bench.clock.sleep(2.5)
+    assert wired.bench.closed() == set()
+
+
+def test_nobody_at_the_address() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        hub = f"http://127.0.0.1:{free.getsockname()[1]}"
+        with pytest.raises(InstrumentError, match=f"{hub} .*start VirtualHub"):
+            Yocto.open(settings(hub=hub), VirtualClock())
+
+
+def test_opening_fails_when_the_time_limit_did_not_arrive() -> None:
+    bench = Contacts(PATCHES)
+    box = box_in(bench, PATCHES)
+    box.faults.append(BoxFault("lost", channel=3))
+    with (
+        YoctoHub(box) as hub,
+        pytest.raises(InstrumentError, match="channel 3 was given a time limit of 120000 ms but reads 0"),
+    ):
+        Yocto.open(settings(hub=hub.url), bench.clock)
+
+
+def test_finds_the_only_box_or_says_what_there_is(wired: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    hub = wired.hub
+    assert hub is not None
+    assert wired.relay.identity == f"Yocto-MaxiCoupler {hub.serial}"
+    other = settings(hub=hub.url, serial="MXCOUPL1-FFFFF")
+    with pytest.raises(InstrumentError, match=r"MXCOUPL1-FFFFF.* with status 404"):
+        Yocto.open(other, wired.bench.clock)
+    listing = hub._listing()
+    modules = listing["services"]["whitePages"]
+    monkeypatch.setattr(hub, "_listing", lambda: listing)
+    modules.append({**modules[1], "serialNumber": "MXCOUPL1-00002"})
+    with pytest.raises(
+        ConfigurationError, match=r"has 2 Yocto-MaxiCouplers .*-00002\): name one by 'serial'"
+    ):
+        Yocto.open(settings(hub=hub.url), wired.bench.clock)
+    assert Yocto.open(settings(hub=hub.url, serial=hub.serial), wired.bench.clock).connected() == set()
+    del modules[1:]
+    with pytest.raises(ConfigurationError, match=r"no Yocto-MaxiCoupler \(it lists VirtualHub VIRTHUB0-"):
+        Yocto.open(settings(hub=hub.url), wired.bench.clock)
+
+
+@pytest.mark.parametrize(
+    ("channel", "found"),
+    [
+        ({"state": 2}, "state"),
+        ({"state": "B"}, "state"),
+        ({"state": True}, "state"),
+        ({"pulseTimer": -1}, "pulseTimer"),
+        ({"pulseTimer": 10**400}, "pulseTimer"),
+        ({"pulseTimer": None}, "pulseTimer"),
+        ({"pulseTimer": 0, "state": 1}, "dead-man"),
+        ({"pulseTimer": 3_600_000, "state": 1}, "dead-man"),
+    ],
+    ids=str,
+)
+def test_no_value_is_believed_beyond_what_it_can_be(
+    wired: Setup, monkeypatch: pytest.MonkeyPatch, channel: dict[str, object], found: str
+) -> None:
+    assert wired.hub is not None
+    tree = wired.hub._tree
+    monkeypatch.setattr(wired.hub, "_tree", lambda: {**(t := tree()), "relay1": {**t["relay1"], **channel}})
+    with pytest.raises(InstrumentError, match=found):
+        wired.relay.connect(["A"])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"patches": {"A": 1, "B": 1}}, "channel 1 is given to more than one patch"),
+        ({"patches": {"A": 9}}, "less than or equal to 8"),
+        ({"patches": {}}, "at least 1"),
+        ({"hub": "https://127.0.0.1:4444"}, "http://HOST:PORT"),
+        ({"hub": "http://user:secret@127.0.0.1"}, "password is not supported"),
+        ({"hub": "http://127.0.0.1:99999"}, "hub"),
+        ({"serial": "a/../b"}, "serial"),
+        ({"dead_man": 0}, "dead_man"),
+        ({"dead_man": 50, "longest": 20}, "longest must not be less than dead_man"),
+        ({"rating": float("nan")}, "rating"),
+        ({"pathces": {}}, "pathces"),
+    ],
+    ids=str,
+)
+def test_settings_that_cannot_be_right_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        settings(**change)
+
+
+def test_a_hub_without_a_port_is_on_the_hubs_own_port() -> None:
+    assert settings(hub="http://lab").hub == "http://lab:4444"
+    assert settings(hub="http://[::1]:81").hub == "http://[::1]:81"
+
+
+def test_wire_gives_what_points_the_driver_at_it() -> None:
+    bench = Contacts(PATCHES)
+    asked = settings(serial="MXCOUPL2-ABCDE")
+    with wire(asked, bench) as override:
+        relay = Yocto.open(asked.model_copy(update=override), bench.clock)
+        relay.connect(["D"])
+        assert bench.closed() == {"D"}
+        assert relay.identity == "Yocto-MaxiCoupler MXCOUPL2-ABCDE"
+    with pytest.raises(InstrumentError, match="cannot be talked to"):
+        relay.connected()
+
+
+REPLIES = st.one_of(
+    st.binary(max_size=200),
+    st.builds(
+        lambda head, body: b"HTTP/1.1 200 OK\r\n" + head + b"\r\n\r\n" + body,
+        st.sampled_from(
+            [b"", b"Content-Length: 5", b"Content-Length: -1", b"Transfer-Encoding: chunked", b"X" * 70_000]
+        ),
+        st.one_of(
+            st.binary(max_size=200),
+            st.sampled_from([b"null", b"[]", b"[" * 100_000, b"9" * 5000, b'{"module": []}', b"\xff\xfe"]),
+            st.dictionaries(
+                st.sampled_from(["module", "services", "relay1"]),
+                st.recursive(
+                    st.none() | st.integers() | st.text(),
+                    lambda x: (
+                        st.lists(x)
+                        | st.dictionaries(
+                            st.sampled_from(
+                                ["whitePages", "serialNumber", "productName", "state", "pulseTimer"]
+                            ),
+                            x,
+                        )
+                    ),
+                    max_leaves=5,
+                ),
+            ).map(lambda tree: json.dumps(tree).encode()),
+        ),
+    ),
+)
+
+
+@hypothesis.settings(max_examples=60, deadline=None)
+@hypothesis.given(reply=REPLIES)
+@hypothesis.example(b"HTTP/1.1 200 OK\r\n\r\n" + b"[" * 100_000)
+@hypothesis.example(b"HTTP/1.1 200 OK\r\n\r\n" + b"9" * 5000)
+def test_whatever_answers_at_the_address_is_one_clear_error(reply: bytes) -> None:
+    """Nothing that is not a hub is taken for one, and nothing but our own errors comes out."""
+
+    def serve(link: socket.socket) -> None:
+        link.recv(4096)
+        link.sendall(reply)
+
+    with Loopback(serve) as somebody, pytest.raises((InstrumentError, ConfigurationError)) as caught:
+        Yocto.open(settings(hub=f"http://{somebody.address}", timeout=1), VirtualClock())
+    assert somebody.address in str(caught.value)

@@ -1,0 +1,184 @@
+"""A play that exceeds an abort limit is stopped, logged and locked out; only a person clears the lockout."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.instruments import (
+    ConfigurationError,
+    InstrumentError,
+    LimitError,
+    Rig,
+    RigFile,
+    load_rig_file,
+    open_rig,
+)
+from haploop.instruments.config.rig_file import AbortLimits
+from haploop.instruments.safety.audit import entries
+from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
+from tests.instruments.safety.at_the_patch import bursts
+
+SECONDS = 1.5
+TWO_BLOCKS = 0.2
+
+
+def tone(rig: Rig, peak: float = 40) -> np.ndarray:
+    t = np.arange(round(SECONDS * rig.table.rate_hz)) / rig.table.rate_hz
+    return np.asarray(peak * np.sin(2 * np.pi * 263.5 * t) * np.sin(np.pi * t / SECONDS) ** 2)
+
+
+def file(rate_hz: float = 50_000.0, faults: Any = (), **abort: float) -> RigFile:
+    whole = load_rig_file("simulated")
+    assert whole.table is not None
+    return whole.model_copy(
+        update={
+            "abort": AbortLimits(**abort),
+            "table": whole.table.model_copy(update={"rate_hz": rate_hz}),
+            "simulation": whole.simulation.model_copy(update={"faults": tuple(faults)}),
+        }
+    )
+
+
+DOUBLED = file(faults=[{"kind": "amplifier-gain", "gain": 100.0}])
+
+
+def kinds(rig: Rig) -> list[str]:
+    return [str(entry["kind"]) for entry in entries(rig.audit.folder)]
+
+
+def test_more_volts_than_are_allowed_stop_the_play_within_two_blocks() -> None:
+    with open_rig(DOUBLED) as rig:
+        record = rig.simulation.truth.record()
+        with pytest.raises(InstrumentError, match=r"The patch got .* The play was stopped.*haploop reset"):
+            rig.excite(tone(rig), ["A"], ["laser"])
+    (burst,) = bursts(record)
+    assert burst.high > 1.1 * 48
+    beyond = next(
+        f.start + float(np.argmax(np.abs(f.volts) > 1.1 * 48)) * f.period
+        for f in record
+        if np.abs(f.volts).max() > 1.1 * 48
+    )
+    assert burst.stop - beyond < TWO_BLOCKS < SECONDS - beyond
+
+
+@pytest.mark.parametrize(
+    ("abort", "says"),
+    [
+        ({"drive": 30.0}, r"The patch got .* V, and \[abort\] allows 30 V"),
+        ({"velocity": 2e-3}, r"The surface moved at .* m/s, and \[abort\] allows 0\.002 m/s"),
+    ],
+)
+def test_every_abort_limit_is_tested_whatever_is_recorded(abort: dict[str, float], says: str) -> None:
+    with open_rig(file(**abort)) as rig:
+        record = rig.simulation.truth.record()
+        with pytest.raises(InstrumentError, match=says):
+            rig.excite(tone(rig), ["A"], ["switch"])
+        assert rig.simulation.truth.closed == frozenset()
+        assert rig.lockout is not None
+        kept = np.load(rig.lockout.samples)
+        assert kept["volts"].shape[0] == len(kept["channels"]) and kept["volts"].shape[1] > 4000
+        assert str(kept["why"]) == rig.lockout.why and {"drive", "switch"} <= set(kept["channels"].tolist())
+    (burst,) = bursts(record)
+    assert burst.seconds < SECONDS - TWO_BLOCKS
+
+
+def test_a_finger_that_presses_too_hard_stops_the_play() -> None:
+    with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
+        put: list[float] = []
+
+        def press(*_: object) -> None:
+            if rig.clock.now() > 0.8 and not put:
+                put.append(rig.clock.now())
+                rig.simulation.plant.put(2.5)
+
+        record = rig.simulation.truth.record()
+        with pytest.raises(
+            InstrumentError, match=r"The finger was pressed with 2\d\.\d* N, and \[abort\] allows 20"
+        ):
+            rig.excite(tone(rig, 10), ["A"], ["laser"], progress=press)
+        (burst,) = bursts(record)
+        assert 0 < burst.stop - put[0] < TWO_BLOCKS
+
+
+def test_the_weight_that_rests_on_the_sensor_is_no_finger() -> None:
+    with open_rig(file(rate_hz=20_000.0, force=20.0)) as rig:
+        rig.simulation.plant.put(5.0)
+        rig.excite(tone(rig, 10), ["A"], ["laser"])
+        assert rig.lockout is None
+
+
+def test_a_card_that_cannot_sample_the_monitored_channels_too_says_so() -> None:
+    with open_rig(file(force=20.0)) as rig, pytest.raises(ConfigurationError, match="lower the rate"):
+        rig.excite(tone(rig), ["A"], ["laser"])
+
+
+def test_a_monitored_channel_in_overload_stops_the_play() -> None:
+    saturated = [{"kind": "sensor-saturated", "channel": "laser", "after": 0.3, "duration": 0.1}]
+    says = r"The velocity stood at the end of its channel's range"
+    with open_rig(file(faults=saturated, velocity=1.0)) as rig, pytest.raises(InstrumentError, match=says):
+        rig.excite(tone(rig), ["A"], ["drive"])
+
+
+# The lockout
+
+
+def test_a_locked_out_rig_records_but_plays_nothing_until_a_reset() -> None:
+    with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
+        rig.excite(tone(rig), ["A"], ["laser"])
+    with open_rig(DOUBLED) as rig:
+        record = rig.simulation.truth.record()
+        with rig.daq.stream(["laser"], 5000, 500, 1000) as stream:
+            stream.capture()
+        with pytest.raises(
+            LimitError, match=r"The rig is locked out: .* stopped at 2.*The patch got .*haploop reset"
+        ):
+            rig.excite(tone(rig, 1), ["A"], ["laser"])
+        assert not bursts(record)
+        assert kinds(rig).count("tripped") == 1 and kinds(rig)[-1] == "refused"
+        clear_lockout(rig.audit.folder, rig.hardware)  # at once, also for a rig that is open
+        rig.excite(tone(rig, 1), ["A"], ["laser"])
+
+
+def test_another_simulated_world_is_not_locked_out() -> None:
+    with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
+        rig.excite(tone(rig), ["A"], ["laser"])
+    with open_rig("simulated") as rig:
+        assert rig.lockout is None
+
+
+def test_a_lockout_that_cannot_be_saved_holds_the_open_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with open_rig(DOUBLED) as rig:
+        monkeypatch.setattr("haploop.instruments.safety.abort_monitor.set_lockout", full)
+        monkeypatch.setattr("numpy.savez", full)
+        with pytest.raises(InstrumentError, match="The play was stopped"):
+            rig.excite(tone(rig), ["A"], ["laser"])
+        with pytest.raises(LimitError, match="The rig is locked out"):
+            rig.excite(tone(rig, 1), ["A"], ["laser"])
+
+
+def test_a_lockout_is_set_on_every_piece_of_hardware_and_never_overwritten(tmp_path: Path) -> None:
+    first, second = Lockout("2026-01-01", "one", "me", ""), Lockout("2026-01-02", "two", "you", "")
+    set_lockout(tmp_path, {"card", "relay"}, first)
+    set_lockout(tmp_path, {"relay", "laser"}, second)
+    assert lockout_of(tmp_path, {"relay"}) == lockout_of(tmp_path, {"card", "other"}) == first
+    assert lockout_of(tmp_path, {"laser"}) == second
+    assert lockout_of(tmp_path, {"other"}) is None
+    clear_lockout(tmp_path, {"relay", "card"})
+    assert lockout_of(tmp_path, {"relay"}) is None and lockout_of(tmp_path, {"laser"}) == second
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", json.dumps({"when": "now"}), "\xff"])
+def test_a_lockout_that_cannot_be_read_is_a_lockout(tmp_path: Path, content: str) -> None:
+    set_lockout(tmp_path, {"relay"}, Lockout("now", "why", "who", ""))
+    (path,) = (tmp_path / "lockouts").glob("*.json")
+    path.write_text(content, encoding="latin-1")
+    found = lockout_of(tmp_path, {"relay"})
+    assert found is not None and "cannot be read" in found.sentence and found.sentence.count("\n") == 0

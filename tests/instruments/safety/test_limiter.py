@@ -1,0 +1,261 @@
+"""Nothing is played past the limiter: each way that a script or a driver has is tried."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.instruments import ConfigurationError, Daq, LimitError, Rig, Sweep, load_rig_file, open_rig
+from haploop.instruments.config.rig_file import Device, DriveLimits, RigFile
+from haploop.instruments.generator.role import Generator
+from haploop.instruments.player.role import Player
+from haploop.instruments.relay.role import Relay
+from haploop.mocks.daq.twin import DaqTwin
+from tests.instruments.safety.at_the_patch import Burst, bursts
+
+RATE = 50_000.0
+TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(10_000) / RATE) * np.hanning(10_000)
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with open_rig(held(min=-30, max=30)) as rig:
+        yield rig
+
+
+def held(**limits: float) -> RigFile:
+    file = load_rig_file("simulated")
+    return file.model_copy(update={"limits": DriveLimits(**limits)})
+
+
+def generator_rig() -> RigFile:
+    file = load_rig_file("simulated")
+    assert file.amplifier is not None
+    box = Device(driver="keysight-33500", resource="TCPIP::127.0.0.1::5025::SOCKET", output="source")
+    amplifier = Device(driver="e413-d2", **(file.amplifier.settings | {"input": "source"}))
+    return file.model_copy(update={"generator": box, "amplifier": amplifier})
+
+
+# Ways past it
+
+
+@pytest.mark.parametrize(
+    ("file", "way"),
+    [
+        ("simulated", lambda r: r.daq.stream(["drive"], RATE, 500, 1000, {"amplifier": np.full(1000, 0.5)})),
+        ("simulated", lambda r: r.daq.stream(["drive"], RATE, 500, 1000, {"amplifier": np.zeros(1000)})),
+        ("sound-card", lambda r: r.player.play(np.zeros(1000), RATE)),
+        (generator_rig(), lambda r: r.generator.configure(Sweep(10, 300, 1, 0.1))),
+    ],
+)
+def test_an_instrument_of_a_rig_plays_nothing_by_itself(file: Any, way: Callable[[Rig], object]) -> None:
+    with open_rig(file, simulate="twin") as rig:
+        rig.relay.connect(["A"])
+        with pytest.raises(LimitError, match=r"a rig plays only what its limiter has authorised"):
+            way(rig)
+        rig.clock.sleep(0.5)
+    assert rig.simulation.truth.peak == 0
+
+
+def test_a_generator_is_not_started_again_after_its_sweep() -> None:
+    with open_rig(generator_rig()) as rig:
+        rig.sweep(Sweep(10, 300, 0.5, 20), ["A"], ["drive"])
+        rig.generator.arm()
+        with pytest.raises(LimitError):
+            rig.generator.trigger()
+        assert not rig.generator.is_on
+
+
+def test_a_driver_alone_plays_nothing(rig: Rig) -> None:
+    alone = DaqTwin(rig.daq._settings, rig.simulation.plant)
+    with pytest.raises(LimitError, match="without a rig's limits: open the rig with open_rig"):
+        alone.stream(["drive"], RATE, 500, 1000, {"amplifier": np.zeros(1000)})
+    with alone.stream(["drive"], RATE, 500, 1000) as stream:
+        assert stream.capture().volts.shape == (1, 1000)
+
+
+@pytest.mark.parametrize(
+    ("role", "name"),
+    [
+        (Daq, "stream"),
+        (DaqTwin, "stream"),
+        (Player, "play"),
+        (Generator, "configure"),
+        (Generator, "trigger"),
+        (Relay, "connect"),
+    ],
+)
+def test_no_driver_replaces_what_asks_the_limiter(role: type, name: str) -> None:
+    with pytest.raises(TypeError, match=rf"Sly replaces \w+\.{name}, .* write _{name} instead"):
+        type("Sly", (role,), {name: lambda *_: None})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda volts: {"amplifier": 1.01 * volts},
+        lambda volts: {"amplifier": volts[::2]},
+        lambda volts: {"amplifier": np.concatenate([volts, [0.0, 0.1]])},
+        lambda volts: {"elsewhere": volts},
+        lambda volts: {"amplifier": volts, "elsewhere": volts},
+    ],
+)
+def test_only_the_authorised_drive_is_played(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], dict[str, np.ndarray]]
+) -> None:
+    stream = rig.daq.stream
+
+    def sly(*arguments: Any) -> Any:
+        return stream(*arguments[:-1], change(arguments[-1]["amplifier"]))
+
+    monkeypatch.setattr(rig.daq, "stream", sly)
+    with pytest.raises(LimitError):
+        rig.excite(TONE, ["A"], ["drive"])
+    assert rig.simulation.truth.peak == 0
+
+
+def test_at_another_rate_it_is_another_waveform(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = rig.daq.stream
+    monkeypatch.setattr(rig.daq, "stream", lambda c, rate, *more: stream(c, 2 * rate, *more))
+    with pytest.raises(LimitError):
+        rig.excite(TONE, ["A"], ["drive"])
+    assert rig.simulation.truth.peak == 0
+
+
+def test_a_drive_that_is_changed_after_it_was_checked_is_played_as_it_was(rig: Rig) -> None:
+    drive = TONE.copy()
+    capture = rig.excite(drive, ["A"], ["drive"], progress=lambda *_: drive.fill(45.0))
+    assert np.abs(capture.volts).max() == pytest.approx(0.1, rel=0.05)
+    assert rig.simulation.truth.peak < 11
+
+
+def test_while_a_drive_is_played_the_relay_only_opens_and_no_other_is(rig: Rig) -> None:
+    seen: list[str] = []
+
+    def meddle(*_: object) -> None:
+        for step in (
+            lambda: rig.relay.connect(["A", "B"]),
+            lambda: rig.relay.connect(["A"]),
+            lambda: rig.excite(TONE, ["A"], ["drive"]),
+        ):
+            with pytest.raises(LimitError, match="being played") as refused:
+                step()
+            seen.append(str(refused.value))
+        assert rig.simulation.truth.closed == {"A"}
+
+    rig.excite(TONE, ["A"], ["drive"], progress=meddle)
+    assert len(seen) == 9  # in each of its blocks
+
+
+# Limits, to the last volt, in the plant
+
+
+def played(file: RigFile, drive: np.ndarray, patches: tuple[str, ...] = ("A",)) -> list[Burst]:
+    with open_rig(file) as rig:
+        record = rig.simulation.truth.record()
+        rig.excite(drive, patches, ["drive"])
+    return bursts(record)
+
+
+def tone(peak: float, hertz: float = 250.0, seconds: float = 0.2) -> np.ndarray:
+    t = np.arange(round(seconds * RATE)) / RATE
+    return np.asarray(peak * np.sin(2 * np.pi * hertz * t) * np.sin(np.pi * t / seconds) ** 2)
+
+
+@pytest.mark.parametrize(
+    ("limits", "drive", "says", "seen"),
+    [
+        ({"max": 20.0}, lambda s: s * tone(19.99), "rises to", lambda b: b.high / 20),
+        ({"min": -20.0}, lambda s: s * tone(19.99), "falls to", lambda b: -b.low / 20),
+        (
+            {"peak_to_peak": 40.0},
+            lambda s: s * tone(19.99),
+            "has a peak-to-peak voltage of",
+            lambda b: (b.high - b.low) / 40,
+        ),
+        ({"slew": 6e4}, lambda s: s * tone(38.2), "slews at", lambda b: b.slew / 6e4),
+        ({"max_duration": 0.2}, lambda s: tone(20, seconds=0.2 * s), "lasts", lambda b: b.seconds / 0.2),
+    ],
+)
+def test_a_limit_is_met_and_not_passed(
+    limits: dict[str, float],
+    drive: Callable[[float], np.ndarray],
+    says: str,
+    seen: Callable[[Burst], float],
+) -> None:
+    file = held(**limits)
+    (burst,) = played(file, drive(0.995))
+    assert 0.97 < seen(burst) < 1.011  # the amplifier's own gain is off by 1 %
+    with pytest.raises(LimitError, match=rf"The drive {says} .* at sample \d+, .* of the rig file's"):
+        played(file, drive(1.02))
+
+
+def test_a_refusal_says_whose_limit_by_how_much_and_where(rig: Rig) -> None:
+    with pytest.raises(LimitError) as refused:
+        rig.excite(tone(33), ["A"], ["drive"])
+    found = re.fullmatch(
+        r"The drive falls to -(.*) V at sample (\d+), (.*) V beyond the -30 V of the rig file's \[limits\]\.",
+        str(refused.value),
+    )
+    assert found and float(found[1]) - float(found[3]) == pytest.approx(30, abs=0.02)
+    assert tone(33)[int(found[2])] == pytest.approx(-float(found[1]), abs=0.01)
+    with open_rig("simulated") as wide:
+        with pytest.raises(LimitError, match=r"48 V of the relay\.$"):
+            wide.excite(tone(49), ["A"], ["drive"])
+        with pytest.raises(LimitError, match=r"0\.1 A of the amplifier\.$"):
+            wide.excite(tone(40, 1800), ["A", "B", "C", "D"], ["drive"])
+
+
+def test_silence_elsewhere_does_not_make_a_current_harmless() -> None:
+    file = load_rig_file("simulated")
+    assert file.amplifier is not None
+    weak = Device(driver="e413-d2", **(file.amplifier.settings | {"current_average": 0.8e-3}))
+    loud = tone(40, 250, 1.0)
+    with open_rig(file.model_copy(update={"amplifier": weak})) as rig:
+        rig.excite(loud * 0.5, ["A"], ["drive"])
+        for drive in (loud, np.pad(loud, (0, 100_000)), np.concatenate([tone(1), np.zeros(100_000), loud])):
+            with pytest.raises(LimitError, match="draws on average"):
+                rig.excite(drive, ["A"], ["drive"])
+
+
+def test_a_duty_counts_what_was_played_before() -> None:
+    with open_rig(held(duty=0.02)) as rig:  # 1.2 s of a minute
+        for _ in range(5):
+            rig.excite(TONE, ["A"], ["drive"])
+        with pytest.raises(LimitError, match=r"1.2 s that 'duty' in \[limits\] allows: wait \d") as refused:
+            rig.excite(tone(10, seconds=0.4), ["A"], ["drive"])
+        wait = float(str(refused.value).split("wait ")[1].split(" s")[0])
+        assert 50 < wait < 60
+        rig.clock.sleep(wait + 0.1)
+        rig.excite(tone(10, seconds=0.4), ["A"], ["drive"])
+        with pytest.raises(LimitError, match="play a shorter one"):
+            rig.excite(tone(10, seconds=1.5), ["A"], ["drive"])
+
+
+def test_a_sweep_that_is_no_wave_is_held_to_its_limits_all_the_same() -> None:
+    with open_rig(generator_rig()) as rig, pytest.raises(LimitError, match="rises to"):
+        rig.sweep(Sweep(1, 2, 0.3, 60), ["A"], ["drive"])
+
+
+def test_what_a_player_makes_of_a_drive_is_held_to_the_limits() -> None:
+    """Resampling overshoots at an edge that is steeper than the card can play."""
+    file = load_rig_file("sound-card")
+    rng = np.random.default_rng(1)
+    edges = np.repeat(np.sign(rng.uniform(-1, 1, 200)), 4) * 4.9
+    edges = np.concatenate([[0.0], edges - edges.mean(), [0.0]])
+    strict = file.model_copy(update={"limits": DriveLimits(min=-5, max=5, peak_to_peak=11)})
+    with open_rig(strict, simulate="twin") as rig:
+        assert np.abs(edges).max() < 5
+        with pytest.raises(LimitError, match=r"rises to|falls to|peak-to-peak"):
+            rig.excite(edges, ["A"], ["drive"])
+    assert rig.simulation.truth.peak == 0
+
+
+def test_what_no_limit_is_known_for_is_not_played() -> None:
+    file = load_rig_file("simulated").model_copy(update={"amplifier": None})
+    with open_rig(file) as rig, pytest.raises(ConfigurationError, match=r"no \[amplifier\]"):
+        rig.excite(TONE, ["A"], ["drive"])

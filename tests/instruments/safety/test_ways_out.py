@@ -1,0 +1,340 @@
+"""Every way out of a rig ends in the safe state, seen in the plant."""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.instruments import InstrumentError, RealClock, Rig, load_rig_file, open_rig
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.errors import HaploopError
+from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.safety.audit import entries
+from haploop.instruments.safety.lock import hold, reserve
+from haploop.instruments.signals import at_console_close, ending_in_order
+from haploop.mocks.simulation import Simulation
+from tests.instruments.safety.at_the_patch import bursts
+
+DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
+TraceFunction = Callable[[FrameType, str, Any], Any]
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals to another program are POSIX")
+
+
+def safe(rig: Rig) -> bool:
+    truth = rig.simulation.truth
+    rig.clock.sleep(0.1)
+    return not truth.closed and max(map(abs, truth.patch_voltages.values())) < 0.02
+
+
+# What hangs
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr("haploop.instruments.safety.deadline.DEADLINE", 0.2)
+    yield
+
+
+def for_ever(*_: object) -> None:
+    threading.Event().wait()
+
+
+@pytest.mark.usefixtures("patient")
+def test_an_instrument_that_hangs_on_its_way_out_keeps_no_other_from_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begun = time.monotonic()
+    with pytest.raises(InstrumentError, match=r"not confirmed: The daq .* hangs: .* 0\.2 s\. .*by hand"):  # noqa: SIM117
+        with open_rig("simulated") as rig:
+            rig.relay.connect(["A", "B"])
+            monkeypatch.setattr(rig.daq, "zero", for_ever)
+            monkeypatch.setattr(rig.daq, "close", for_ever)
+    assert rig.simulation.truth.closed == frozenset()
+    assert time.monotonic() - begun < 5
+    assert [entry["kind"] for entry in entries(rig.audit.folder)][-2:] == ["unsafe", "closed"]
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_stream_that_hangs_when_it_is_closed_does_not_keep_the_relay_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with open_rig("simulated") as rig:
+        monkeypatch.setattr("haploop.mocks.daq.twin._TwinStream.close", for_ever)
+        with pytest.raises(InstrumentError, match=r"PCIe-6321.* hangs"):
+            rig.excite(DRIVE, ["A"], ["drive"])
+        assert safe(rig)
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InstrumentError, match=r"The relay .* hangs"), open_rig("simulated") as rig:
+        connect = rig.relay.connect
+        monkeypatch.setattr(rig.relay, "connect", lambda p: connect(p) if p else for_ever())
+        rig.excite(DRIVE, ["A"], ["drive"])
+    rig.clock.sleep(rig.relay.dead_man + 0.1)
+    assert safe(rig)  # by the box's own timer
+
+
+# Ways out
+
+
+def test_the_safe_state_can_be_asked_for_again_and_again() -> None:
+    with open_rig("simulated") as rig:
+        record = rig.simulation.truth.record()
+        for _ in range(3):
+            rig.make_safe()
+    rig.close()
+    rig.close()
+    assert safe(rig) and not bursts(record)
+
+
+def test_a_rig_that_nobody_closes_is_closed_when_the_program_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    late: list[Callable[[], object]] = []
+    monkeypatch.setattr(atexit, "register", late.append)
+    monkeypatch.setattr(atexit, "unregister", late.remove)
+    rig = open_rig("simulated")
+    rig.relay.connect(["A"])
+    (leave,) = late
+    leave()
+    assert safe(rig) and not late
+
+
+@pytest.fixture
+def no_other_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if no rig were open that another test of this run keeps."""
+    monkeypatch.setattr("haploop.instruments.signals._orderly", 0)
+
+
+@pytest.mark.parametrize(
+    "kind", [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
+)
+@pytest.mark.usefixtures("no_other_rig")
+def test_what_ends_a_program_leaves_a_users_script_in_order(kind: signal.Signals) -> None:
+    before = signal.getsignal(kind)
+    signal.signal(kind, signal.SIG_DFL)
+    try:
+        with pytest.raises(SystemExit) as left, open_rig("simulated") as rig:
+            rig.excite(DRIVE, ["A"], ["drive"], progress=lambda *_: signal.raise_signal(kind))
+        assert left.value.code == 128 + kind
+        assert safe(rig) and signal.getsignal(kind) is signal.SIG_DFL
+    finally:
+        signal.signal(kind, before)
+
+
+def test_what_a_program_has_arranged_for_a_signal_stays() -> None:
+    seen: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: seen.append(number))
+    try:
+        with ending_in_order(), ending_in_order():
+            signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert seen == [signal.SIGTERM]
+
+
+@pytest.mark.usefixtures("no_other_rig")
+def test_two_rigs_may_be_closed_in_any_order() -> None:
+    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    try:
+        first, second = open_rig("simulated"), open_rig("simulated")
+        first.close()
+        with pytest.raises(SystemExit):
+            signal.raise_signal(signal.SIGTERM)
+        second.close()
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_closing_the_console_on_windows_waits_for_the_safe_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows' part is played by this test; on Windows itself it has not been tried."""
+    handlers: list[Any] = []
+
+    class Kernel:
+        @staticmethod
+        def SetConsoleCtrlHandler(handler: Any, add: int) -> None:  # noqa: N802
+            if add:
+                handlers.append(handler)
+            else:
+                handlers.remove(handler)
+
+    class Windll:
+        kernel32 = Kernel
+
+    monkeypatch.setattr(ctypes, "windll", Windll, raising=False)
+    with open_rig("simulated") as rig:
+        rig.relay.connect(["A"])
+        (handler,) = handlers
+        assert handler(0) == 0 and rig.simulation.truth.closed == {"A"}  # Ctrl-C is a signal's
+        thread = threading.Thread(target=handler, args=(2,))
+        thread.start()
+        thread.join()
+        assert safe(rig)
+    assert not handlers
+    with at_console_close(lambda: 1 / 0):
+        assert handlers[0](6) == 0
+
+
+def test_ctrl_c_at_any_line_of_the_way_out_of_a_play(full: bool) -> None:
+    """One stops the play, and one more comes at a random line of what follows: the play leaves no volts."""
+    rng = random.Random(4)
+    passed = second = 0
+
+    def line(_frame: FrameType, event: str, _argument: object) -> TraceFunction:
+        nonlocal passed
+        if event == "line":
+            passed += 1
+            if passed == second:
+                signal.raise_signal(signal.SIGINT)
+        return line
+
+    def first(*_: object) -> None:
+        sys.settrace(lambda *_: line)
+        signal.raise_signal(signal.SIGINT)
+
+    def interrupted(rig: Rig, at: int) -> None:
+        nonlocal passed, second
+        passed, second = 0, at
+        try:
+            rig.excite(DRIVE[:15_000] / 4, ["A"], ["drive"], progress=first)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.settrace(None)
+
+    with open_rig("simulated") as rig:
+        interrupted(rig, sys.maxsize)
+        lines = range(passed)
+        assert len(lines) > 100
+        for at in lines if full else rng.sample(lines, 4):
+            interrupted(rig, at)
+            assert safe(rig), at
+        rig.excite(DRIVE, ["A"], ["drive"])
+
+
+@POSIX
+@pytest.mark.timeout(1800)
+def test_ctrl_c_at_any_time_and_again_and_again(full: bool) -> None:
+    """Ctrl-C by a clock of its own: while a drive is played, while it is stopped, while it is left."""
+    rng, raised = random.Random(0), 0
+    me = threading.get_ident()
+    for _ in range(500 if full else 12):
+        delays = [rng.uniform(0, 0.05)] + [rng.choice((0, 1e-4, 1e-3, 5e-3)) for _ in range(rng.randrange(4))]
+
+        def shoot(delays: list[float] = delays) -> None:
+            for delay in delays:
+                time.sleep(delay)
+                signal.pthread_kill(me, signal.SIGINT)
+
+        rigs: list[Rig] = []
+        hail = threading.Thread(target=shoot)
+        try:
+            with open_rig("simulated") as rig:
+                rigs.append(rig)
+                hail.start()
+                for _ in range(4):
+                    rig.excite(DRIVE[:20_000] / 4, ["A"], ["drive"])
+        except KeyboardInterrupt:
+            raised += 1
+        while True:
+            try:
+                while not hail.ident or hail.is_alive():
+                    time.sleep(1e-3)
+                time.sleep(1e-3)  # What has been sent by now has arrived after that.
+                break
+            except KeyboardInterrupt:
+                continue
+        assert safe(rigs[0])
+    assert raised
+
+
+# A second program, kill -9, and the relay's own timer
+
+CHILD = """
+import sys, time
+from haploop.instruments import open_rig
+with open_rig(sys.argv[1]) as rig:
+    rig.relay.connect(["A"])
+    print("connected", flush=True)
+    while True:
+        rig.relay.renew()
+        time.sleep(0.1)
+"""
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[tuple[Path, Simulation]]:
+    """A rig file of hardware, whose hardware is served from a plant in real time."""
+    file = load_rig_file("haptable")
+    assert file.relay is not None
+    world = Simulation(file, RealClock())
+    card = world.serve("ni-daqmx", NiDaq.Settings.model_validate(file.daq.settings))
+    relay = Yocto.Settings.model_validate(file.relay.settings | {"dead_man": 1.0})
+    box = world.serve("yocto-maxicoupler", relay)
+    path = tmp_path / "lab.toml"
+    path.write_text(
+        f'base = "haptable"\nname = "lab"\n[daq]\nserver = "{card["server"]}"\n'
+        f'[relay]\nhub = "{box["hub"]}"\ndead_man = 1.0\n'
+    )
+    yield path, world
+    world.close()
+
+
+@POSIX
+def test_another_program_is_refused_and_one_that_is_killed_leaves_an_open_relay(
+    lab: tuple[Path, Simulation], tmp_path: Path
+) -> None:
+    path, world = lab
+    with subprocess.Popen(
+        [sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True
+    ) as child:
+        try:
+            assert child.stdout is not None and child.stdout.readline() == "connected\n"
+            assert world.truth.closed == {"A"}
+            # Another file that names only the same relay is refused as well.
+            other = tmp_path / "other.toml"
+            other.write_text(path.read_text().replace('name = "lab"', 'name = "other"'))
+            owner = rf"The rig 'other' is in use \(.*\) by process {child.pid} \(-c .*\) of .* on .*: wait"
+            with pytest.raises(InstrumentError, match=owner):
+                open_rig(other)
+            time.sleep(1.5)
+            assert world.truth.closed == {"A"}  # renewed while the program is healthy
+        finally:
+            child.kill()
+        child.wait()
+    killed = time.monotonic()
+    while world.truth.closed:
+        assert time.monotonic() - killed < 2.0
+        time.sleep(0.02)
+    with open_rig(path) as rig:
+        assert rig.relay.connected() == frozenset()
+        with pytest.raises(InstrumentError, match="is open in this program already"):
+            open_rig(other)
+
+
+def test_a_reservation_is_for_this_programs_rigs() -> None:
+    with reserve({"card"}, "The rig 'one'"):
+        for _ in range(2):
+            with hold({"card"}, "The rig 'one'"):
+                pass
+        with hold({"card"}, "The rig 'one'"):
+            with (
+                pytest.raises(HaploopError, match="The rig 'two' is open in this program already"),
+                hold({"card", "relay"}, "The rig 'two'"),
+            ):
+                pass
+            with hold({"relay"}, "The rig 'two'"):
+                pass

@@ -1,0 +1,210 @@
+"""Digital lines and ports on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import nidaqmx
+import numpy as np
+import pytest
+from nidaqmx.constants import LineGrouping
+from nidaqmx.stream_readers import DigitalMultiChannelReader, DigitalSingleChannelReader
+from nidaqmx.stream_writers import DigitalMultiChannelWriter, DigitalSingleChannelWriter
+from nitypes.waveform import DigitalWaveform
+
+from haploop.mocks.daq.ni import NiServer, devices_from_ini
+from tests.mocks.daq.ni_client import EXPORT, connected
+
+TOGETHER, EACH = LineGrouping.CHAN_FOR_ALL_LINES, LineGrouping.CHAN_PER_LINE
+
+
+@pytest.fixture(scope="module")
+def options() -> Iterator[nidaqmx.GrpcSessionOptions]:
+    with NiServer(devices_from_ini(EXPORT)) as server, connected(server) as options:
+        yield options
+
+
+@pytest.fixture
+def task(options: nidaqmx.GrpcSessionOptions) -> Iterator[nidaqmx.Task]:
+    with nidaqmx.Task(grpc_options=options) as task:
+        yield task
+
+
+@pytest.fixture
+def other(options: nidaqmx.GrpcSessionOptions) -> Iterator[nidaqmx.Task]:
+    with nidaqmx.Task(grpc_options=options) as task:
+        yield task
+
+
+@pytest.mark.parametrize(
+    "lines, grouping, assigned, names",
+    [
+        ("Sim/port0/line0", TOGETHER, "", ["Sim/port0/line0"]),
+        ("Sim/port0/line0:1", EACH, "", ["Sim/port0/line0", "Sim/port0/line1"]),
+        ("Sim/port0/line0:1", TOGETHER, "", ["Sim/port0/line0..."]),
+        ("Sim/port0/line0:1", EACH, "button", ["button0", "button1"]),
+        ("Sim/port0/line0:7", TOGETHER, "button", ["button"]),
+        ("Sim/port1", TOGETHER, "", ["Sim/port1"]),
+        ("Sim/port1", EACH, "", [f"Sim/port1/line{i}" for i in range(8)]),
+    ],
+)
+def test_names(
+    task: nidaqmx.Task, lines: str, grouping: LineGrouping, assigned: str, names: list[str]
+) -> None:
+    task.di_channels.add_di_chan(lines, assigned, grouping)
+
+    assert task.channel_names == names
+    assert task.number_of_channels == len(names)
+
+
+def test_simulated_lines_count(task: nidaqmx.Task) -> None:
+    task.di_channels.add_di_chan("Sim/port0/line7:0", line_grouping=TOGETHER)
+    reader = DigitalSingleChannelReader(task.in_stream)
+    lines = np.zeros(8, dtype=bool)
+    counted = []
+    for _ in range(20):
+        reader.read_one_sample_multi_line(lines)
+        counted.append(int(np.packbits(lines, bitorder="little")[0]))
+
+    assert counted == list(range(20))
+
+
+@pytest.mark.parametrize(
+    "port, method, dtype, all_of",
+    [(1, "byte", "uint8", 1), (2, "uint16", "uint16", 1), (0, "uint32", "uint32", 0x01010101)],
+)
+def test_ports_count_in_groups_of_eight(
+    task: nidaqmx.Task, port: int, method: str, dtype: str, all_of: int
+) -> None:
+    task.di_channels.add_di_chan(f"Sim/port{port}", line_grouping=TOGETHER)
+    reader = DigitalSingleChannelReader(task.in_stream)
+    data = np.zeros(256, dtype=dtype)
+
+    assert getattr(reader, f"read_many_sample_port_{method}")(data, 256) == 256
+
+    assert data.tolist() == [all_of * k for k in range(256)]
+
+
+def test_channels_of_different_widths(task: nidaqmx.Task) -> None:
+    for port in ("port0", "port1"):
+        task.di_channels.add_di_chan(f"Sim/{port}", line_grouping=TOGETHER)
+    lines = np.ones((2, 32), dtype=bool)
+
+    DigitalMultiChannelReader(task.in_stream).read_one_sample_multi_line(lines)
+    DigitalMultiChannelReader(task.in_stream).read_one_sample_multi_line(lines)
+
+    assert np.flatnonzero(lines[0]).tolist() == [0, 8, 16, 24]
+    assert np.flatnonzero(lines[1]).tolist() == [0]
+    assert np.array(task.read(2)).tolist() == [[0x02020202, 0x03030303], [2, 3]]
+
+
+def test_lines_per_channel_read_as_booleans(task: nidaqmx.Task) -> None:
+    task.di_channels.add_di_chan("Sim/port0/line0:2", line_grouping=EACH)
+
+    assert np.array(task.read(4)).tolist() == [
+        [False, True, False, True],
+        [False, False, True, True],
+        [False, False, False, False],
+    ]
+
+
+def test_clocked_waveforms(task: nidaqmx.Task) -> None:
+    task.di_channels.add_di_chan("Sim/port0/line2:1", "pair", TOGETHER)
+    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=50)
+
+    waveform = task.read_waveform(100)
+
+    assert waveform.sample_count == 50
+    assert waveform.channel_name == "pair"
+    assert waveform.data[:8].tolist() == [
+        [0, 0], [0, 0], [0, 1], [0, 1], [1, 0], [1, 0], [1, 1], [1, 1]
+    ]  # fmt: skip
+    assert [s.name for s in waveform.signals] == ["Sim/port0/line1", "Sim/port0/line2"]
+    assert waveform.signals[0].data[:4].tolist() == [0, 0, 1, 1]
+    assert waveform.timing.sample_interval.total_seconds() == 1e-3
+
+
+def test_waveform_columns_go_down_a_whole_port_and_follow_named_lines(task: nidaqmx.Task) -> None:
+    task.di_channels.add_di_chan("Sim/port0/line2:0, Sim/port1", line_grouping=TOGETHER)
+    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+
+    waveform = task.read_waveform(10)
+
+    columns = ["".join(str(int(bit)) for bit in sample) for sample in waveform.data]
+    assert columns[1] == "001" + "00000001"
+    assert columns[6] == "110" + "00000110"
+    assert waveform.signals[0].name == "Sim/port1/line0"
+    assert waveform.signals[10].name == "Sim/port0/line2"
+
+
+def test_waveform_of_a_port_is_written_from_its_highest_line_down(
+    task: nidaqmx.Task, other: nidaqmx.Task
+) -> None:
+    task.do_channels.add_do_chan("Card/port1", line_grouping=TOGETHER)
+    other.di_channels.add_di_chan("Card/port1", line_grouping=TOGETHER)
+    task.start()
+    waveform = DigitalWaveform(1, 8)
+    waveform.data[0] = [0, 1, 0, 0, 1, 0, 1, 1]
+
+    assert DigitalSingleChannelWriter(task.out_stream).write_waveform(waveform) == 1
+
+    assert other.read() == 0b01001011
+
+
+def test_an_output_is_read_back(task: nidaqmx.Task) -> None:
+    task.do_channels.add_do_chan("Sim/port2", line_grouping=TOGETHER)
+    for value in (0xA5, 0x5A):
+        task.write(value)
+        assert task.read() == value
+    assert task.read(3) == [0x5A] * 3
+
+
+@pytest.mark.parametrize("device", ["Card", "Sim"])
+def test_a_line_reads_what_drives_it(task: nidaqmx.Task, other: nidaqmx.Task, device: str) -> None:
+    task.do_channels.add_do_chan(f"{device}/port0/line7:0", line_grouping=TOGETHER)
+    other.di_channels.add_di_chan(f"{device}/port0/line0:7", line_grouping=TOGETHER)
+    other.di_channels.all.di_tristate = False
+    task.start()
+    other.start()
+    writer = DigitalSingleChannelWriter(task.out_stream)
+
+    for value in (0, 1, 0x5A, 0xFF):
+        writer.write_one_sample_multi_line(np.unpackbits(np.uint8([value]), bitorder="little").astype(bool))
+        assert other.read() == value
+    task.write(0x81)
+    assert other.read() == 0x81
+    task.stop()
+    # Nobody drives the lines any more: a card holds its last state, a simulated one counts again.
+    assert (other.read() == other.read()) is (device == "Card")
+
+
+@pytest.mark.parametrize("method, dtype", [("byte", "uint8"), ("uint16", "uint16"), ("uint32", "uint32")])
+def test_ports_write(task: nidaqmx.Task, other: nidaqmx.Task, method: str, dtype: str) -> None:
+    for port in (1, 2):
+        task.do_channels.add_do_chan(f"Card/port{port}", line_grouping=TOGETHER)
+        other.di_channels.add_di_chan(f"Card/port{port}", line_grouping=TOGETHER)
+    task.start()
+    data = np.array([[1, 2, 3], [4, 5, 0xA5]], dtype=dtype)
+
+    assert getattr(DigitalMultiChannelWriter(task.out_stream), f"write_many_sample_port_{method}")(data) == 3
+
+    assert other.read() == [3, 0xA5]
+
+
+def test_clocked_output_ends_on_its_last_sample(task: nidaqmx.Task, other: nidaqmx.Task) -> None:
+    task.do_channels.add_do_chan("Card/port0/line0:3", line_grouping=TOGETHER)
+    task.timing.cfg_samp_clk_timing(10_000, samps_per_chan=20)
+    other.di_channels.add_di_chan("Card/port0/line0:3", line_grouping=TOGETHER)
+
+    task.write(np.arange(20, dtype=np.uint32) % 16, auto_start=True)
+    task.wait_until_done(timeout=2)
+
+    assert other.read() == 3
+
+
+def test_waveform_of_the_wrong_width(task: nidaqmx.Task) -> None:
+    task.do_channels.add_do_chan("Card/port0/line0", line_grouping=TOGETHER)
+    task.start()
+
+    with pytest.raises(nidaqmx.DaqError, match="number of lines in the data"):
+        DigitalSingleChannelWriter(task.out_stream).write_waveform(DigitalWaveform(4, 3))

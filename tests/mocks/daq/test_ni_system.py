@@ -1,0 +1,117 @@
+"""Devices, exports of NI MAX, and the wire as a program of its own."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import grpc
+import nidaqmx
+import pytest
+from nidaqmx.constants import BusType, ProductCategory, TerminalConfiguration, UsageTypeAI
+from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.system import Device, PhysicalChannel, System
+
+from haploop.mocks.daq.ni import NiServer, devices_from_ini
+from tests.mocks.daq.ni_client import EXPORT, connected
+
+
+@pytest.fixture(scope="module")
+def options() -> Iterator[nidaqmx.GrpcSessionOptions]:
+    with NiServer(devices_from_ini(EXPORT)) as server, connected(server) as options:
+        yield options
+
+
+def test_export_lists_what_is_left_out() -> None:
+    inventory = devices_from_ini(EXPORT)
+
+    assert list(inventory.devices) == ["Sim", "Card", "Old", "Frame", "FrameMod1", "FrameMod2"]
+    assert [sentence.split()[0] for sentence in inventory.left_out] == ["Bridge", "StrayMod1"]
+
+
+def test_system_lists_the_devices(options: nidaqmx.GrpcSessionOptions) -> None:
+    system = System.remote(options)
+
+    assert system.devices.device_names == list(devices_from_ini(EXPORT).devices)
+    assert [d.name for d in system.devices["Frame"].chassis_module_devices] == ["FrameMod1", "FrameMod2"]
+
+
+def test_device_reports_itself(options: nidaqmx.GrpcSessionOptions) -> None:
+    device = System.remote(options).devices["Card"]
+
+    assert (device.product_type, device.product_category) == ("PCIe-6363", ProductCategory.X_SERIES_DAQ)
+    assert (device.serial_num, device.is_simulated, device.bus_type) == (0x1A2B, False, BusType.PCIE)
+    assert len(device.ai_physical_chans) == 32 and len(device.ao_physical_chans) == 4
+    assert len(device.di_lines) == len(device.do_lines) == 48
+    assert device.di_ports.channel_names == ["Card/port0", "Card/port1", "Card/port2"]
+    assert len(device.ci_physical_chans) == 4
+    assert device.ai_max_single_chan_rate == 2e6 and device.ai_max_multi_chan_rate == 1e6
+    assert device.ai_voltage_rngs[-2:] == [-10, 10]
+    assert UsageTypeAI.VOLTAGE in device.ai_meas_types
+    assert not device.ai_simultaneous_sampling_supported
+    device.self_test_device()
+    assert Device("Sim", grpc_options=options).product_num == 0x7435C4C4
+
+
+def test_module_and_old_card(options: nidaqmx.GrpcSessionOptions) -> None:
+    devices = System.remote(options).devices
+
+    module = devices["FrameMod1"]
+    assert module.product_category == ProductCategory.C_SERIES_MODULE
+    assert module.compact_daq_chassis_device.name == "Frame" and module.compact_daq_slot_num == 1
+    assert module.ai_simultaneous_sampling_supported
+    assert module.ai_physical_chans["ai0"].ai_term_cfgs == [TerminalConfiguration.DIFF]
+    old = devices["Old"]
+    assert old.product_category == ProductCategory.E_SERIES_DAQ
+    assert old.ao_physical_chans.channel_names == []
+
+
+def test_physical_channels(options: nidaqmx.GrpcSessionOptions) -> None:
+    configurations = [TerminalConfiguration.RSE, TerminalConfiguration.NRSE, TerminalConfiguration.DIFF]
+
+    assert PhysicalChannel("Sim/ai0", grpc_options=options).ai_term_cfgs == configurations
+    assert PhysicalChannel("Sim/ai8", grpc_options=options).ai_term_cfgs == configurations[:2]
+    assert PhysicalChannel("Sim/port0", grpc_options=options).di_port_width == 32
+    with pytest.raises(nidaqmx.DaqError) as caught:
+        _ = PhysicalChannel("Sim/ai1234", grpc_options=options).ai_meas_types
+    assert caught.value.error_code == DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST
+    with pytest.raises(nidaqmx.DaqError) as caught:
+        _ = Device("Nobody", grpc_options=options).product_type
+    assert caught.value.error_code == DAQmxErrors.INVALID_DEVICE_ID
+
+
+def test_tasks_are_shared_by_name_and_cleared(options: nidaqmx.GrpcSessionOptions) -> None:
+    with nidaqmx.Task("shared", grpc_options=options) as task:
+        task.ai_channels.add_ai_voltage_chan("Sim/ai0")
+        again = nidaqmx.Task("shared", grpc_options=options)
+        assert again.channel_names == ["Sim/ai0"]
+    with pytest.raises(nidaqmx.DaqError) as caught:
+        again.start()
+    assert caught.value.error_code == DAQmxErrors.INVALID_TASK
+
+
+def test_program_of_its_own(tmp_path: Path) -> None:
+    export = tmp_path / "max.ini"
+    export.write_text(EXPORT)
+    program = (
+        "import sys, pathlib, haploop.mocks.daq.ni as ni; "
+        "ni.run(ni.inventory_from_file(pathlib.Path(sys.argv[1])))"
+    )
+    command = [sys.executable, "-c", program, str(export)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            prefix, _, port = line.rpartition(" ")
+            assert prefix == "Server listening on port"
+            with grpc.insecure_channel(f"localhost:{int(port)}") as channel:
+                system = System.remote(nidaqmx.GrpcSessionOptions(channel, ""))
+                assert "Sim" in system.devices
+        finally:
+            process.send_signal(signal.SIGTERM)
+            _, said = process.communicate(timeout=10)
+    assert process.returncode == 0 or sys.platform == "win32"
+    assert "Bridge (PXIe-4331) is not known" in said
