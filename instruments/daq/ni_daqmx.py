@@ -142,11 +142,11 @@ class NiDaq(Daq):
 
     def zero(self) -> None:
         """See `Daq.zero`. Stops what plays first: a task that plays holds its outputs reserved."""
-        outputs: dict[str, list[str]] = {}
+        outputs: dict[str, list[Output]] = {}
         for output in self._settings.outputs.values():
-            outputs.setdefault(device_of(output.terminal), []).append(output.terminal)
+            outputs.setdefault(device_of(output.terminal), []).append(output)
         steps: list[Callable[[], None]] = [stream.stop_playing for stream in self._streams]
-        steps += [partial(self._write_zero, device, names) for device, names in outputs.items()]
+        steps += [partial(self._write_zero, device, own) for device, own in outputs.items()]
         failures = []
         # One card that fails must not keep another one from zero.
         for step in steps:
@@ -157,11 +157,14 @@ class NiDaq(Daq):
         if failures:
             raise InstrumentError(" ".join(str(error) for error in failures)) from failures[0]
 
-    def _write_zero(self, device: str, terminals: Sequence[str]) -> None:
+    def _write_zero(self, device: str, outputs: Sequence[Output]) -> None:
         with self.talking_to(device), self.task(f"{device} zero") as task:
-            for terminal in terminals:
-                task.ao_channels.add_ao_voltage_chan(terminal)
-            taken = task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
+            for output in outputs:
+                # A card whose range is narrower than the library's default of +-10 V refuses that.
+                task.ao_channels.add_ao_voltage_chan(
+                    output.terminal, min_val=-output.range, max_val=output.range
+                )
+            taken = task.write([0.0] * len(outputs) if len(outputs) > 1 else 0.0, auto_start=True)
         if taken != 1:
             raise InstrumentError(f"{device} did not say that its outputs took zero: try again.")
 
@@ -247,7 +250,9 @@ class _NiStream(Stream):
             for home, names in plan.inputs:
                 with daq.talking_to(home):
                     task = self._input(home, names, rate_hz)
-                    self.rate_hz = float(task.timing.samp_clk_rate)
+                    if home == plan.master:
+                        # The others sample on this card's clock, whatever rate their own would make of it.
+                        self.rate_hz = float(task.timing.samp_clk_rate)
                     # Some cards have few rates, and take the one that is next.
                     if not rate_hz / 2 < self.rate_hz < 2 * rate_hz:
                         raise ConfigurationError(

@@ -77,6 +77,13 @@ class Channel:
     def full_scale(self) -> float:
         """Range of the converter, as +- full scale (V)."""
         if self.kind == "ao":
+            wanted = float(np.abs(self.volts).max())
+            if wanted > self.product.ao_range * (1 + 1e-9):
+                raise DaqmxError(
+                    DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+                    f"Requested value is not a supported value for this property: {self.name} of "
+                    f"{self.product.name} puts out +-{self.product.ao_range:g} V, not +-{wanted:g} V.",
+                )
             return self.product.ao_range
         forced = self.values.get("AI_RNG_HIGH")
         wanted = forced if forced is not None else float(np.abs(self.volts).max())
@@ -287,6 +294,9 @@ class Task:
     def verify(self) -> None:
         """Check what only makes sense as a whole. Raises DaqmxError."""
         kind = self.kind
+        if kind == "ao":
+            for channel in self.channels:
+                _ = channel.full_scale
         if self.has_start_trigger and not self.timed and kind not in ("co", "ci"):
             raise DaqmxError(
                 DAQmxErrors.TRIG_WHEN_ON_DEMAND_SAMP_TIMING,
