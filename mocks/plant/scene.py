@@ -46,6 +46,7 @@ class Scene(ABC):
         self.file = file
         self.clock = clock
         self.settings = file.simulation
+        # The patch's default limits: docs/hardware.md, "Patches".
         self.section = file.table or TableSettings(
             button_point=20, patch_capacitance=90e-9, patch_min=-100, patch_max=400
         )

@@ -33,7 +33,7 @@ ACCELEROMETER_NOISE = 300e-6 * GRAVITY
 ACCELEROMETER_CLIP = 3.6 * GRAVITY
 """Acceleration at which the output clips (m/s^2; docs/hardware.md, "Accelerometer")."""
 CONTACT = 5.0
-"""Output of the closed contact (V; docs/hardware.md, "Buttons and people")."""
+"""Output of the closed contact (V; it and its noise: docs/hardware.md, "Buttons and people")."""
 VIBROMETER_NOISE = 0.02e-6
 """Noise density of the 20 mm/s range, used in every range (m/s per sqrt(Hz); estimate; docs/hardware.md,
 "PDV-100")."""
@@ -48,7 +48,10 @@ Quantity = Callable[[Scene, FloatArray, np.random.Generator], FloatArray]
 
 
 def wired(scene: Scene) -> dict[str, Quantity]:
-    """Return the rig file's sensors by their nodes."""
+    """Return the rig file's sensors by their nodes.
+
+    The scatter of rest, tilt and zero is an estimate (docs/hardware.md, "Force sensor", "Accelerometer").
+    """
     sensors = scene.file.sensors
     nodes: dict[str, Quantity] = {}
     if sensors.force:
@@ -93,6 +96,7 @@ def _gauge(
         since = np.searchsorted([at for at, _ in scene.loads], times, side="right")
         force[2] += np.array([0.0, *(weight for _, weight in scene.loads)])[since]
     for press in latest(scene.presses, times[0], times[-1], 0.0):
+        # A press also has a lateral force (estimate; docs/hardware.md, "Force sensor").
         pressed = press.force(times)
         force[0] += 0.05 * pressed
         force[1] -= 0.03 * pressed
