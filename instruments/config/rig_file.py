@@ -339,7 +339,7 @@ def validate_kind(
     source: str | Callable[[Location], str],
     above: Location = (),
 ) -> Model:
-    """As `validate`, with the model that the key `kind` selects among `kinds`."""
+    """Validate `raw` as the model that its key `kind` selects among `kinds`; otherwise as `validate`."""
     kind = str(raw.get("kind"))
     if kind not in kinds:
         near = difflib.get_close_matches(kind, kinds, n=1)

@@ -55,7 +55,7 @@ class Consent:
 
     participant: str
     words: str = ""
-    """As in `Press`."""
+    """Prompt that replaces the default, as in `Press`."""
 
     def __str__(self) -> str:
         return self.words or f"Has {self.participant} read and signed the consent form?"
@@ -69,7 +69,7 @@ class Ready:
     button: str
     presses: int
     words: str = ""
-    """As in `Press`."""
+    """Prompt that replaces the default, as in `Press`."""
 
     def __str__(self) -> str:
         return self.words or (

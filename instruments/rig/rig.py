@@ -86,7 +86,7 @@ class Rig(Instruments):
         return self.limits_for(1)
 
     def limits_for(self, patches: int) -> Limits:
-        """As `limits`, with `patches` patches in parallel."""
+        """The strictest limits, as `limits`, for `patches` patches in parallel."""
         return combined(ratings(self, patches))
 
     @property

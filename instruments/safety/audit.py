@@ -75,7 +75,7 @@ class Audit:
             ) from None
 
     def note_at_last(self, kind: str, **fields: Any) -> None:
-        """As `note`, but ignore a failure to write: for the way to the safe state."""
+        """Append a line as `note`, but ignore a failure to write: for the way to the safe state."""
         with suppress(DataError):
             self.note(kind, **fields)
 

@@ -79,7 +79,7 @@ class Ofv5000(Vibrometer):
 
     @classmethod
     def connect(cls, settings: Settings, clock: Clock) -> Self:
-        """As `open`, but accept any range that the controller is set to."""
+        """Connect as `open`, but accept any range that the controller is set to."""
         line = SerialLine(_NAME, settings.port, settings.baud, settings.timeout)
         try:
             return cls(settings, clock, line)
