@@ -115,7 +115,7 @@ class Activation:
     """SHA-256 of the generation's manifest."""
     when: str
     actor: str
-    """Who activated it: the command, and the account that it ran in."""
+    """Command and account of the activation."""
     reason: str
 
 
@@ -154,7 +154,7 @@ class History:
 
     @property
     def looks(self) -> tuple[dict[str, Any], ...]:
-        """What was noted by `note`, oldest first. Raises DataError when a line is damaged."""
+        """Entries added by `note`, oldest first. Raises DataError when a line is damaged."""
         return tuple(_lines(self.folder / _LOOKS))
 
     def active(self) -> Generation:
