@@ -1,5 +1,6 @@
 """Recording files: format, writing, reading, salvage, rejections, export."""
 
+from haploop.acquisition.recording.export import to_pandas, to_xarray
 from haploop.acquisition.recording.file_format import (
     BLOCK,
     EVENT,
@@ -41,5 +42,7 @@ __all__ = [
     "recover",
     "set_aside",
     "to_codes",
+    "to_pandas",
+    "to_xarray",
     "verify",
 ]

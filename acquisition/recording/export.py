@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from haploop.acquisition.recording.readings import AlongReading
+from haploop.acquisition.recording.recording import Recording
 from haploop.instruments import ConfigurationError
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-    from haploop.acquisition.recording.readings import AlongReading
-    from haploop.acquisition.recording.recording import Recording
 
 __all__ = ["to_pandas", "to_xarray"]
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from haploop.acquisition.recording import export
 from haploop.acquisition.recording.file_format import (
     CODES,
     Contents,
@@ -29,10 +28,6 @@ from haploop.acquisition.recording.salvage import opened, read_contents
 from haploop.instruments import DataError, Sensor, Sensors
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.instruments.safety import is_marked
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
 
 __all__ = ["Recording"]
 
@@ -223,14 +218,6 @@ class Recording:
             weights = np.abs(np.asarray(self._fz_weights))
             return float(np.average(delays, weights=weights))
         return float(delays[-1])
-
-    def to_xarray(self) -> xr.Dataset:
-        """Convert to an xarray Dataset (`haploop.acquisition.recording.export.to_xarray`)."""
-        return export.to_xarray(self)
-
-    def to_pandas(self) -> pd.DataFrame:
-        """Convert to a pandas DataFrame (`haploop.acquisition.recording.export.to_pandas`)."""
-        return export.to_pandas(self)
 
     @property
     def _contents(self) -> Contents:

@@ -8,7 +8,8 @@ from haploop.calibration.response.excitation import (
     linear_sweep,
     plan_excitation,
 )
-from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, fit_hysteresis, operators
+from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, operators
+from haploop.calibration.response.hysteresis_of_levels import fit_hysteresis
 from haploop.calibration.response.modes import Modes, Plays, fit_modes
 from haploop.calibration.response.response import (
     SWEEP,

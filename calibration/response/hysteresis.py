@@ -12,11 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.fft import rfft
-from scipy.optimize import nnls
 from threadpoolctl import threadpool_limits
 
 from haploop.calibration.response.channels import Channels
@@ -24,19 +22,11 @@ from haploop.calibration.response.excitation import Multisine
 from haploop.calibration.response.modes import Plays, fit_modes
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-if TYPE_CHECKING:
-    from haploop.calibration.response.response import Response
+__all__ = ["HALF_WIDTHS", "Hysteresis", "first_harmonic", "hysteresis_of_play", "operators"]
 
-__all__ = ["HALF_WIDTHS", "Hysteresis", "fit_hysteresis", "hysteresis_of_play", "operators"]
-
-_SHARES = np.array([0.0, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14, 0.2, 0.28, 0.39, 0.54, 0.75])
-"""Half-widths of the operators fitted to sweeps, over the largest level; 0 is the part without hysteresis."""
 HALF_WIDTHS = np.array([0.0, 0.02, 0.05, 0.09, 0.14, 0.2, 0.28, 0.38, 0.5, 0.65, 0.82])
 """Half-widths of the operators fitted to multisines, over the level; 0 is the volts themselves. Seven
 up to 0.65 of the level made an error of 0.2 % in a map's gains (measured)."""
-_TRUST = 1e-3
-_RIDGE = 1e-4
-"""Regularisation of weights that the levels do not determine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +43,7 @@ class Hysteresis:
 
     def gain(self, amplitude: float) -> complex:
         """Linear volts per volt of a sine of `amplitude` volts: its first harmonic."""
-        return complex(_first_harmonic(self.radii, amplitude) @ self.weights)
+        return complex(first_harmonic(self.radii, amplitude) @ self.weights)
 
     def reach(self, volts: float) -> float:
         """Largest linear voltage (V) that a peak of `volts` reaches."""
@@ -69,27 +59,6 @@ class Hysteresis:
         # Radii of the inverse are the linear volts at which each operator begins to move.
         radii = np.array([self.reach(r) for r in self.radii])
         return _weighted(linear_volts, radii, np.diff(1 / slope, prepend=0.0))
-
-
-def fit_hysteresis(response: Response) -> Hysteresis:
-    """Fit the hysteresis to the measured differences of the response between levels.
-
-    Without a difference it is a gain of one. Non-negative least squares in the weights keeps
-    the loop invertible.
-    """
-    full = response.level
-    radii = _SHARES * full
-    at_full = _first_harmonic(radii, full)
-    rows = [at_full.real, *(_RIDGE * np.eye(len(radii))[1:])]
-    for level, ratio in zip(response.levels, response.level_gain, strict=True):
-        equation = _first_harmonic(radii, float(level)) - ratio * at_full
-        # Each level is weighted by its uncertainty, taken as a thousandth at least.
-        trust = _TRUST / np.hypot(_TRUST, _uncertainty(response, float(level)))
-        rows += [trust * equation.real, trust * equation.imag]
-    weights, _ = nnls(np.array(rows), np.array([1.0] + [0.0] * (len(rows) - 1)))
-    weights[0] = max(weights[0], 0.1)
-    found = Hysteresis(radii, np.asarray(weights), full)
-    return Hysteresis(radii, weights / abs(found.gain(full)), full)
 
 
 def hysteresis_of_play(
@@ -128,13 +97,7 @@ def operators(volts: FloatArray, level: float) -> FloatArray:
     return np.array([volts, *plays, volts**2 / level])
 
 
-def _uncertainty(response: Response, level: float) -> float:
-    """Standard deviation of the relative gain that one sweep at `level` gave."""
-    single = response.deviation * np.sqrt(response.repeats) * response.level / level
-    return float(np.linalg.norm(np.abs(response.velocity) * single) / np.linalg.norm(response.velocity) ** 2)
-
-
-def _first_harmonic(radii: FloatArray, amplitude: float) -> ComplexArray:
+def first_harmonic(radii: FloatArray, amplitude: float) -> ComplexArray:
     """Describing function of play operators (Gelb and Vander Velde, 1968, appendix B: backlash)."""
     share = np.minimum(radii / amplitude, 1.0)
     x = 1 - 2 * share

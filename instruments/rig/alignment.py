@@ -27,10 +27,6 @@ _MOST_DRIFT = 500e-6
 """Crystals differ by 10 to 100 ppm (estimate; docs/hardware.md, "Sound card"): more is a wrong rate."""
 _GOOD = 0.3
 """Misfit below which the drive counts as found: no other clock drift is tried."""
-_PART = 0.5
-"""Length of the part of the drive that is located first (s)."""
-_NEAR = 0.02
-"""Largest displacement of such a part (s)."""
 _DRIFT = 1e-4
 _CORNER = 5.0
 """Prior widths of the drift and of the coupling's corner (Hz): with a drive of one tone neither can be told

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, record
+from haploop.acquisition import Recording, record, to_pandas, to_xarray
 from haploop.instruments import ConfigurationError
 from tests.acquisition.presses.pressworld import world_rig
 
@@ -19,7 +19,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recording):
     pytest.importorskip("xarray")
-    data = recording.to_xarray()
+    data = to_xarray(recording)
     assert data.acceleration.dims == ("axis", "time")
     assert np.array_equal(data.acceleration.sel(axis="z"), recording.acceleration[2])
     assert np.array_equal(data.force, recording.force)
@@ -31,7 +31,7 @@ def test_xarray_has_every_quantity_with_its_unit_and_its_source(recording: Recor
 
 def test_pandas_has_a_column_for_each_quantity(recording: Recording):
     pytest.importorskip("pandas")
-    table = recording.to_pandas()
+    table = to_pandas(recording)
     assert list(table) == [
         "force",
         "acceleration_x",
@@ -52,4 +52,4 @@ def test_what_is_not_installed_is_named(recording: Recording, monkeypatch, name)
     with pytest.raises(
         ConfigurationError, match=f"{name} is not installed: install it with `pip install {name}`"
     ):
-        getattr(recording, f"to_{name}")()
+        {"xarray": to_xarray, "pandas": to_pandas}[name](recording)
