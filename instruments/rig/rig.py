@@ -65,6 +65,7 @@ class Rig(Instruments):
         self._roles[role] = instrument
         if hasattr(instrument, "close"):
             self._stack.callback(self._safe.let_go, role)
+        self._safe.adopt(role)
 
     def complete(self) -> None:
         """Every instrument is here: from now on, whatever ends the program reaches the safe state first."""
