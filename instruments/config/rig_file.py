@@ -232,8 +232,9 @@ class RigFile(_Section):
     @property
     def devices(self) -> dict[str, Device]:
         """The table of each role that the rig has, in the order in which they are opened."""
-        tables = {role: getattr(self, role, None) for role in roles()}
-        return {role: device for role, device in tables.items() if device is not None}
+        # Not attributes: another package may call its role like a table or a method of this class.
+        tables = dict(self)
+        return {role: tables[role] for role in roles() if isinstance(tables.get(role), Device)}
 
     @property
     def digest(self) -> str:
