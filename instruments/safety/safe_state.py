@@ -76,7 +76,7 @@ class SafeState:
         if role in self._hung:
             raise InstrumentError(f"{name} still hangs.")
         try:
-            run_within(name, lambda: _taken(name, step, instrument))
+            run_within(name, lambda: step(instrument))
         except TimeoutError as error:
             self._hung.add(role)
             raise InstrumentError(str(error)) from None
@@ -85,13 +85,3 @@ class SafeState:
 def _make_safe(instrument: Any) -> None:
     """The safe state of an instrument that has one. Looked up here, because that may fail or hang too."""
     getattr(instrument, "make_safe", lambda: None)()
-
-
-def _taken(name: str, step: Callable[[Any], object], instrument: Any) -> None:
-    """Take a step. What would end the program (a driver that calls sys.exit) is an InstrumentError."""
-    try:
-        step(instrument)
-    except Exception:
-        raise
-    except BaseException as error:
-        raise InstrumentError(f"{name} raised {type(error).__name__}.") from error
