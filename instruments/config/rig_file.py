@@ -7,7 +7,7 @@ import hashlib
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
@@ -349,8 +349,7 @@ def validate_kind(
 
 def fault_kinds() -> Mapping[str, type[BaseModel]]:
     """The settings of each kind of fault of the installed plant."""
-    (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
-    kinds: Mapping[str, type[BaseModel]] = entry.load().fault_kinds
+    kinds: Mapping[str, type[BaseModel]] = entry_points.load(entry_points.SIMULATION, "plant").fault_kinds
     return kinds
 
 
