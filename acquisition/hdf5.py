@@ -1,12 +1,12 @@
-"""Values on disk: dataclasses as HDF5 files, written whole, never over another file, verified when read.
+"""Store dataclasses as HDF5 files: written whole, never over another file, verified when read.
 
-A dataclass becomes a group: arrays are datasets, everything else is an attribute (tuples as JSON),
-and a dataclass within it is a group of its own, or one for each in a tuple of them. The root's
-attributes say what the file is (`format`, `format_version`), which version of haploop wrote it
+A dataclass becomes a group: arrays are datasets, everything else is an attribute (tuples as JSON).
+A nested dataclass is a subgroup; a tuple of dataclasses is one subgroup for each member. The root's
+attributes state the kind of file (`format`, `format_version`), the version of haploop that wrote it
 (`software`), and the content's hash (`content_hash`), which is recomputed on every load.
 
-Before the HDF5 library reads anything, the bytes are compared with a SHA-256 in the file's user block:
-that library can crash on a damaged file (within 1000 random changes of a byte in metadata, measured).
+The bytes are compared with a SHA-256 in the file's user block before the HDF5 library reads them: that
+library can crash on a damaged file (within 1000 random changes of a byte in metadata, measured).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from haploop.instruments.files import new_file
 __all__ = ["Flat", "content_hash", "digest", "flatten", "is_stored", "kind_of", "read", "restore", "write"]
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
-"""A dataclass as names with slashes and plain values."""
+"""A dataclass flattened to plain values, with slashes in the names of nested fields."""
 Value = TypeVar("Value")
 
 VERSION = 1
@@ -42,11 +42,11 @@ _USER_BLOCK = 512
 _UNREADABLE = (
     OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
 )  # fmt: skip
-"""What h5py raises for a damaged file."""
+"""Exceptions that h5py raises for a damaged file."""
 
 
 def flatten(value: Any, prefix: str = "") -> Flat:
-    """A dataclass of arrays, numbers, strings, tuples and such dataclasses, as a flat mapping."""
+    """Flatten a dataclass of arrays, numbers, strings, tuples and nested dataclasses to one mapping."""
     flat: Flat = {}
     for field in dataclasses.fields(value):
         item, name = getattr(value, field.name), prefix + field.name
@@ -57,18 +57,18 @@ def flatten(value: Any, prefix: str = "") -> Flat:
                 flat |= flatten(member, f"{name}/{number:04d}/")
             flat[name + "/count"] = len(item)
         else:
-            # What HDF5 has no attribute for is JSON.
+            # HDF5 has no attribute type for these: they are stored as JSON.
             written = item is None or isinstance(item, tuple | dict)
             flat[name] = json.dumps(item) if written else _plain(item)
     return flat
 
 
 def digest(flat: Flat) -> str:
-    """SHA-256 of names, types, byte orders, shapes and values, independent of how a file lays them out."""
+    """SHA-256 of names, types, byte orders, shapes and values, independent of the file's layout."""
     sha = hashlib.sha256()
     for name, value in sorted(flat.items()):
         if isinstance(value, np.ndarray):
-            # JSON, so that where a name, type or shape ends is never in doubt.
+            # JSON delimits name, type and shape unambiguously.
             sha.update(json.dumps([name, value.dtype.str, value.shape]).encode() + b"\n")
             sha.update(np.ascontiguousarray(value).tobytes())
         else:
@@ -77,7 +77,7 @@ def digest(flat: Flat) -> str:
 
 
 def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -> Value:
-    """The dataclass that `flatten` made `flat` from. Raises DataError when something is missing."""
+    """Rebuild the dataclass from the mapping of `flatten`. Raises DataError when a field is missing."""
     values: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         key = prefix + name
@@ -118,7 +118,7 @@ def write(path: str | Path, kind: str, flat: Flat) -> None:
 
 
 def read(path: str | Path, kind: str) -> Flat:
-    """What `write` wrote. Raises DataError: not there, not of this kind, or damaged."""
+    """Read a file of `write`. Raises DataError when it is missing, of another kind, or damaged."""
     with _opened(path) as file:
         flat: dict[str, Any] = {key: _plain(value) for key, value in file.attrs.items()}
         labels = {key: flat.pop(key, None) for key in _LABELS}
@@ -138,18 +138,18 @@ def read(path: str | Path, kind: str) -> Flat:
 
 
 def content_hash(path: str | Path) -> str:
-    """The content hash that a file states, of any kind. Raises DataError."""
+    """Content hash stated in a file of any kind. Raises DataError."""
     with _opened(path) as file:
         return str(file.attrs["content_hash"])
 
 
 def is_stored(path: str | Path) -> bool:
-    """Whether `write` wrote a file: not whether it is intact."""
+    """True when `write` wrote the file; it may still be damaged."""
     return Path(path).is_file() and _sealed(path)
 
 
 def kind_of(path: str | Path) -> str:
-    """What a file says that it is: "recording", or a kind given to `write`. Raises DataError."""
+    """Kind stated in a file: "recording", or a kind given to `write`. Raises DataError."""
     with _opened(path) as file:
         said = str(file.attrs.get("format", ""))
     if not said.startswith("haploop "):
@@ -159,7 +159,7 @@ def kind_of(path: str | Path) -> str:
 
 @contextmanager
 def _opened(path: str | Path) -> Iterator[h5py.File]:
-    """The file, open for reading, with DataError for what h5py raises on damage."""
+    """Open a file for reading; raise DataError for the exceptions of h5py on a damaged file."""
     if not Path(path).is_file():
         raise DataError(f"There is no file {path}: check the name.")
     try:
@@ -174,7 +174,7 @@ def _opened(path: str | Path) -> Iterator[h5py.File]:
 
 
 def _seal(path: str | Path) -> bytes:
-    """The user block that a file with these bytes must have."""
+    """Compute the user block of an intact file with this content."""
     with Path(path).open("rb") as file:
         file.seek(_USER_BLOCK)
         return _SEAL + hashlib.file_digest(file, "sha256").hexdigest().encode().ljust(
@@ -192,7 +192,7 @@ def _user_block(path: str | Path) -> bytes:
 
 
 def _contents(file: h5py.File) -> dict[str, Any]:
-    """Every dataset, and every attribute below the root, by name."""
+    """Read every dataset, and every attribute below the root, by name."""
     size = Path(file.filename).stat().st_size
     flat: dict[str, Any] = {}
 

@@ -70,7 +70,7 @@ class Contestant:
     name: str
     record: Way
     part: float = 1.0
-    """Which part of the blocks it gets: a slow one needs no gigabyte to be measured."""
+    """Fraction of the blocks it gets: a slow one does not need a gigabyte."""
 
 
 def raw(folder: Path, material: Material, blocks: int) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""How fast, how late and how costly recording is, beside what people use: `python benchmarks/recording.py`.
+"""Throughput, latency and CPU load of recording, beside other libraries: `python benchmarks/recording.py`.
 
 All in one run on one disk, one after the other in each round, so that ratios mean something. See README.md.
 """
@@ -137,9 +137,9 @@ class Paced(Stream):
 class Run:
     path: Path
     written: list[float]
-    """When each block was with the kernel."""
+    """Times at which the kernel had each block (s)."""
     waiting: int
-    """How many blocks waited at most."""
+    """Largest number of blocks that waited."""
     core: float
     """Part of one core that the process used from the first block to the last, pace of the card included."""
 
@@ -164,7 +164,7 @@ def _record(folder: Path, stream: Paced, watch: Callable[[Writer], None] = lambd
 
 
 def paper_rate(folder: Path, seconds: float) -> dict[str, float]:
-    """What recording takes of one core at the paper's rate."""
+    """Fraction of one core that recording uses at the paper's rate."""
     run = _record(folder, Paced(Material(250), PAPER_RATE, seconds))
     print(f"5 kS/s x 16 channels, {seconds:g} s: {100 * run.core:.2f} % of one core\n")
     return {"core_percent": 100 * run.core}

@@ -1,4 +1,4 @@
-"""How well, and how fast, a representative press is found: `python -m benchmarks.representative`.
+"""Error and speed of methods for the representative press: `python -m benchmarks.representative`.
 
 Errors are against the template that the presses were made from. Each row is one method over all seeds:
 user time per 120 presses as a ratio to the paper's two-level barycentre, root mean square of the error

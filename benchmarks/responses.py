@@ -1,4 +1,4 @@
-"""What a response costs, and how far it is from the simulated table's own: `python benchmarks/responses.py`.
+"""Measuring time and error of responses of simulated tables: `python benchmarks/responses.py`.
 
 Two plants a seed. *Linear*: patches without hysteresis, and a vibrometer so noisy that the velocity
 stands 37 dB above its noise from 0 to 2.5 kHz (the band of a 5 kS/s recording); compared with the
@@ -26,7 +26,7 @@ Row = tuple[float, float, float, float]
 
 
 def noise_scale(seed: int, excitation: Multisine | LinearSweep) -> float:
-    """Of the vibrometer, for the velocity that an excitation gives to be 37 dB above the noise."""
+    """Noise scale of the vibrometer at which the velocity of an excitation is 37 dB above the noise."""
     with open_rig(
         "simulated", simulation={"seed": seed, "hysteresis": 0, "vibrometer_noise_scale": 0}
     ) as rig:

@@ -35,8 +35,8 @@ class Presses:
     curves: Curve
     template: Curve
     limit: Curve
-    """What would be known were every press's own warp taken away: the template at the mean of their
-    times, and the noise that is left in the mean. (Without a warp, the template.)"""
+    """Best possible estimate, with the warps known: the template at the mean of their times, with the
+    noise left in the mean. (Without a warp, the template.)"""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Family:
     shifts: Callable[[np.random.Generator, int, int, float], Curve]
     """(participants, presses, samples) s, zero at the activation, for a relative change of tempo."""
     noise: Callable[[np.random.Generator, tuple[int, ...]], Curve]
-    """Of unit variance."""
+    """Noise of unit variance."""
     loudness: float
     """Relative scatter of the amplitude."""
 
@@ -126,7 +126,7 @@ def spectrum_error(curve: Curve, truth: Curve) -> float:
 
 
 def _lags(curve: Curve, truth: Curve, knots: Curve) -> Curve:
-    """How late (s) the curve is about each knot, by cross-correlation within 20 ms."""
+    """Delay (s) of the curve around each knot, by cross-correlation within 20 ms."""
     half, reach = round(0.03 * RATE), round(0.02 * RATE)
     padded = np.pad(curve, half + reach)
     lags = []

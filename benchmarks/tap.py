@@ -1,4 +1,4 @@
-"""What a live view costs a recording: `python benchmarks/tap.py`.
+"""Cost of a live view to a recording: `python benchmarks/tap.py`.
 
 A card that keeps its pace (500 kS/s x 16 channels, 100 times the paper's rate) through the reader's thread
 into a file, without a tap and with each kind of viewer, one after the other in each round. Needs signals that

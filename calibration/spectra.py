@@ -1,4 +1,4 @@
-"""Signals within a band: what drive and check do alike, so that they compare like with like."""
+"""Band-limited signals: operations shared by drive and check, so that both use the same band edges."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["band_window", "fade", "resample", "third_octaves"]
 
 
 def fade(samples: int, rise: int, fall: int) -> FloatArray:
-    """(samples,): zero to one over the first `rise` samples, one to zero over the last `fall`."""
+    """Window (samples,) that rises to one over the first `rise` samples and falls over the last `fall`."""
     window = np.ones(samples)
     window[:rise] = 0.5 - 0.5 * np.cos(np.pi * np.arange(rise) / max(rise, 1))
     window[samples - fall :] = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, fall + 1) / max(fall, 1))
@@ -21,10 +21,10 @@ def fade(samples: int, rise: int, fall: int) -> FloatArray:
 def band_window(frequencies: FloatArray, low: float, high: float, outside: bool = False) -> FloatArray:
     """Weights of `frequencies` (Hz): one within the band and zero beyond, with cosine edges.
 
-    The edges lie inside `low` to `high`, or with `outside` just beyond, so that a signal that was
-    cut to the band passes the outside window unchanged.
+    The edges lie inside `low` to `high`, or with `outside` just beyond: a signal already cut to the
+    band passes the outside window unchanged.
     """
-    # No brick wall: a third of an octave below, a twelfth above.
+    # Sharp edges would ring: the lower one spans 0.3 of `low`, the upper one 0.05 of `high`.
     below, above = 0.3 * low, 0.05 * high
     start, stop = (low - below, high) if outside else (low, high - above)
     rising = np.clip((frequencies - start) / below, 0, 1)
@@ -33,7 +33,7 @@ def band_window(frequencies: FloatArray, low: float, high: float, outside: bool 
 
 
 def resample(signal: FloatArray, samples: int) -> FloatArray:
-    """A periodic band-limited signal on another number of samples over the same time."""
+    """Resample a periodic band-limited signal to another number of samples over the same period."""
     spectrum = rfft(signal)
     lines = samples // 2 + 1
     kept = np.zeros(lines, dtype=np.complex128)
@@ -45,10 +45,10 @@ def resample(signal: FloatArray, samples: int) -> FloatArray:
 def third_octaves(
     signal: FloatArray, rate_hz: float, low: float, high: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Centres (Hz) of the third-octave bands centred within `low` to `high`, and the levels in them.
+    """Third-octave bands centred within `low` to `high`: their centres (Hz), and the levels in them.
 
     Exact centres to base ten (IEC 61260-1:2014, 5.2 to 5.4): 1000 Hz x 10^(n / 10), edges half a
-    band either side. Levels are dB re 1 m/s^2 rms over the record, from its spectrum's own lines.
+    band either side. Levels are dB re 1 m/s^2 rms over the record, from the lines of its spectrum.
     """
     numbers = np.arange(-30, 10)
     centres = 1000.0 * 10.0 ** (numbers / 10)

@@ -1,7 +1,7 @@
 """haploop: from a physical button to a verified digital one.
 
-The rooms' public names in one place, so that a script needs one import. Names are loaded when they are
-first used, so that `import haploop` is cheap; `__init__.pyi` lists them.
+This package re-exports the public names of all subpackages, so that a script needs one import. Names are
+loaded on first use, so that `import haploop` is fast; `__init__.pyi` lists them.
 """
 
 import lazy_loader

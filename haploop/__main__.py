@@ -1,4 +1,4 @@
-"""The `haploop` command, and `python -m haploop`: also where no script folder is on the path."""
+"""The `haploop` command; `python -m haploop` works without the scripts folder on the path."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Run the command line. Nothing has been opened while it is still being loaded, nor once it has ended."""
+    """Run the command line; Ctrl-C during loading or after the end exits at once, as no rig is open then."""
     before = signal.signal(signal.SIGINT, _stop)
     from haploop.cli import main as run  # noqa: PLC0415
 
@@ -19,15 +19,15 @@ def main() -> None:
     try:
         run()
     except KeyboardInterrupt:
-        # It came while the one before was being dealt with, and all is done.
+        # A second Ctrl-C arrived while the first one was handled; the clean-up has finished.
         sys.exit(130)
     finally:
-        # Whoever is impatient now would see a traceback of Python's own leaving.
+        # A Ctrl-C during interpreter shutdown would print a traceback.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _stop(_number: int, _frame: FrameType | None) -> None:
-    # At once: an exception in the middle of an import can be swallowed, or come with a traceback.
+    # Exit directly: an exception during an import can be swallowed, or print a traceback.
     os.write(2, b"Error: Stopped.\n")
     os._exit(130)
 

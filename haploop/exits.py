@@ -1,4 +1,4 @@
-"""How every command ends: an error is one sentence on standard error, and sets the exit code.
+"""Exit codes and errors of every command: an error is one sentence on standard error.
 
 0 done and passed; 1 done, and the result is out of tolerance; 2 invalid request, file or
 configuration; 3 instrument failure; 130, 143 or 129 stopped by Ctrl-C, SIGTERM or a closed terminal.
@@ -101,7 +101,7 @@ def _stopping_as_interrupt() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    # Ctrl-C is Python's own KeyboardInterrupt already.
+    # Python already raises KeyboardInterrupt for Ctrl-C.
     before = {kind: signal.signal(kind, stop) for kind in STOPPING if kind != signal.SIGINT}
     try:
         yield

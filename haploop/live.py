@@ -1,4 +1,4 @@
-"""Live views: publishing a command's rig, and `haploop live`, which shows its levels in a terminal."""
+"""Live views: publish the rig of a command, and show its levels in a terminal (`haploop live`)."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from haploop.progress import note
 __all__ = ["find", "published", "show_json", "show_meter"]
 
 _REFRESH = 0.5
-"""Seconds of one wait for a block, after which drops and the state are shown again."""
+"""Seconds of one wait for a block; the loop then checks whether the rig was closed."""
 _RETRY = 0.2
-"""Seconds between two looks for a program that publishes."""
+"""Seconds between two searches for a program that publishes."""
 
 
 @contextmanager
 def published(rig: Rig) -> Iterator[None]:
-    """Publish a rig for `haploop live`, unless HAPLOOP_LIVE=off. A failure is a note: the work goes on."""
+    """Publish a rig for `haploop live`, unless HAPLOOP_LIVE=off. A failure prints a note only."""
     with ExitStack() as stack:
         if os.environ.get("HAPLOOP_LIVE", "").lower() != "off":
             try:
@@ -47,7 +47,7 @@ def published(rig: Rig) -> Iterator[None]:
 
 
 def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
-    """As `watch_live`, but look again for `wait` seconds while no program publishes the rig."""
+    """Call `watch_live`, and retry for up to `wait` seconds while no program publishes the rig."""
     clock = RealClock()
     until, waiting = clock.now() + wait, False
     while True:
@@ -63,7 +63,7 @@ def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
 
 
 def show_json(tap: Tap) -> None:
-    """Print one JSON object a line for each block, until the program that publishes closes the rig."""
+    """Print one JSON object a line for each block, until the publishing program closes the rig."""
     for block in tap:
         run = block.run
         line = {
@@ -82,7 +82,7 @@ def show_json(tap: Tap) -> None:
 
 
 def show_meter(tap: Tap, console: Console | None = None) -> None:
-    """Show the levels of the newest block, until the program that publishes closes the rig."""
+    """Show the levels of the newest block, until the publishing program closes the rig."""
     console = console or Console()
     with Live(Text("Waiting for a recording or a play ..."), console=console, refresh_per_second=10) as view:
         while not tap.closed:
@@ -99,7 +99,7 @@ def _meter(block: LiveBlock, dropped: int) -> Table:
         f"{run.rig}{simulated}: {run.doing} {run.about}\n"
         f"{block.end / run.rate_hz:.1f} s, last {1e3 * span:.0f} ms, {dropped} blocks not shown"
     )
-    # Text, because a rig's name or a path may contain what rich takes for markup.
+    # Text, because a rig's name or a path may look like rich markup.
     table = Table(title=Text(title), title_justify="left")
     table.add_column("quantity")
     for name in ("mean", "rms", "peak"):

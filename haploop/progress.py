@@ -25,11 +25,11 @@ from rich.table import Column, Table
 __all__ = ["Bars", "Steps", "note", "print_json", "print_line", "print_table"]
 
 _WORD = 40
-"""Characters of the longest word that a table does not break."""
+"""Longest word (characters) that a table does not break."""
 
 
 class Bars:
-    """Progress bars on standard error, with `numbers` after each, where that is a terminal; a context."""
+    """Context manager: progress bars on standard error, with `numbers` after each, if it is a terminal."""
 
     def __init__(self, *numbers: ProgressColumn, wanted: bool = True) -> None:
         self._console = _console(stderr=True)
@@ -54,14 +54,14 @@ class Bars:
 
 
 class Steps(Bars):
-    """Steps of a longer command on standard error: a bar each on a terminal, else a line each."""
+    """Steps of a longer command on standard error: one bar each on a terminal, otherwise one line each."""
 
     def __init__(self) -> None:
         super().__init__(TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.fields[amount]}"))
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, doing: str, done: float, total: float, unit: str) -> None:
-        """Show a step's progress; a new step is added. See `haploop.Progress`."""
+        """Show the progress of a step, and add it when it is new. See `haploop.Progress`."""
         if doing not in self._tasks:
             self._tasks[doing] = self._progress.add_task(doing, total=total, amount="")
             if self._progress.disable:
@@ -72,7 +72,7 @@ class Steps(Bars):
 
 
 def _amount(done: float, total: float, unit: str) -> str:
-    """`done` of `total` in words: whole numbers for what is counted, tenths of a second."""
+    """Format `done` of `total`: tenths for seconds, whole numbers for counts."""
     if not unit:
         return ""
     digits = 1 if unit == "s" else 0
@@ -90,12 +90,12 @@ def print_json(values: Mapping[str, Any]) -> None:
 
 
 def print_line(sentence: str) -> None:
-    """A sentence on standard output."""
+    """Print a sentence on standard output."""
     _console(stderr=False).print(sentence, markup=False, highlight=False, soft_wrap=True)
 
 
 def print_table(table: Table) -> None:
-    """A table on standard output, as wide as that is; 160 columns where it is no terminal.
+    """Print a table on standard output, at the terminal's width; 160 columns if it is no terminal.
 
     Lines break between words. A table that would have to break words is printed row by row instead.
     """
@@ -103,7 +103,7 @@ def print_table(table: Table) -> None:
     if not console.is_terminal and not os.environ.get("COLUMNS"):
         console.width = 160
     narrow, wide = zip(*(_widths(console, table, column) for column in table.columns), strict=True)
-    # Each column of the box SIMPLE has two blanks and one line beside it, and the last has another line.
+    # In the box SIMPLE each column has two blanks and one line beside it; the last has one more line.
     room = console.width - 3 * len(narrow) - 1
     if sum(narrow) > room and table.show_header:
         _print_rows(console, table)
@@ -130,7 +130,7 @@ def _widths(console: Console, table: Table, column: Column) -> tuple[int, int]:
 
 
 def _print_rows(console: Console, table: Table) -> None:
-    """Each row of a table as lines of heading and cell."""
+    """Print each row of a table as lines of heading and cell."""
     if table.title:
         console.print(table.title, style="italic")
     for cells in zip(*(column.cells for column in table.columns), strict=True):
@@ -146,6 +146,6 @@ def _print_rows(console: Console, table: Table) -> None:
 
 
 def _console(stderr: bool) -> Console:
-    # Made when needed: standard output may have been replaced since the program began.
-    # Names, notes and reasons are no markup, whatever they hold.
+    # Created on use, because standard output may have been replaced since the program began.
+    # Without markup, because names, notes and reasons are plain text.
     return Console(file=sys.stderr if stderr else sys.stdout, markup=False, emoji=False)

@@ -1,7 +1,7 @@
-"""The same tests on a twin, through the wire, and on a lab's hardware: `pytest --rig twin|wire|FILE`.
+"""Run the same tests on a twin, through the wire, and on hardware: `pytest --rig twin|wire|FILE`.
 
-pytest loads this module in every run of an environment that haploop is installed in, so it loads
-nothing of haploop's but lazy doors until a test asks for a rig, and leaves tests that ask for none alone.
+pytest loads this module in every run of an environment with haploop. It imports only lazily loaded
+packages until a test requests a rig, and does not affect tests without one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ pytest.register_assert_rewrite("haploop.instruments.conformance")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--rig`, and which rig file it simulates."""
+    """Add the option `--rig` and the setting `rig_file`."""
     group = parser.getgroup("haploop")
     group.addoption(
         "--rig",
@@ -39,7 +39,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The marks."""
+    """Register the marks."""
     config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
     config.addinivalue_line(
         "markers",
@@ -49,18 +49,18 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Whatever opens a rig has the mark `rig`."""
+    """Mark each test that opens a rig with `rig`."""
     for item in items:
         if "rigs" in getattr(item, "fixturenames", ()) and _ours(item):
             item.add_marker("rig")
 
 
 class Rigs:
-    """Opens what `--rig` names, and skips the test where that is not there."""
+    """Opens the rig that `--rig` selects, and skips the test when it is not available."""
 
     def __init__(self, config: pytest.Config) -> None:
         self.mode: str = config.getoption("--rig")
-        """What `--rig` names."""
+        """Value of `--rig`."""
         self._project = config.rootpath
         self._here = config.invocation_params.dir
         self._simulated: str = config.getini("rig_file")
@@ -73,7 +73,7 @@ class Rigs:
         name: str | None = None,
         plant: Mapping[str, Any] = MappingProxyType({}),
     ) -> Rig:
-        """An open rig for `request.node`; the rest is as in the fixture `open_rig`."""
+        """Open a rig for the test `node` (`request.node`); other arguments as in the fixture `open_rig`."""
         simulate = self.mode if self.mode in ("twin", "wire") else None
         file = (
             instruments.load_rig_file(_beside(self._project, name))
@@ -96,7 +96,7 @@ class Rigs:
             pytest.skip(f"the rig {self.mode} could not be opened: {error}")
 
     def close(self) -> None:
-        """Let others use the hardware."""
+        """Release the hardware for other programs."""
         self._stack.close()
 
     @property
@@ -109,7 +109,7 @@ class Rigs:
         try:
             return instruments.load_rig_file(self._path)
         except instruments.ConfigurationError as error:
-            # A mistake in the file is no missing hardware: nothing may pass as skipped because of it.
+            # An error in the file is not missing hardware: it must not cause skipped tests.
             pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
 
     def _hold(self) -> None:
@@ -126,7 +126,7 @@ class Rigs:
 
 @pytest.fixture(scope="session")
 def rigs(request: pytest.FixtureRequest) -> Iterator[Rigs]:
-    """See `Rigs`. For fixtures of a wider scope than a test's; tests take `rig` or `open_rig`."""
+    """Session-wide `Rigs`, for fixtures of a wider scope; tests use `rig` or `open_rig`."""
     opener = Rigs(request.config)
     yield opener
     opener.close()
@@ -134,12 +134,12 @@ def rigs(request: pytest.FixtureRequest) -> Iterator[Rigs]:
 
 @pytest.fixture
 def open_rig(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[OpenRig]:
-    """Opens a rig as --rig asks, closed after the test: `open_rig(name=None, **simulation)`.
+    """Function that opens a rig as --rig selects: `open_rig(name=None, **simulation)`.
 
-    `name` is the rig file to simulate instead of the one that pytest's `rig_file` names; keys of
-    `[simulation]` choose another plant. Hardware has neither: there the file that --rig names is
-    opened, and a test that asks for another plant is skipped, as are all where the hardware is not
-    there, with the reason.
+    `name` is a rig file to simulate instead of pytest's setting `rig_file`; `simulation` holds keys of
+    `[simulation]`. On hardware, the file of --rig is opened and `name` is ignored; a test with simulation
+    settings is skipped, and so is every test whose hardware cannot be opened. The rigs are closed after
+    the test.
     """
     with ExitStack() as stack:
 
@@ -151,23 +151,23 @@ def open_rig(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[OpenRig]:
 
 @pytest.fixture
 def rig(open_rig: OpenRig) -> Rig:
-    """An open rig, as --rig asks; its safe state is reached after the test."""
+    """An open rig, as --rig selects; it reaches its safe state after the test."""
     return open_rig()
 
 
 def _beside(folder: Path, name: str) -> Path:
-    """A file in a folder, or the bare name of a rig that haploop ships."""
+    """Path of a file in a folder, or the bare name of a shipped rig."""
     return folder / name if (folder / name).is_file() else Path(name)
 
 
 def _ours(item: pytest.Item) -> bool:
-    """Whether `rigs` is the fixture above, and not one of the same name in another project."""
+    """True when `rigs` is the fixture above, not one of the same name in another project."""
     found = item.session._fixturemanager.getfixturedefs("rigs", item) or ()
     return [f.func.__module__ for f in found][-1:] == [__name__]
 
 
 def _has(file: RigFile, needed: str, simulated: bool) -> bool:
-    """Whether a rig has an instrument, a sensor, a table, or (when simulated) a plant."""
+    """True when a rig has an instrument, a sensor, a table, or (when simulated) a plant."""
     from haploop.instruments.config import roles  # noqa: PLC0415
 
     parts: dict[str, object] = {role: getattr(file, role, None) for role in roles()}

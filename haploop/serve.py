@@ -25,10 +25,10 @@ _KINDS = {
     "keysight-33500": "scpi",
     "rigol-dg1000z": "scpi",
 }
-"""Name under which a driver's wire is served; a wire from another package has its driver's name."""
+"""Served name of each driver's wire; a wire of another package has its driver's name."""
 
 _EVERY = 3.0
-"""s from one press to the next."""
+"""s: interval between two simulated presses."""
 
 _rig = click.option("--rig", "-r", metavar="FILE", help="Rig whose instruments are simulated.")
 _as_json = click.option("--json", "as_json", is_flag=True, help="Print the addresses as one JSON object.")
@@ -85,7 +85,7 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
 
 
 def _serve(kind: str | None, rig: str | None, as_json: bool, press: str | None = None) -> None:
-    """Serve wires on one plant until Ctrl-C, and print their addresses. `kind` None serves all there are."""
+    """Serve wires on one plant until Ctrl-C, and print their addresses. `kind` None serves all of them."""
     from haploop.instruments import ConfigurationError, RealClock, entry_points, load_rig_file  # noqa: PLC0415
     from haploop.instruments.config import validate  # noqa: PLC0415
     from haploop.mocks.simulation import Simulation  # noqa: PLC0415
@@ -101,10 +101,10 @@ def _serve(kind: str | None, rig: str | None, as_json: bool, press: str | None =
             name = _KINDS.get(device.driver, device.driver)
             if device.driver in wires and kind in (None, name):
                 settings = validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
-                # The first of the settings that point the driver at its wire is the address.
+                # The first of the wire's settings is its address.
                 addresses[name] = str(next(iter(simulation.serve(device.driver, settings).values())))
             else:
-                # Instruments that are not served are part of the plant too: a laser must be in place.
+                # The plant needs the instruments that are not served too, such as a laser.
                 simulation.instrument(role, device, driver, "twin")
                 others.append(f"{role} ({device.driver})")
         if not addresses:
@@ -127,7 +127,7 @@ def _serve(kind: str | None, rig: str | None, as_json: bool, press: str | None =
 
 @contextmanager
 def _stopped() -> Iterator[threading.Event]:
-    """An event that is set by Ctrl-C and by SIGTERM, which end serving as they should: exit code 0."""
+    """Give an event that Ctrl-C and SIGTERM set; both end serving normally, with exit code 0."""
     stopped = threading.Event()
     before = {
         number: signal.signal(number, lambda _number, _frame: stopped.set())
@@ -141,12 +141,12 @@ def _stopped() -> Iterator[threading.Event]:
 
 
 def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
-    """Wait, and let the simulated person press a button every `_EVERY` seconds if there is one to press."""
+    """Wait until stopped; if `press` names a button, press it every `_EVERY` seconds."""
     from haploop.instruments import Press, RealClock  # noqa: PLC0415
 
     clock = RealClock()
     due, number = clock.now() + _EVERY, 1
-    # With a time-out, because a wait without one cannot be interrupted on Windows.
+    # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
     while not stopped.wait(0.25):
         if press is not None and clock.now() >= due:
             plant.press(Press(press, "P01", number, number))

@@ -1,4 +1,4 @@
-"""What a rig is made of: role interfaces, sensors, limits, the rig file, and one file per product driven.
+"""The parts of a rig: role interfaces, sensors, limits, the rig file, and one file per product driven.
 
 Names are loaded when they are first used; `__init__.pyi` lists them.
 """

@@ -1,4 +1,4 @@
-"""Array types that the rooms share; what the axes mean stands in each docstring."""
+"""Array types shared by all packages; the docstring of each use states the axes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time as the product sees it: injected, so that a simulated rig runs as fast as the CPU."""
+"""Injected clocks, so that a simulated rig runs as fast as the CPU."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Clock(ABC):
 
     @abstractmethod
     def hold(self, until: Callable[[], object]) -> None:
-        """Let time stand still until `until()` returns, where this clock can.
+        """Stop a virtual clock until `until()` returns.
 
-        A reader thread calls this after each block with a function that waits for the block's
-        consumer. On a virtual clock the consumer (a person, say) then reacts to what it has seen,
-        not to what a reader that runs ahead of it will see. Real time cannot be held: a real
-        clock returns at once and does not call `until`, so that a reader never waits.
+        A reader thread calls this after each block, with a function that waits for the block's
+        consumer. On a virtual clock the consumer (a simulated person, say) then reacts to this
+        block and not to a later one. Real time cannot be stopped: a real clock returns at once and
+        does not call `until`, so that a reader never waits.
         """
 
 
@@ -44,4 +44,4 @@ class RealClock(Clock):
             time.sleep(duration)
 
     def hold(self, until: Callable[[], object]) -> None:
-        """See `Clock.hold`: real time goes on."""
+        """Return at once (see `Clock.hold`)."""

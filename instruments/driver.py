@@ -1,4 +1,4 @@
-"""What a driver is, and what stands in for one: the protocols behind the entry points."""
+"""Protocols behind the entry points: a driver, and the simulation that replaces drivers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Mode = Literal["twin", "wire"]
 
 
 class Driver(Protocol):
-    """What an entry point of the group `haploop.drivers` names: usually a role's subclass."""
+    """Object named by an entry point of the group `haploop.drivers`: usually a role's subclass."""
 
     Settings: type[BaseModel]
     """Validates the instrument's table of the rig file."""
@@ -25,14 +25,14 @@ class Driver(Protocol):
     def open(self, settings: Any, clock: Clock) -> Any:
         """Connect, change no output, and return an implementation of the role."""
 
-    # May be there as well:
+    # Optional:
     # def hardware(self, settings: Any) -> Collection[str]
-    #     Names of what no second program may use meanwhile: a card, a port. Without it, two rigs
-    #     with this driver exclude each other.
+    #     Names of the hardware that no other program may use meanwhile: a card, a port. Without it,
+    #     two rigs with this driver exclude each other.
 
 
 def one_name(address: str) -> str:
-    """A port, host or resource by one name, in whichever of its ways it was written."""
+    """Canonical name of a port, host or resource, however it was written."""
     if address.startswith("/"):
         return os.path.realpath(address)
     return address.lower().replace("localhost", "127.0.0.1")
@@ -45,14 +45,14 @@ def hardware_of(name: str, driver: Driver, settings: Any) -> frozenset[str]:
 
 
 class Simulation(Protocol):
-    """What the entry point `haploop.simulation` makes: the plant that stands in for the world."""
+    """Object made by the entry point `haploop.simulation`: the plant with its simulated instruments."""
 
     clock: Clock
     truth: Any
-    """What only a simulator can know. For tests and reports: no estimator may read it."""
+    """Ground truth of the simulation, for tests and reports: no estimator may read it."""
 
     def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:
-        """The role's twin, or in mode "wire" the real driver pointed at its wire."""
+        """Return the role's twin, or in mode "wire" the real driver connected to its wire."""
 
     def close(self) -> None:
         """Stop every wire."""

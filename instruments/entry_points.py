@@ -1,7 +1,7 @@
-"""What installed packages add to haploop by entry point: roles, drivers, twins, wires and faults.
+"""Entry points of installed packages: roles, drivers, twins, wires and faults.
 
-haploop's own are found in the same way. Only what a rig asks for is loaded, so that another package
-that is broken stops nobody who does not use it.
+haploop's own are found in the same way. Only those that a rig needs are loaded, so that a broken
+package affects only the rigs that use it.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ def installed(group: str) -> tuple[str, ...]:
 
 
 def load(group: str, name: str) -> Any:
-    """Load what an entry point names.
+    """Load the object that an entry point names.
 
     Raises ConfigurationError, which names the package, when it cannot be loaded or called, when two
-    packages add the same name, and when nobody does.
+    packages add the same name, and when none does.
     """
     found = tuple(metadata.entry_points(group=group, name=name))
     if not found:
@@ -67,7 +67,7 @@ def load(group: str, name: str) -> Any:
 
 
 def role_class(role: str) -> type[Any]:
-    """The abstract class of a role. Raises ConfigurationError, which names the package."""
+    """Load the abstract class of a role. Raises ConfigurationError, which names the package."""
     kind = load(ROLES, role)
     if not isinstance(kind, type):
         raise ConfigurationError(
@@ -78,7 +78,7 @@ def role_class(role: str) -> type[Any]:
 
 
 def driver_class(name: str, role: str | None = None) -> type[Any]:
-    """The driver `name`: a class with Settings and `open`, and a subclass of its role's, if one is given.
+    """Load the driver `name`: a class with Settings and `open`, and a subclass of `role`'s class if given.
 
     Raises ConfigurationError, which names the package, for anything else.
     """
@@ -105,7 +105,7 @@ def _kind(group: str) -> str:
 
 
 def named(group: str, name: str) -> str:
-    """An entry point by its name and its package, to begin a sentence."""
+    """Describe an entry point by its name and its package, to begin a sentence."""
     found = metadata.entry_points(group=group, name=name)
     packages = sorted(entry.dist.name if entry.dist else "(unknown)" for entry in found)
     return f"The {_kind(group)} {name!r} of the package {' and '.join(packages)}"

@@ -1,4 +1,4 @@
-"""The four ways in which haploop fails, each with one sentence for the person who reads it.
+"""The four kinds of error that haploop raises, each with a one-sentence message.
 
 The command line turns them into exit codes (docs/design: rule 8): a wrong request or
 configuration is 2, an instrument that failed is 3.
@@ -24,10 +24,10 @@ class LimitError(HaploopError):
 
 
 class DataError(HaploopError):
-    """A file, or what was measured, is not what the step needs."""
+    """A file or a measurement cannot be used for a step."""
 
 
 class InstrumentError(HaploopError):
-    """An instrument did not answer, refused, lost samples or read back something else."""
+    """An instrument did not answer, refused a command, lost samples or read back another value."""
 
     exit_code = 3

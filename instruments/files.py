@@ -1,4 +1,4 @@
-"""Files published whole: under their own name they are complete, and no other file is ever replaced.
+"""Publish files atomically: under its own name a file is complete, and no other file is replaced.
 
 A file is written beside its destination under a hidden name (`.<name>.<random>.part`), synced, and then
 given its name in one step that fails if the name is taken. A program that is killed leaves either
@@ -30,9 +30,9 @@ __all__ = [
 
 
 def check_destination(path: Path) -> None:
-    """Make the folder, and refuse a destination that exists or cannot be written: ConfigurationError.
+    """Create the folder. Raises ConfigurationError for a destination that exists or cannot be written.
 
-    For a command to call before it measures anything: what cannot be kept is not measured.
+    A command calls this before it measures, so that every result can be saved.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -48,9 +48,9 @@ def check_destination(path: Path) -> None:
 
 @contextmanager
 def new_file(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; what was written there becomes `path` when the block succeeds.
+    """Yield a temporary path beside `path`; the file written there becomes `path` when the block succeeds.
 
-    As `whole_file`, with its errors as one sentence: DataError when `path` exists or cannot be written.
+    As `whole_file`, but with one-sentence errors: DataError when `path` exists or cannot be written.
     """
     path = Path(path)
     if os.path.lexists(path):
@@ -66,9 +66,9 @@ def new_file(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; what was written there is synced and takes the name `path`.
+    """Yield a temporary path beside `path`; the file written there is synced and renamed to `path`.
 
-    Without `replace`, see `publish`. After an exception nothing remains. Raises FileExistsError and OSError.
+    Without `replace`, as `publish`. After an exception no file remains. Raises FileExistsError and OSError.
     """
     # Not tempfile's: its files can be read by their owner only, and a lab shares its folder.
     part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
@@ -87,13 +87,13 @@ def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
 
 
 def publish(source: Path, destination: Path) -> None:
-    """Rename within a folder or disk, never in place of another file, and sync the new name.
+    """Rename within a folder or disk without replacing another file, and sync the new name.
 
-    Of programs that use this, or create the file exclusively, exactly one wins; the others get
-    FileExistsError, and keep `source`. A destination that any program created earlier, even a
-    moment ago, stays as it is. The name appears in one step, complete, with one exception: on a disk without
-    hard links that is not Windows's (a USB stick) an empty file claims the name for a moment. A crash
-    within that moment leaves the empty file, and `source` whole.
+    Of several programs that use this, or create the file exclusively, exactly one wins; the others get
+    FileExistsError, and keep `source`. An existing destination stays as it is. The name appears in one
+    step, complete, with one exception: outside Windows, on a disk without hard links (a USB stick), an
+    empty file claims the name for a moment. A crash in that moment leaves the empty file and all of
+    `source`.
 
     Raises OSError. When only the sync of the folder fails, the file has its new name all the same.
     """
@@ -129,15 +129,15 @@ def sync_folder(folder: Path) -> None:
 
 
 def existing(path: Path) -> str:
-    """The sentence that refuses a destination which is taken."""
+    """Error message for a destination that exists."""
     return f"{path} already exists and is not overwritten: move it away, or choose another name."
 
 
 def os_error_text(error: OSError | RuntimeError) -> str:
     """The operating system's message for a file that could not be read or written.
 
-    The HDF5 library's own text is full of addresses and offsets, and of its errors not all carry a
-    number: what it says when closing a file on a full disk names one in the text only.
+    The HDF5 library's own text is full of addresses and offsets, and some of its errors have no `errno`:
+    that of closing a file on a full disk has the number only in its text.
     """
     said = re.search(r"errno = (\d+)", str(error))
     number = getattr(error, "errno", None) or (int(said[1]) if said else None)
@@ -148,7 +148,7 @@ def _claim(source: Path, destination: Path) -> None:
     """Rename where there are no hard links: claim the name by an empty file, then replace that one."""
     os.close(os.open(destination, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
     try:
-        # Somebody may have opened the claim and written into it: then it is theirs.
+        # Another program may have written into the empty file: then it is that program's.
         if not _empty(destination):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(destination))
         source.replace(destination)

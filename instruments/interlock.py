@@ -16,7 +16,7 @@ __all__ = ["Interlock", "Interlocked"]
 
 
 class Interlock(Protocol):
-    """A role asks it before any action that can put volts on a patch."""
+    """Authorises every action of a role that can put volts on a patch."""
 
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         """Allow `volts` ((samples,) V at the output, at `rate_hz`). Raises LimitError."""
@@ -29,7 +29,7 @@ class Interlock(Protocol):
 
 
 class _NoRig:
-    """The interlock of a driver that belongs to no rig: it refuses volts, and lets a relay switch."""
+    """Interlock of a driver without a rig: refuses volts, and lets a relay switch."""
 
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         raise _no_limits(output)

@@ -1,4 +1,4 @@
-"""Limits of a drive, in volts at the patch, and the check that refuses it before it is written."""
+"""Limits of a drive in volts at the patch, and the check against them before anything is written."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from haploop.instruments.errors import LimitError
 __all__ = ["Limits", "sounding"]
 
 _SUSTAINED = 1.0
-"""Seconds over which an average current is taken, at the worst place of a drive: silence elsewhere
-in it must not make a burst look harmless."""
+"""Window of the average current (s), placed where a drive draws most: silence elsewhere must not hide a
+burst."""
 _ROUNDING = 1e-9
-"""Relative: rounding is not a drive that breaks a limit."""
+"""Relative tolerance for rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Limits:
     max: float = np.inf
     """Highest voltage (V)."""
     peak_to_peak: float = np.inf
-    """Largest peak-to-peak voltage (V); the paper's is 100."""
+    """Largest peak-to-peak voltage (V); paper: 100 (docs/hardware.md, "Limits and loss of the host")."""
     slew: float = np.inf
     """Largest slew rate (V/s)."""
     current_peak: float = np.inf
@@ -36,18 +36,18 @@ class Limits:
     current_average: float = np.inf
     """Largest mean of C |dv/dt| / 2 (A) over any second: charge that the amplifier delivers."""
     capacitance: float = 0.0
-    """Of the connected patches together (F)."""
+    """Total capacitance of the connected patches (F)."""
     max_duration: float = np.inf
     """Longest drive (s), from its first sample that is not zero to its last."""
     duty: float = 1.0
-    """Largest share of any minute in which something is played; a limiter remembers."""
+    """Largest fraction of any minute in which something is played; a limiter keeps the history."""
     max_offset: float = np.inf
     """Largest magnitude of the mean voltage (V)."""
     max_end: float = np.inf
     """Largest magnitude of the first and last sample (V): a step excites every mode."""
 
     def within(self, other: Self) -> Self:
-        """The stricter of both, limit by limit."""
+        """Return the stricter of the two values of each limit."""
         return replace(
             self,
             **{
@@ -122,13 +122,13 @@ class Limits:
 
 
 def sounding(drive: FloatArray) -> tuple[int, int]:
-    """First sample of a drive that is not zero, and the sample after the last one; all of one that is."""
+    """Indices of a drive's first nonzero sample and of the one after its last; all of an all-zero drive."""
     found = np.flatnonzero(drive)
     return (int(found[0]), int(found[-1]) + 1) if len(found) else (0, len(drive))
 
 
 def _averages(current: FloatArray, samples: int) -> FloatArray:
-    """Mean of every run of `samples` values, by its first sample; of all of them when they are fewer."""
+    """Mean of each window of `samples` values, by its first index; a shorter input is one window."""
     samples = min(max(samples, 1), len(current))
     total = np.concatenate([[0.0], np.cumsum(current)])
     return np.asarray((total[samples:] - total[:-samples]) / samples)

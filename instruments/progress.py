@@ -1,4 +1,4 @@
-"""The progress of a long step: one shape of callback, whatever shows it."""
+"""Progress callbacks of long steps: one signature for every display."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ __all__ = ["Progress", "part_of", "prefixed", "silent"]
 
 
 class Progress(Protocol):
-    """A callback that a long step calls at its start, on its way, and at its end.
+    """Callback that a long step calls at its start, during it and at its end.
 
-    It is called from the thread that measures: it must return soon, and what it raises ends the step.
+    It is called from the measuring thread: it must return quickly, and an exception in it ends the step.
     """
 
     def __call__(self, doing: str, done: float, total: float, unit: str, /) -> object:
-        """Receive that `done` of `total` are done, both in `unit` ("s", "presses"; "" for one whole step).
+        """Report that `done` of `total` are done, both in `unit` ("s", "presses"; "" for one whole step).
 
-        `doing` says what is being done, in one line, and stays the same throughout a step.
+        `doing` describes the step in one line, and stays the same throughout it.
         """
 
 
@@ -25,10 +25,10 @@ def silent(doing: str, done: float, total: float, unit: str, /) -> None:
 
 
 def prefixed(progress: Progress, prefix: str) -> Progress:
-    """A callback for a step within a larger one: it says `prefix`, a colon, and what the step is doing."""
+    """Return a callback for a step within a larger one; it puts `prefix` and a colon before `doing`."""
     return lambda doing, done, total, unit: progress(f"{prefix}: {doing}", done, total, unit)
 
 
 def part_of(progress: Progress, doing: str, before: float, total: float) -> Progress:
-    """A callback for a part of a step, with `before` of the step's `total` done when the part begins."""
+    """Return a callback for a part of a step; `before` of the step's `total` is done when it begins."""
     return lambda _part, done, _of, unit: progress(doing, min(before + done, total), total, unit)

@@ -1,7 +1,7 @@
-"""What is recorded along with presses and is on no DAQ: a thermometer's readings, a camera's frames.
+"""Instruments recorded along with presses but not through the DAQ: a thermometer, a camera.
 
-A role of any package becomes one by having what `RecordedAlong` names. A recording asks it for
-readings in a thread of its own, so that however slow it is, no sample waits for it.
+A role of any package can be recorded along if it implements `RecordedAlong`. A recording reads it in
+a thread of its own, so that a slow instrument delays no sample.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["NewFile", "Reading", "RecordedAlong"]
 
 @dataclass(frozen=True)
 class Reading:
-    """A number that was read: what it is, its value, and its unit."""
+    """One reading: its name, value and unit."""
 
     name: str
     value: float
@@ -27,7 +27,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class NewFile:
-    """A file that was written beside the recording: what it is, and where."""
+    """A file written beside the recording: its name and its path."""
 
     name: str
     path: Path
@@ -38,18 +38,18 @@ class RecordedAlong(Protocol):
     """An instrument that is recorded along. Every method may raise InstrumentError."""
 
     reads: tuple[str, ...]
-    """Names of what `read` may give."""
+    """Names of the readings and files that `read` may return."""
     reads_hz: float
-    """How often it is read, at most: the true interval is never shorter."""
+    """Highest rate of reading (Hz): the true interval is never shorter."""
 
     def start(self, stem: Path, clock: Clock) -> None:
-        """Get ready, before the first sample. Files that are written begin with `stem` and overwrite nothing.
+        """Prepare, before the first sample. Names of its files begin with `stem`; it overwrites nothing.
 
         `stem` is the recording's path without its ending: `data/P01-latch` of `data/P01-latch.h5`.
         """
 
     def read(self) -> Sequence[Reading | NewFile]:
-        """What is new: at most one of each name in `reads`, or nothing. A file is whole and closed."""
+        """Return what is new: at most one of each name in `reads`. A file is complete and closed."""
 
     def stop(self) -> None:
-        """End what `start` began. May be called again."""
+        """Stop, and release what `start` acquired. May be called again."""

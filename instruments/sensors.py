@@ -1,8 +1,8 @@
-"""Sensors: values that turn volts into SI, and say what they cannot pass.
+"""Sensors: values that convert volts to SI, with their range, bandwidth and delay.
 
-A sensor is no instrument: it answers nothing. It is written in the rig file, travels inside every
-recording, and knows its range, its bandwidth and its delay, because two signals are compared only
-after both have been brought to the same bandwidth and time.
+A sensor is not an instrument: it has no connection of its own. It is defined in the rig file and stored
+in every recording. Bandwidth and delay are known because two signals are compared only after both have
+been brought to the same bandwidth and time.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 _TAKEN = ("force", "acceleration", "activation", "drive", "saturated", "time", "axis")
-"""Names of what every recording and its exports have."""
+"""Names that every recording and its exports already use."""
 
 _G = 9.80665
 _TILT = 0.35 * _G
 """The zero-g tolerance of an ADXL335 is 0.3 g on z (estimate; docs/hardware.md, "Accelerometer"), and a
 little more is allowed."""
 _OUTPUT_RESISTANCE = 32e3
-"""Ohm, of each output of an ADXL335 (data sheet)."""
+"""Resistance of each output of an ADXL335 (ohm; data sheet; docs/hardware.md, "Accelerometer")."""
 
 
 def _not_zero(scale: float) -> float:
@@ -62,24 +62,23 @@ class Sensor(BaseModel, ABC):
 
     @abstractmethod
     def to_si(self, volts: FloatArray) -> FloatArray:
-        """(channels, samples) V, in the order of `channels`, to (quantities, samples) SI."""
+        """Convert (channels, samples) V, in the order of `channels`, to (quantities, samples) SI."""
 
     @abstractmethod
     def saturated(self, volts: FloatArray) -> BoolArray:
-        """(samples,): the sensor stood at the end of its range, so `to_si` is not to be believed."""
+        """(samples,): True where the sensor was at the end of its range, so that `to_si` is invalid."""
 
     def response(self, frequencies: FloatArray) -> ComplexArray:
-        """What the sensor passes at `frequencies` (Hz), relative to `to_si` at low frequency."""
+        """Frequency response at `frequencies` (Hz), relative to `to_si`, which holds at low frequency."""
         return np.ones(len(frequencies), dtype=np.complex128)
 
 
 class ForceTorque(Sensor):
-    """Six strain gauges through the matrix of their calibration file (ATI Mini40, DAQ version).
+    """Six strain gauges with the matrix of their calibration file (ATI Mini40, DAQ version).
 
     `matrix` is the file's six UserAxis rows (Fx, Fy, Fz in N, Tx, Ty, Tz in N m per V), as
-    docs/hardware.md, "Force sensor" explains; `ratings` are the axes' full scales. Volts are taken relative
-    to the unloaded sensor: subtract the gauges' rest before the call, or the sensor's weight and
-    offset are in the result.
+    docs/hardware.md, "Force sensor" explains; `ratings` are the axes' full scales. Volts are relative to
+    the unloaded sensor: subtract the gauges' rest before the call, or the result includes weight and offset.
     """
 
     channels: Annotated[tuple[str, ...], Field(min_length=6, max_length=6)]
@@ -90,12 +89,12 @@ class ForceTorque(Sensor):
     ratings: Annotated[tuple[Positive, ...], Field(min_length=6, max_length=6)]
     gauge_range: Positive = 10.0
     calibration: str | None = None
-    """Name of the calibration file that a rig file took these from, if it did."""
+    """Name of the calibration file that these values come from, if any."""
     serial: str | None = None
     """Serial number of the sensor that the file belongs to."""
 
     def to_si(self, volts: FloatArray) -> FloatArray:
-        """(6, samples) V above rest to (6, samples): Fx, Fy, Fz (N), Tx, Ty, Tz (N m)."""
+        """Convert (6, samples) V above rest to (6, samples): Fx, Fy, Fz (N), Tx, Ty, Tz (N m)."""
         return np.asarray(self.matrix) @ volts
 
     def saturated(self, volts: FloatArray) -> BoolArray:
@@ -107,9 +106,9 @@ class ForceTorque(Sensor):
 class Accelerometer(Sensor):
     """A three-axis analog accelerometer (ADXL335 on a GY-61 board).
 
-    The part is ratiometric: from the board's `supply` (V) follow, unless they are given because they
-    were measured, `sensitivity` (V per m/s^2; a tenth of the supply per g) and `zero` (V at 0 m/s^2;
-    half of it). Likewise `bandwidth_hz` follows from the filter's `capacitor` (F): 1 / (2 pi 32 kOhm
+    The part is ratiometric: `sensitivity` (V per m/s^2; a tenth of the supply per g) and `zero` (V at
+    0 m/s^2; half of it) follow from the board's `supply` (V), unless measured values are given.
+    Likewise `bandwidth_hz` follows from the filter's `capacitor` (F): 1 / (2 pi 32 kOhm
     C), 50 Hz as sold (0.1 uF), 500 Hz with 10 nF (ADXL335 data sheet; docs/hardware.md, "Accelerometer").
     """
 
@@ -135,7 +134,7 @@ class Accelerometer(Sensor):
         return {**derived, **given}
 
     def to_si(self, volts: FloatArray) -> FloatArray:
-        """(3, samples) V to (3, samples) m/s^2 along x, y, z."""
+        """Convert (3, samples) V to (3, samples) m/s^2 along x, y, z."""
         return (volts - self.zero) / self.sensitivity
 
     def saturated(self, volts: FloatArray) -> BoolArray:
@@ -143,11 +142,11 @@ class Accelerometer(Sensor):
         return np.asarray(np.any(np.abs(self.to_si(volts)) >= self.range, axis=0))
 
     def response(self, frequencies: FloatArray) -> ComplexArray:
-        """The filter capacitor's pole."""
+        """Frequency response of the filter capacitor's pole."""
         return low_pass(frequencies, self.bandwidth_hz)
 
     def fault_at_rest(self, volts: FloatArray) -> str | None:
-        """What speaks against an accelerometer that shows (3, samples) V at rest, z up; None if nothing."""
+        """Describe the fault of an accelerometer that shows (3, samples) V at rest, z up; None without."""
         x, y, z = self.to_si(volts).mean(axis=1)
         if abs(z + _G) < _TILT:
             return "it is mounted upside down, z must point up: turn it over."
@@ -161,7 +160,7 @@ class Accelerometer(Sensor):
         return None
 
     def loss(self, frequency_hz: float) -> str | None:
-        """What the capacitor costs at a frequency, as a sentence; None when it costs less than 3 dB."""
+        """Describe the attenuation by the capacitor at a frequency; None when it is less than 3 dB."""
         gain = complex(self.response(np.array([frequency_hz]))[0])
         if abs(gain) >= np.sqrt(0.5):
             return None
@@ -180,7 +179,7 @@ class Switch(Sensor):
     threshold: Positive = 2.5
 
     def to_si(self, volts: FloatArray) -> FloatArray:
-        """(1, samples) V to (1, samples): 1.0 where the contact is closed, 0.0 where it is open."""
+        """Convert (1, samples) V to (1, samples): 1.0 where the contact is closed, 0.0 where it is open."""
         return np.asarray(volts > self.threshold, dtype=np.float64)
 
     def saturated(self, volts: FloatArray) -> BoolArray:
@@ -189,10 +188,10 @@ class Switch(Sensor):
 
 
 class Divider(Sensor):
-    """The voltage at the patches, through a divider: a drive is always measured, never assumed.
+    """The voltage at the patches, measured through a divider: a drive is never assumed.
 
-    One channel is on the bus that all patches hang on behind the relay; several are at a patch each,
-    in the order of the table's `patches`, where an amplifier has a channel for each.
+    A single channel measures the bus behind the relay, common to all patches; several measure one patch
+    each, in the order of the table's `patches`, where an amplifier has a channel for each.
     """
 
     channels: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -200,7 +199,7 @@ class Divider(Sensor):
     """Volts at the patch per volt at the DAQ."""
 
     def to_si(self, volts: FloatArray) -> FloatArray:
-        """(channels, samples) V at the DAQ to (channels, samples) V at the patches."""
+        """Convert (channels, samples) V at the DAQ to (channels, samples) V at the patches."""
         return volts * self.ratio
 
     def saturated(self, volts: FloatArray) -> BoolArray:
@@ -209,7 +208,7 @@ class Divider(Sensor):
 
 
 class AnalogChannel(BaseModel):
-    """Any channel of the DAQ that is recorded along: `value = scale * volts + offset`, in `unit`."""
+    """A further channel of the DAQ recorded with presses: `value = scale * volts + offset`, in `unit`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -220,15 +219,15 @@ class AnalogChannel(BaseModel):
     """Value at 0 V, in `unit`."""
     unit: Annotated[str, Field(max_length=16)] = "V"
     name: Annotated[str, Field(max_length=60)] = ""
-    """What it is, for people: shown and plotted; empty for the key in the rig file."""
+    """Label in displays and plots; empty for the key in the rig file."""
 
     def to_si(self, volts: FloatArray) -> FloatArray:
-        """(samples,) V to (samples,) in `unit`."""
+        """Convert (samples,) V to (samples,) in `unit`."""
         return self.scale * volts + self.offset
 
 
 class Sensors(BaseModel):
-    """The `[sensors]` table of a rig file. A rig without a table needs no drive, and the reverse."""
+    """The `[sensors]` table of a rig file. Each is optional: a rig without a table needs no `drive`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -237,7 +236,7 @@ class Sensors(BaseModel):
     activation: Switch | None = None
     drive: Divider | None = None
     extra: dict[str, AnalogChannel] = {}
-    """Channels that are recorded along with presses, each under a name of the rig file's own."""
+    """Further channels recorded with presses, each under a name that the rig file chooses."""
 
     @field_validator("extra")
     @classmethod

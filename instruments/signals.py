@@ -1,5 +1,5 @@
-"""Stop signals: held back while a rig is brought to its safe state, and turned into SystemExit where they
-would end the program at once, so that every context is left.
+"""Hold stop signals back while a rig reaches its safe state, and turn them into SystemExit where they would
+end the program at once, so that every context is exited.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STOPPING = tuple(
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold back stop signals: they interrupt nothing inside.
+    """Hold back stop signals within the context.
 
     A signal that arrives meanwhile is delivered once at the end, or where `deliver` is called, unless
     the body raises: an unconfirmed safe state matters more than a Ctrl-C. Only the main thread
@@ -50,7 +50,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def deliver() -> None:
-    """Deliver a signal that is held back: between two blocks of a play, say."""
+    """Deliver a signal that is held back, for example between two blocks of a play."""
     if _arrived and threading.current_thread() is threading.main_thread():
         first = _arrived[0]
         _arrived.clear()
@@ -59,12 +59,12 @@ def deliver() -> None:
 
 @contextmanager
 def ending_in_order() -> Iterator[None]:
-    """Inside, SIGTERM and the other stop signals raise SystemExit, so that every context is left.
+    """Make stop signals such as SIGTERM raise SystemExit within the context, so that others are exited.
 
     By default they end the program at once, with the output on. Handlers that the program has
     installed are still called; outside the main thread, nothing is changed.
     """
-    global _orderly  # noqa: PLW0603  handlers belong to the process, and so does who counts on them
+    global _orderly  # noqa: PLW0603  handlers belong to the process, and so does the count of their users
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -92,10 +92,10 @@ _before: dict[int, Any] = {}
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
-    """The one handler, installed throughout.
+    """Handle every stop signal, whether held back or not.
 
-    Holding signals back is then a counter, without a gap between two handlers. Left installed, it is
-    harmless: it calls the earlier handler.
+    With a single handler, holding back is a counter, without a gap between two handlers. Left
+    installed, it is harmless: it calls the earlier handler.
     """
     if _held:
         _arrived.append(number)
@@ -116,7 +116,7 @@ def _act(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def at_console_close(action: Callable[[], object]) -> Iterator[None]:
-    """Inside, closing the console on Windows (or logging off) first calls `action`.
+    """Call `action` first when the Windows console is closed, or the user logs off, within the context.
 
     Windows ends the program when its handler returns, or after five seconds, so the handler itself
     must call `action`; a signal handler would run too late. Elsewhere a closed terminal

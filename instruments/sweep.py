@@ -15,12 +15,13 @@ class Sweep:
     """One linear sine sweep. Raises ConfigurationError for one that no generator can play."""
 
     start_hz: float
-    """Above zero: no generator starts at 0 Hz (the paper's sweep is 0 to 625 Hz)."""
+    """Start frequency, above zero: no generator starts at 0 Hz (the paper's sweep is 0 to 625 Hz;
+    docs/hardware.md, "Generators")."""
     stop_hz: float
     duration: float
     """Seconds from start to stop."""
     amplitude: float
-    """V peak at the load that the generator is set to."""
+    """Amplitude at the load that the generator is set to (V peak)."""
 
     def __post_init__(self) -> None:
         values = (self.start_hz, self.stop_hz, self.duration, self.amplitude)

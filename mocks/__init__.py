@@ -1,1 +1,1 @@
-"""All that is simulated: the plant, the twins of instruments, their wires, and faults."""
+"""The simulated part of haploop: the plant, the instruments' twins and wires, and faults."""

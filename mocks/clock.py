@@ -1,4 +1,4 @@
-"""Virtual time: a wait advances it, so nothing in a simulated rig ever sleeps."""
+"""Virtual time: a wait advances it at once, so nothing in a simulated rig sleeps."""
 
 from __future__ import annotations
 

@@ -20,10 +20,11 @@ __all__ = ["Simulation"]
 class Simulation:
     """See `haploop.instruments.rig.rig.Simulation`. One plant, on a virtual clock, behind every instrument.
 
-    Twins are found by the driver's name among the entry points `haploop.twins`: each is called
-    with the driver's settings and the plant. Wires, among `haploop.wires`, are called likewise and
-    give a context whose value replaces settings of the real driver (its address, say). A driver
-    that has neither talks to nothing (an amplifier is arithmetic), and is used as it is.
+    Twins are found by the driver's name among the entry points `haploop.twins`; each is called
+    with the driver's settings and the plant. Wires, among `haploop.wires`, are called with the same
+    arguments and return a context manager whose value replaces settings of the real driver, such as
+    its address. A driver with neither talks to no hardware (an amplifier is arithmetic) and is used
+    unchanged.
     """
 
     fault_kinds = KINDS
@@ -42,7 +43,7 @@ class Simulation:
 
     @property
     def faults(self) -> Faults:
-        """The rig file's faults, each with how often it has fired."""
+        """The rig file's faults; each counts how often it has fired."""
         return self.plant.faults
 
     def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:
@@ -53,8 +54,8 @@ class Simulation:
         if disturbed and (mode == "twin" or not wires):
             raise ConfigurationError(
                 f"A fault of the kind {disturbed[0].kind!r} needs a line to the {role}, and {device.driver} "
-                f"has none when it is simulated as {mode}: simulate as wire, with a driver that speaks to "
-                "something."
+                f"has none when it is simulated as {mode}: simulate as wire, with a driver that talks to "
+                "hardware."
             )
         if mode == "wire" and wires:
             address = self.serve(device.driver, settings)
@@ -72,7 +73,7 @@ class Simulation:
         return driver.open(settings, self.clock)
 
     def serve(self, driver: str, settings: Any) -> dict[str, Any]:
-        """Serve a driver's wire until `close`; gives the settings that point the driver at it."""
+        """Serve a driver's wire until `close`; return the settings that point the driver at it."""
         wire = entry_points.load(entry_points.WIRES, driver)
         address: dict[str, Any] = self._stack.enter_context(wire(settings, self.plant))
         return address

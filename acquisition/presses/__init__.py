@@ -1,4 +1,4 @@
-"""Presses in a recording: segmentation, quality, and the press that represents many."""
+"""Presses in a recording: segmentation, quality check, and the representative press."""
 
 from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.quality import QualityCheck, accepted_presses

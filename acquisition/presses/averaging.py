@@ -1,11 +1,11 @@
-"""The average curve of many: two methods, and the choice between them.
+"""Average many curves by the better of two methods.
 
-The dynamic time warping barycentre (Petitjean et al., Pattern Recognition 44(3), 2011), per participant
-and then over participants, is the paper's. It finds which sample of one press belongs to which of
-another, however they are stretched; but it puts the template at the wrong time (its mean warp is not
-zero) and copies noise into steps. The registration (`registration.py`) begins with its paths and fits
-smooth warps. It is better wherever presses differ by their tempo, or by the moment of snaps that are
-apart; where snaps that overlap come each on its own, it may be the other way round.
+The paper uses the dynamic time warping (DTW) barycentre (Petitjean et al., Pattern Recognition 44(3),
+2011), per participant and then over participants. It matches the samples of two presses under any local
+stretch, but its mean warp is not zero, which shifts the template in time, and it copies noise into
+steps. The registration (`registration.py`) starts from the DTW paths and fits smooth warps. It is better
+when presses differ in tempo, or in the time between separate snaps; the barycentre can be better when
+overlapping snaps shift independently.
 
 Distances and paths are dtaidistance's, with its convention: the distance is the root of the sum of the
 squared differences along the path; the steps (1, 1), (1, 0) and (0, 1) weigh the same and cost nothing
@@ -31,46 +31,46 @@ BARYCENTRE = "two-level barycentre"
 REGISTRATION = "two-level registration"
 _ITERATIONS = 5
 _ALIKE, _SHARE = 2.0, 0.25
-"""A press is another one altogether if its DTW distance from its participant's barycentre is more than this
-many times the median one, and than this share of the barycentre's own size. Measured on presses that differ
-by warps, jitter and a tenth in loudness: 2.2 and 0.19 at most; on a press of another button: 3.4 and 0.45."""
+"""A press is unlike the others when its DTW distance from its participant's barycentre exceeds both this
+multiple of the median distance and this fraction of the barycentre's norm. Measured on presses that differ
+by warps, jitter and 10 % in amplitude: 2.2 and 0.19 at most; on a press of another button: 3.4 and 0.45."""
 _TRUSTED = 0.5
-"""A participant who weighs less in the registration is left out of the barycentre, which has no weights."""
+"""Smallest registration weight of a participant in the barycentre, which has no weights of its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Average:
-    """One curve for all presses, by the better method."""
+    """Average curve of all presses, by the better method."""
 
     method: str
     template: FloatArray
     """(channels, samples)."""
     aligned: FloatArray
-    """(presses, samples): the first channel of each, participant by participant, at the template's time."""
+    """(presses, samples): first channel of each press, by participant, warped to the template's time."""
     leads: dict[str, FloatArray]
-    """(samples,): the template's first channel as each method finds it."""
+    """(samples,): first channel of each method's template."""
     kept: tuple[BoolArray, ...]
-    """(presses,) of each participant: whether the press is like the others, and was used."""
+    """(presses,) for each participant: True when the press resembles the others and was used."""
     scores: dict[str, float]
-    """See `average`. Of a single press, which has nothing to be held against, there are none."""
+    """Score of each method, see `average`; empty for a single press, which cannot be held out."""
 
 
 def average(groups: Sequence[FloatArray], rate_hz: float, model: WarpModel | None = None) -> Average:
-    """The average of all presses, at two levels: `groups` holds (presses, channels, samples) a participant.
+    """Average all presses at two levels; `groups` holds (presses, channels, samples) for each participant.
 
-    The first channel decides, the others go along. Each method is scored without knowing the truth:
-    it makes a template of half of the participants (of the presses, where there is one participant) and
-    this is held against the presses of the other half, and the reverse. Pieces of 20 ms of a press are
-    looked for in the template, and pieces of the template in the press, each wherever it fits best
-    within `WarpModel.reach`; the score is the root of what is left of all pieces, relative to the
-    presses. It punishes what is blurred, missing, made up, or noise, and knows nothing of when a snap
-    comes, nor of either method's warps: a piece is moved, but never stretched. Since a barycentre puts
-    snaps at a wrong time, which this does not see, it is chosen only where its score is lower by a tenth.
+    Alignment uses the first channel; the other channels get the same warps. Each method is scored on
+    held-out presses: a template of half of the participants (or half of the presses of a single
+    participant) is compared with the presses of the other half, and the reverse. Segments of 20 ms of a
+    press are matched to the template, and segments of the template to the press, each at its best lag
+    within `WarpModel.reach`; the score is the root of the residual power of all segments, relative to the
+    presses. It penalises blur, missing or spurious events, and noise. It is blind to the time of a snap
+    and to either method's warps, because segments are shifted but never stretched. A barycentre shifts
+    snaps in time, which the score cannot see, so it is chosen only when its score is 10 % lower.
 
-    Of four presses or more of a participant, one that is unlike the others is left out by both methods.
+    With four or more presses of a participant, both methods leave out a press unlike the others.
     """
     m = model or WarpModel()
-    # On a busy machine, threads for products as small as these cost more than they bring.
+    # Threads cost more than they gain on matrices this small when the machine is busy.
     with threadpool_limits(1):
         kept = [_alike(group[:, 0], m.window(rate_hz)) for group in groups]
         groups = [group[alike] for group, (alike, _) in zip(groups, kept, strict=True)]
@@ -80,7 +80,7 @@ def average(groups: Sequence[FloatArray], rate_hz: float, model: WarpModel | Non
         clearly = scores and scores[BARYCENTRE] < 0.9 * scores[REGISTRATION]
         method = BARYCENTRE if clearly else REGISTRATION
         if method == REGISTRATION:
-            # Each press's own warp, and on top of it its participant's.
+            # The participant's warp is applied after each press's own warp.
             presses = [o.registration.aligned[:, 0] for o in own]
             shifts = whole.registration.shifts
             aligned = [Rows(p).at(np.tile(s, (len(p), 1))) for p, s in zip(presses, shifts, strict=True)]
@@ -97,7 +97,7 @@ def average(groups: Sequence[FloatArray], rate_hz: float, model: WarpModel | Non
 
 
 def barycentre(curves: FloatArray, window: int) -> FloatArray:
-    """(samples,): the DTW barycentre of (curves, samples), begun at the curve nearest to their mean."""
+    """Compute the DTW barycentre (samples,) of (curves, samples), starting at the curve nearest the mean."""
     near = int(np.argmin(np.sum((curves - curves.mean(axis=0)) ** 2, axis=1)))
     rows = [np.ascontiguousarray(curve) for curve in curves]
     return np.asarray(
@@ -108,7 +108,7 @@ def barycentre(curves: FloatArray, window: int) -> FloatArray:
 
 
 def _alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray]:
-    """(curves,) whether a curve (curves, samples) is like the others; and the barycentre of those."""
+    """Find the curves (curves, samples) that resemble each other: mask (curves,), and their barycentre."""
     centre = barycentre(curves, window)
     far = np.array([dtw.distance(centre, curve, window=window, use_c=True) for curve in curves])
     least = max(_ALIKE * float(np.median(far)), _SHARE * float(np.linalg.norm(centre)))
@@ -118,7 +118,7 @@ def _alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class _Middle:
-    """The middle of one participant's presses, or of the participants', by either method."""
+    """Average of one participant's presses, or over participants, by each method."""
 
     registration: Registration
     centre: FloatArray
@@ -126,7 +126,7 @@ class _Middle:
 
     @classmethod
     def of(cls, curves: FloatArray, rate_hz: float, m: WarpModel, centre: FloatArray) -> _Middle:
-        """Of (curves, channels, samples) and their barycentre."""
+        """Average (curves, channels, samples), given their barycentre."""
         return cls(register(curves, rate_hz, m, centre), centre)
 
     @property
@@ -135,7 +135,7 @@ class _Middle:
 
 
 def _over(own: Sequence[_Middle], rate_hz: float, m: WarpModel) -> _Middle:
-    """The middle over participants."""
+    """Average over participants."""
     window = m.window(rate_hz)
     means = np.stack([one.registration.template for one in own])
     registration = register(means, rate_hz, m, barycentre(means[:, 0], window))
@@ -146,7 +146,7 @@ def _over(own: Sequence[_Middle], rate_hz: float, m: WarpModel) -> _Middle:
 def _scores(
     groups: Sequence[FloatArray], own: Sequence[_Middle], rate_hz: float, m: WarpModel
 ) -> dict[str, float]:
-    """See `average`."""
+    """Score each method on held-out presses, see `average`."""
     presses = [group[:, 0] for group in groups]
     halves: list[tuple[_Middle, FloatArray]] = []
     for half in (0, 1):
@@ -165,8 +165,9 @@ def _scores(
 
 
 def _along(curves: FloatArray, template: FloatArray, window: int) -> FloatArray:
-    """(curves, channels, samples): what each curve is, on the mean, where its first channel's DTW path
-    meets each sample of a template.
+    """Warp (curves, channels, samples) to a template along the DTW path of the first channel.
+
+    Samples that map to the same sample of the template are averaged.
     """
     result = np.empty_like(curves)
     for curve, found in zip(curves, result, strict=True):
@@ -177,8 +178,8 @@ def _along(curves: FloatArray, template: FloatArray, window: int) -> FloatArray:
 
 
 def _misfit(template: FloatArray, presses: FloatArray, reach: int) -> float:
-    """What is left (power, relative) of the pieces of presses (presses, samples), found in a template, and
-    of the template's pieces, found in the presses.
+    """Relative residual power of segments of presses (presses, samples) matched to a template, and of
+    segments of the template matched to the presses.
     """
     length = max(4, 2 * reach // 3)
     taper = np.hanning(length + 2)[1:-1] ** 2
@@ -194,8 +195,9 @@ def _misfit(template: FloatArray, presses: FloatArray, reach: int) -> float:
 
 
 def _best_fits(pieces: FloatArray, places: FloatArray, taper: FloatArray) -> FloatArray:
-    """(pairs,): the least tapered sum of squares between a piece and any stretch of its place. There is one
-    of the two for all of the other.
+    """Smallest tapered sum of squares (pairs,) between each segment and any lag within its place.
+
+    Either array may have a single row, which is then paired with every row of the other.
     """
     there = signal.correlate(places**2, taper[None], "valid", "fft")
     both = signal.fftconvolve(places, (pieces * taper)[:, ::-1], "valid", axes=1)

@@ -1,7 +1,7 @@
-"""The quality of a press, checked as soon as it is over.
+"""Check the quality of a press as soon as it has ended.
 
-The seconds around the press become a small recording, which is segmented like any other, so the verdict
-given live is the verdict that the finished file gives.
+The seconds around the press are segmented like a small recording, so the live verdict equals the verdict
+computed from the finished file.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from haploop.instruments.arrays import FloatArray
 __all__ = ["QualityCheck", "accepted_presses"]
 
 _RATING = 0.8
-"""Share of the force sensor's rating that no press may exceed (docs/hardware.md, "Force sensor")."""
+"""Largest fraction of the force sensor's rating in a press (a choice; docs/hardware.md, "Force sensor")."""
 _LIGHT = 0.3
-"""Share of a press's largest force below which the finger only rests on the button, arrives or leaves."""
+"""Fraction of a press's largest force below which the finger rests on the button, arrives or leaves."""
 _BETWEEN = 0.35
-"""The force between two presses falls below this share of both; at a snap it stays above 60 %."""
+"""Fraction of both peaks below which the force must fall between two presses (it stays above 60 % at a
+snap)."""
 
 
 def accepted_presses(
     recording: Recording, found: Sequence[ButtonPress] | None = None
 ) -> tuple[ButtonPress, ...]:
-    """The presses that count: the accepted ones, or all presses of a recording without verdicts.
+    """Select the accepted presses, or all presses of a recording without verdicts.
 
-    Among `found`, or else among those that the segmentation finds with which the recording was made.
-    Raises DataError.
+    `found` defaults to the presses found with the recording's own segmentation. Raises DataError.
     """
     protocol = Protocol.from_json(recording.header.protocol)
     if found is None:
@@ -59,7 +59,7 @@ def accepted_presses(
 
 
 class QualityCheck:
-    """Checks the quality of a press: whether it is accepted, and if not, why."""
+    """Checks a press against the protocol: accepted, or rejected with a reason."""
 
     def __init__(self, path: Path, header: Header, sensors: Sensors, protocol: Protocol) -> None:
         self._path, self._header, self._sensors, self._p = path, header, sensors, protocol
@@ -68,10 +68,10 @@ class QualityCheck:
         self._most = _RATING * sensors.force.ratings[2]
 
     def __call__(self, volts: FloatArray, first: int, span: Span, number: int, attempt: int) -> PressVerdict:
-        """The verdict on the press in `span`, whose indices count from the recording's beginning.
+        """Return the verdict on the press in `span` (sample indices of the recording).
 
-        `volts` is (channels, samples) around it, from sample `first` on: at least `Protocol.before`
-        of it before the span, and nothing of the press before.
+        `volts` is (channels, samples) around it and starts at sample `first`: at least
+        `Protocol.before` before the span, and no sample of the preceding press.
         """
         p, rate_hz = self._p, self._header.rate_hz
         begin, end = span.first - first, span.end - first
@@ -104,7 +104,7 @@ class QualityCheck:
             wrong["force-range"] = f"it switched at {at:.2f} N, outside {low:g} to {high:g} N"
         if len(found) > 1 or _times(force[begin:end:width]) > 1:
             wrong["double"] = "it was pressed twice"
-        # The finger comes to press, and leaves: what is above `light` lies between.
+        # The finger arrives, presses (force above `light`), and leaves.
         pressing = np.flatnonzero(force[begin:end] >= min(p.light, _LIGHT * peak))
         coming, leaving = force[begin : begin + pressing[0]], force[begin + pressing[-1] : end]
         waiting = force[max(0, begin - round(p.before * rate_hz)) : begin]
@@ -131,7 +131,7 @@ class QualityCheck:
 
 
 class _Excerpt(Recording):
-    """A few seconds of a recording that is still going on; `quiet` is where hands are off in it."""
+    """A few seconds of a recording in progress; hands are off in the slice `quiet`."""
 
     def __init__(self, path: Path, header: Header, sensors: Sensors, volts: FloatArray, quiet: slice) -> None:
         super().__init__(path, header, "recording")
@@ -148,13 +148,13 @@ class _Excerpt(Recording):
 
 
 def _touches(force: FloatArray, p: Segmentation) -> bool:
-    """Whether a finger comes and leaves again in a force (N)."""
+    """True when a finger touches and leaves again within a force signal (N)."""
     touched = np.flatnonzero(force > p.pressed)
     return bool(len(touched) and (force[touched[0] :] < p.released).any())
 
 
 def _times(force: FloatArray) -> int:
-    """Number of presses in a force (N), also where the finger hardly leaves the button between them."""
+    """Count presses in a force signal (N), even when the finger barely leaves the button between them."""
     least = _LIGHT * float(force.max(initial=0.0))
     count, top, bottom = 0, 0.0, 0.0
     for value in force.tolist():

@@ -1,8 +1,8 @@
-"""Curves brought to one time by smooth warps.
+"""Register curves to a common time by smooth warps.
 
-Every curve gets a warp t + d(t), with d a cubic spline on a few knots, that is as stiff as the noise
-allows, and all warps together have mean zero. The model is that presses differ by a smooth change of
-tempo; events that jitter independently are followed as far as the stiffness lets them.
+Every curve gets a warp t + d(t), with d a cubic spline on a few knots. The noise sets the stiffness of
+the warps, and their mean is zero. The model assumes that presses differ by a smooth change of tempo;
+events that jitter independently are aligned only as far as the stiffness allows.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ __all__ = ["Registration", "Rows", "WarpModel", "register"]
 
 @dataclass(frozen=True)
 class WarpModel:
-    """What a warp may be."""
+    """Parameters of the warps."""
 
     knots: int = 24
-    """Over the window."""
+    """Number of spline knots over the window."""
     stretch: float = 0.06
-    """Standard deviation of the tempo's change (relative) that is expected from press to press."""
+    """Expected standard deviation of the relative tempo between presses."""
     reach: float = 0.03
-    """s: the farthest that a sample is looked for in another curve."""
+    """s: largest lag between matching samples of two curves."""
     rounds: int = 12
-    """Of warps and template in turn; the first ones are stiffer."""
+    """Alternating updates of template and warps; the first ones are stiffer."""
     rescues: int = 2
-    """How often curves that stayed behind start again from their path to the template."""
+    """Number of restarts of badly aligned curves from their DTW path to the template."""
     floor: float = 0.02
-    """Smallest residual, relative to the curves, that is taken for noise: nothing is fitted better."""
+    """Smallest noise estimate, relative to the curves; fits never go below it."""
     outlier: float = 2.5
-    """A curve whose residual is this many times the median one counts less, by the square of the excess."""
+    """Residual, in multiples of the median, above which a curve's weight falls with the inverse square."""
 
     def window(self, rate_hz: float) -> int:
         """`reach` in samples."""
@@ -44,7 +44,7 @@ class WarpModel:
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """Curves brought to one time. `template` is (channels, samples)."""
+    """Registered curves. `template` is (channels, samples)."""
 
     template: FloatArray
     aligned: FloatArray
@@ -56,26 +56,26 @@ class Registration:
 
 
 class Rows:
-    """(rows, samples) as cubic splines; beyond its ends a row stays as it ends.
+    """Cubic splines of (rows, samples), constant beyond both ends.
 
-    `places` are the sample numbers that it is evaluated at: all of them, or every n-th.
+    `places` are the sample numbers at which they are evaluated: all, or every n-th.
     """
 
     def __init__(self, values: FloatArray, every: int = 1) -> None:
         self.samples = values.shape[1]
         self.places = np.arange(0, self.samples, every)
-        # On whole numbers a spline's piece is found without a search, and its four coefficients lie
-        # side by side: three times as fast as calling the spline.
+        # With knots at the integers a piece is found without a search, and its four coefficients are
+        # adjacent in memory: three times as fast as calling the spline.
         spline = CubicSpline(np.arange(self.samples), values, axis=-1)
         self._pieces = np.ascontiguousarray(spline.c.transpose(2, 1, 0)).reshape(-1, 4)
 
     def at(self, shifts: FloatArray, which: IntArray | None = None) -> FloatArray:
-        """(rows, places) values of all rows (or of these) at `places` plus shifts."""
+        """Values (rows, places) of all rows, or of the rows `which`, at `places` plus shifts."""
         (c3, c2, c1, c0), f = self._find(shifts, which)
         return np.asarray(((c3 * f + c2) * f + c1) * f + c0)
 
     def with_slopes(self, shifts: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
-        """(rows, places) values, and derivatives per sample."""
+        """Values and derivatives per sample, both (rows, places)."""
         (c3, c2, c1, c0), f = self._find(shifts, which)
         return np.asarray(((c3 * f + c2) * f + c1) * f + c0), np.asarray((3 * c3 * f + 2 * c2) * f + c1)
 
@@ -89,18 +89,18 @@ class Rows:
 def register(
     curves: FloatArray, rate_hz: float, model: WarpModel | None = None, start: FloatArray | None = None
 ) -> Registration:
-    """Bring (curves, channels, samples) to one time by the first channel, and average them all.
+    """Register (curves, channels, samples) by the first channel, and average all channels.
 
-    The curves should already be aligned to within `reach`, at an event that each of them has. `start`
-    (samples,) is a guess of the template, as a dynamic time warping barycentre is one; the curves'
-    paths to it then are where one attempt begins, and no warp at all where the other one does.
+    The curves must already be aligned within `reach` at an event common to all. `start` (samples,) is a
+    first template, such as a DTW barycentre. The fit then runs twice, once from the DTW paths to `start`
+    and once from zero warps, and the result with the lower cost is kept.
     """
     m = model or WarpModel()
     count, channels, samples = curves.shape
     if count == 1:
         return Registration(curves[0], curves, np.zeros((1, samples)), np.ones(1))
     work = _Work(np.ascontiguousarray(curves[:, 0]), rate_hz, m)
-    # Where the curves agree already, paths through noise are the worse start.
+    # Zero warps are the better start when the curves already agree: DTW paths then follow noise.
     starts = [np.zeros((count, m.knots))]
     if start is not None:
         starts.append(work.from_paths(start, np.arange(count)))
@@ -114,9 +114,9 @@ def register(
 
 
 class _Work:
-    """Curves (curves, samples) and all that is computed of them once. Warps are (curves, knots).
+    """Curves (curves, samples) with the values computed once for all steps. Warps are (curves, knots).
 
-    Curves are compared at `places`: a click has nothing above 1 kHz that every sample would be needed for.
+    Curves are compared at `places` only: a click has no content above 1 kHz, so every n-th sample suffices.
     """
 
     def __init__(self, lead: FloatArray, rate_hz: float, m: WarpModel) -> None:
@@ -127,14 +127,14 @@ class _Work:
         self.window = m.window(rate_hz)
         self.rows = Rows(lead, every)
         self.basis = _basis(self.rows.places, samples, m.knots)
-        # Two splines overlap only when they are near: the rest of their products is zero.
+        # Only neighbouring B-splines overlap: all other products are zero.
         self.pairs = np.array([(a, b) for a in range(m.knots) for b in range(a, min(a + 4, m.knots))]).T
         self.products = self.basis[:, self.pairs[0]] * self.basis[:, self.pairs[1]]
         self.prior = _prior(samples, self.window / 3, m) / every
         self.floor = m.floor**2 * float(np.mean(lead**2))
 
     def template(self, warps: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """What the warped curves have in common, their weights, and the noise (power) around it."""
+        """Weighted mean of the warped curves, their weights, and the noise power around the mean."""
         aligned = self.rows.at(warps @ self.basis.T)
         weights = _weights(aligned, self.m)
         template = np.average(aligned, axis=0, weights=weights)
@@ -142,19 +142,17 @@ class _Work:
         return template, weights, max(float(np.average(power, weights=weights)), self.floor)
 
     def cost(self, warps: FloatArray) -> float:
-        """What is left between the curves, outliers at their full weight, and a little for the warps."""
+        """Residual sum of squares, outliers at full weight, plus a small penalty on the warps."""
         template, _, _ = self.template(warps)
         rest = self.rows.at(warps @ self.basis.T) - template
         return float(np.sum(rest**2) + self.floor * np.einsum("ik,kl,il->", warps, self.prior, warps))
 
     def refine(self, warps: FloatArray, rounds: int) -> FloatArray:
-        """Template and warps in turn. The noise falls as the curves come together, and with it the
-        stiffness.
-        """
+        """Update template and warps in turn. The stiffness falls with the noise as the curves converge."""
         for _ in range(rounds):
             template, weights, noise = self.template(warps)
             moved = self.step(warps, template, noise, np.arange(len(warps)))
-            # An outlier's warp says nothing about where the others' middle is.
+            # Weighted mean: an outlier's warp must not shift the other curves.
             moved -= np.average(moved, axis=0, weights=weights)
             settled = np.abs(moved - warps).max() < 0.02  # of a sample
             warps = moved
@@ -163,9 +161,9 @@ class _Work:
         return warps
 
     def rescue(self, warps: FloatArray) -> FloatArray:
-        """Curves that are farther from the template than most start again from their path to it.
+        """Restart the curves farthest from the template from their DTW path to it.
 
-        A click is a short oscillation: a warp that is a period off is a trap for small steps.
+        A click is a short oscillation, so a warp that is off by one period is a local minimum.
         """
         template, _, noise = self.template(warps)
         every = np.arange(len(warps))
@@ -182,18 +180,18 @@ class _Work:
         return np.where(better[:, None], tried, warps)
 
     def distance(self, warps: FloatArray, template: FloatArray, noise: float, which: IntArray) -> FloatArray:
-        """What the warps of these curves cost, each: see `_priced`."""
+        """Cost of the warp of each of these curves, see `_priced`."""
         shifts = warps @ self.basis.T
         return self._priced(self.rows.at(shifts, which) - template, warps, shifts, noise)
 
     def _priced(self, rest: FloatArray, warps: FloatArray, shifts: FloatArray, noise: float) -> FloatArray:
-        """Squares that are left, and bending as dear as the noise makes it; time must not run backwards."""
+        """Residual sum of squares plus noise-weighted bending; infinite for a reversal of time."""
         bent = np.einsum("ik,ik->i", warps @ self.prior, warps)
         backwards = np.diff(shifts, axis=1).min(axis=1) < -0.7 * self.rows.places[1]
         return np.asarray(np.where(backwards, np.inf, np.einsum("is,is->i", rest, rest) + noise * bent))
 
     def step(self, warps: FloatArray, template: FloatArray, noise: float, which: IntArray) -> FloatArray:
-        """One Gauss-Newton step of these curves towards the template, each as far as that lowers its cost."""
+        """Take one Gauss-Newton step with each of these curves, shortened until it lowers the cost."""
         here = warps[which]
         shifts = here @ self.basis.T
         values, slopes = self.rows.with_slopes(shifts, which)
@@ -213,7 +211,7 @@ class _Work:
         return warps
 
     def normal(self, weights: FloatArray) -> FloatArray:
-        """(rows, knots, knots): the splines' products, summed with (rows, places) weights."""
+        """Normal matrices (rows, knots, knots): products of the splines, weighted by (rows, places)."""
         a, b = self.pairs
         whole = np.zeros((len(weights), self.m.knots, self.m.knots))
         whole[:, a, b] = whole[:, b, a] = weights @ self.products
@@ -226,7 +224,7 @@ class _Work:
         for row, curve in enumerate(self.lead[which]):
             path = np.asarray(dtw.warping_path(template, curve, window=self.window, use_c=True))
             at, lag = path[:, 0], path[:, 1] - path[:, 0]
-            # A path through silence is chance; where the template is steep it knows what it says.
+            # A path through silence is random, so lags are weighted by the template's squared slope.
             weights[row] = (slope * np.bincount(at, minlength=len(slope)))[self.rows.places]
             lags[row] = (slope * np.bincount(at, lag, len(slope)))[self.rows.places]
         normal = self.normal(weights) + self.prior
@@ -234,15 +232,17 @@ class _Work:
 
 
 def _basis(places: IntArray, samples: int, knots: int) -> FloatArray:
-    """(places, knots) cubic B-splines over the window."""
+    """Cubic B-splines (places, knots) over the window."""
     inner = np.linspace(0, samples - 1, knots - 2)
     padded = np.concatenate([[0.0] * 3, inner, [samples - 1.0] * 3])
     return np.asarray(BSpline.design_matrix(places.astype(np.float64), padded, 3).toarray())
 
 
 def _prior(samples: int, offset: float, m: WarpModel) -> FloatArray:
-    """(knots, knots): the penalty of a warp whose tempo changes by `stretch` is about one a knot, and of
-    one that is `offset` samples off as a whole is one.
+    """Penalty matrix (knots, knots) of a warp.
+
+    The penalty is about one per knot for a relative tempo of `stretch`, and one for a mean shift of
+    `offset` samples.
     """
     basis = _basis(np.arange(samples), samples, m.knots)
     tempo = np.diff(basis, axis=0)
@@ -252,10 +252,10 @@ def _prior(samples: int, offset: float, m: WarpModel) -> FloatArray:
 
 
 def _weights(aligned: FloatArray, m: WarpModel) -> FloatArray:
-    """(curves,): 1, and less for a curve that is far from the median curve compared with the others."""
+    """Weights (curves,): 1, or less for a curve unusually far from the median curve."""
     if len(aligned) < 4:
         return np.ones(len(aligned))
-    some = aligned[:, ::4]  # a median is dear, and a quarter of the samples tells as much
+    some = aligned[:, ::4]  # the median is slow, and a quarter of the samples suffices
     residual = np.sqrt(np.mean((some - np.median(some, axis=0)) ** 2, axis=1))
     limit = m.outlier * float(np.median(residual))
     return np.asarray(np.minimum(1.0, (limit / np.maximum(residual, 1e-30)) ** 2))

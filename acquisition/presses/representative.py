@@ -1,4 +1,4 @@
-"""The representative press of a button: one press that stands for every participant's."""
+"""The representative press of a button: the average press of all participants."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ __all__ = ["Representative", "Window", "high_pass", "representative"]
 
 _KIND = "representative"
 _RIPPLE = 1e-4
-"""What is added to the power response that is divided by: nothing is raised more than fiftyfold, and what
-is raised tenfold comes out 1 % low."""
+"""Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
+low."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class Window:
     """A latch's first click comes 30 to 100 ms before its activation (docs/hardware.md, "Buttons and
     people")."""
     after: float = 0.35
-    """At least; a momentary button whose contact opens later gets `ring` more than that."""
+    """Shortest time; for a momentary button that opens later, the window ends `ring` after the opening."""
     ring: float = 0.1
     longest: float = 1.0
     taper: float = 0.03
-    """Of the acceleration at both ends, so that it begins and ends at zero."""
+    """Length of the cosine taper at both ends of the acceleration, so that it begins and ends at zero."""
     high_pass_hz: float = 10.0
-    """The paper's, against gravity, drift and the hand's own motion."""
+    """Cut-off from the paper; removes gravity, drift and the motion of the hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,28 +59,28 @@ class Representative:
     force: FloatArray
     """N."""
     activation: FloatArray
-    """0 before the contact changed, 1 after; between where the presses differ."""
+    """0 before the contact changed, 1 after; values between 0 and 1 where the presses differ."""
     activation_index: int
     members: int
     spread: FloatArray
     """m/s^2: standard deviation of the aligned presses' accelerations."""
     bandwidth_hz: float
-    """The accelerometer's pole: what is above it is weaker here than it was at the cap."""
+    """The accelerometer's pole; content above it is attenuated relative to the motion of the cap."""
     sources: tuple[tuple[str, str], ...]
     """(file name, content hash) of each recording."""
     left_out: tuple[str, ...]
-    """Presses that were left out, and why."""
+    """Presses that were left out, each with its reason."""
     method: str
-    """Which of the methods of `haploop.acquisition.presses.averaging` made it."""
+    """Method of `haploop.acquisition.presses.averaging` that was chosen."""
     simulated: bool
     scores: Mapping[str, float] = field(default_factory=dict)
     """Relative residual of each method on held-out presses (`averaging.average`); smaller is better."""
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """What it was derived with: window, warps, and the segmentation of each recording (by file name)."""
+    """Parameters: window, warps, and the segmentation of each recording (by file name)."""
     undone_hz: tuple[float, float] | None = None
-    """The band in which the accelerometer's low-pass was undone; None where it was left as it is."""
+    """Band (Hz) in which the accelerometer's low-pass was undone; None when it was not undone."""
     noise_gain: float = 1.0
-    """How many times as strong (rms) that made a noise that was white up to half the sample rate."""
+    """Gain (rms) of undoing the low-pass for white noise up to half the sample rate."""
 
     @property
     def duration(self) -> float:
@@ -88,7 +88,7 @@ class Representative:
         return len(self.acceleration) / self.rate_hz
 
     def save(self, path: str | Path) -> None:
-        """Write to a new HDF5 file, whole or not at all.
+        """Write to a new HDF5 file, completely or not at all.
 
         Raises ConfigurationError for an existing file or a bad folder, DataError for a disk that fails.
         """
@@ -97,15 +97,15 @@ class Representative:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what `save` wrote. Raises DataError, one sentence, for anything else."""
+        """Read a file of `save`. Raises DataError for any other or a damaged file."""
         return hdf5.restore(cls, hdf5.read(path, _KIND), path)
 
 
 def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0) -> FloatArray:
-    """(..., samples) without what is below `cutoff_hz`, with zero phase.
+    """High-pass (..., samples) at `cutoff_hz` with zero phase.
 
-    A second-order Butterworth filter forwards and backwards, so -6 dB at the cut-off; the signal is
-    continued by half a second at both ends, without which 2 % of it stays there (measured).
+    A second-order Butterworth filter runs forwards and backwards (-6 dB at the cut-off). The signal is
+    extended by 0.5 s at both ends; without that, 2 % of it remains there (measured).
     """
     sections = signal.butter(2, cutoff_hz, "highpass", fs=rate_hz, output="sos")
     samples = acceleration.shape[-1]
@@ -124,17 +124,17 @@ def representative(
     model: WarpModel | None = None,
     undo_low_pass: tuple[float, float] | None = None,
 ) -> Representative:
-    """The representative press of one button: per participant, then over participants (the paper,
-    figure 5). The vertical acceleration decides; force and activation are averaged with it.
+    """Compute the representative press of one button: the average per participant, then over participants
+    (the paper, figure 5). Alignment uses the vertical acceleration; force and activation are warped with it.
 
-    Presses are aligned at the activation, and where the contact opens again. Two methods then bring them
-    to one time, the paper's dynamic time warping barycentre and a registration by smooth warps; the
-    result is that of the method with the smaller residual on held-out presses
-    (`haploop.acquisition.presses.averaging.average`), and holds both scores.
+    Presses are aligned at the activation, and at the opening of the contact. Two methods then register
+    them, the paper's dynamic time warping barycentre and a registration by smooth warps.
+    `haploop.acquisition.presses.averaging.average` chooses between them by the residual on held-out
+    presses; the result holds both scores.
 
-    `undo_low_pass` is a band in Hz in which the response that the rig file states of the accelerometer
-    is divided out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz.
-    Outside the band it is left as it is, a third of an octave away. Noise grows with it: `noise_gain`.
+    `undo_low_pass` is a band (Hz) in which the accelerometer's response stated in the rig file is divided
+    out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz. The
+    correction fades out over a third of an octave beyond the band. It amplifies noise by `noise_gain`.
 
     Presses that were rejected, saturated a sensor, did not activate the button, or differ from the
     participant's other presses are left out and listed. Raises DataError when no press is left,
@@ -200,7 +200,7 @@ def representative(
 
 
 def _check_together(recordings: Sequence[Recording]) -> Recording:
-    """The first recording. Raises ConfigurationError unless all are of one button and one rate."""
+    """The first recording. Raises ConfigurationError when the recordings cannot be combined."""
     if not recordings:
         raise ConfigurationError("A representative press needs at least one recording: name one.")
     first = recordings[0]
@@ -222,7 +222,7 @@ def _check_together(recordings: Sequence[Recording]) -> Recording:
 
 
 def _segmentation(recording: Recording) -> Segmentation:
-    """The parameters that presses were found with while recording, or else the button's."""
+    """Segmentation parameters used while recording, or else the button's defaults."""
     protocol = Protocol.from_json(recording.header.protocol)
     return protocol.segmentation if protocol else segmentation_for(recording.button)
 
@@ -249,7 +249,7 @@ def _usable(
 
 
 def _restoring(recording: Recording, band: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
-    """What the spectrum of an acceleration is multiplied by, to undo the sensor's low-pass in a band."""
+    """Compute the filter that undoes the sensor's low-pass in a band, at `frequencies` (Hz)."""
     sensor = recording.sensors.acceleration
     assert sensor is not None
     response = sensor.response(frequencies)
@@ -261,8 +261,8 @@ def _restoring(recording: Recording, band: tuple[float, float], frequencies: Flo
 
 
 def _undone(recording: Recording, acceleration: FloatArray, band: tuple[float, float]) -> FloatArray:
-    """An acceleration (samples,) as it was before the sensor's low-pass, within a band."""
-    # A filter by Fourier transform is circular: a second of what it begins and ends as keeps that away.
+    """Undo the sensor's low-pass within a band of an acceleration (samples,)."""
+    # FFT filtering is circular: a second of edge padding keeps one end out of the other.
     pad = round(recording.rate_hz)
     padded = np.pad(acceleration, pad, mode="edge")
     length = fft.next_fast_len(len(padded), real=True)
@@ -272,7 +272,7 @@ def _undone(recording: Recording, acceleration: FloatArray, band: tuple[float, f
 
 
 def _noise_gain(recording: Recording, band: tuple[float, float]) -> float:
-    """See `Representative.noise_gain`."""
+    """Compute `Representative.noise_gain`."""
     frequencies = np.linspace(0, recording.rate_hz / 2, 5001)
     return float(np.sqrt(np.mean(np.abs(_restoring(recording, band, frequencies)) ** 2)))
 
@@ -285,9 +285,9 @@ def _cut(
     after: int,
     opening: float,
 ) -> list[FloatArray]:
-    """(3, samples) of each press: acceleration, force, activation, on one clock about its activation.
+    """Cut out each press (3, samples): acceleration, force, activation, aligned at the activation.
 
-    A press whose contact opens again does so `opening` samples later in all of them.
+    Presses are stretched so that each contact opens `opening` samples after the activation.
     """
     rate_hz = recording.rate_hz
     rows = (
@@ -309,10 +309,10 @@ def _cut(
 
 
 def _stretch(lags: FloatArray, late: float, opening: float) -> FloatArray:
-    """What to add to lags (samples), so that what comes `late` behind `opening` comes at it.
+    """Shift to add to lags (samples), so that an event `late` samples after `opening` moves to `opening`.
 
-    Fingers hold a button for as long as they like, which is more than a warp should follow. Time is
-    stretched between the two clicks only, so neither changes its pitch.
+    The holding time of a finger varies by more than a warp can follow. Time is stretched between the two
+    clicks only, so neither changes its frequency.
     """
     if opening <= 0:
         return np.zeros(len(lags))
@@ -323,7 +323,7 @@ def _stretch(lags: FloatArray, late: float, opening: float) -> FloatArray:
 
 
 def _sampled(row: FloatArray, instants: FloatArray) -> FloatArray:
-    """A signal at instants (samples), between its samples; beyond its ends it stays as it ends."""
+    """Interpolate a signal at instants (samples); constant beyond both ends."""
     low = max(0, int(instants[0]) - 8)
     high = min(len(row), int(instants[-1]) + 9)
     part = CubicSpline(np.arange(low, high), row[low:high])
@@ -331,7 +331,7 @@ def _sampled(row: FloatArray, instants: FloatArray) -> FloatArray:
 
 
 def _taper(samples: int, length: int) -> FloatArray:
-    """(samples,): 1, and half a cosine to zero at both ends."""
+    """Taper (samples,): 1, with a raised cosine to zero at both ends."""
     edge = 0.5 - 0.5 * np.cos(np.pi * np.arange(length) / length)
     return np.concatenate([edge, np.ones(samples - 2 * length), edge[::-1]])
 

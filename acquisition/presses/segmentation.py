@@ -1,4 +1,4 @@
-"""Presses in a force signal: where each begins and ends, and the instant that the button switched.
+"""Find presses in a force signal: their beginning and end, and the instant at which the button switched.
 
 The same detector runs while recording, block by block, and over a whole file afterwards.
 """
@@ -29,47 +29,48 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Segmentation:
-    """What counts as a press. Forces (N) are above the rest, which is followed as it drifts."""
+    """Parameters of the press detection. Forces (N) are relative to the rest, whose drift is tracked."""
 
     pressed: float = 0.30
-    """A press begins where the force, averaged over `bin`, rises above this."""
+    """A press begins when the force, averaged over `bin`, rises above this."""
     released: float = 0.15
-    """It is over when the force has stayed below this for `quiet`."""
+    """A press ends when the force has stayed below this for `quiet`."""
     quiet: float = 0.10
-    """s. A finger that leaves the button for less is still in the same press. While recording, the longer
+    """s. A shorter absence of the finger does not end the press. While recording, the longer
     `haploop.acquisition.presses.protocol.Protocol.quiet` applies."""
     least_peak: float = 0.5
-    """A force that never reaches this is a touch, not a press."""
+    """Smallest peak of a press; a lower peak is a touch."""
     onset: float = 0.06
-    """The onset is where the force last was below this; with 0.03 N of noise that is ten sigma of
-    the average over `bin`."""
+    """The onset is the last sample at which the force was below this: ten sigma of the average over `bin`,
+    with 0.03 N of noise."""
     bin: float = 0.005
-    """s, of the averages that are compared with all these."""
+    """s: averaging time of the force before it is compared with these thresholds."""
     follow: float = 1.0
-    """s: time constant with which the rest follows the force between presses. A drift of 0.05 N/min
+    """s: time constant of the tracking of the rest between presses. A drift of 0.05 N/min
     (docs/hardware.md, "Force sensor") leaves an error of 0.001 N."""
     settle: float = 0.005
-    """s: a contact has switched once it is in the new state for most of this time, and switched first
-    at most this long before; contacts bounce for 0.1 to 5 ms (docs/hardware.md, "Buttons and people")."""
+    """s: a contact has switched when it is in the new state for most of this time; the instant of switching
+    lies at most this long before. Contacts bounce for 0.1 to 5 ms (docs/hardware.md, "Buttons and
+    people")."""
     fit: float = 0.0015
-    """s on each side of the activation instant that its force is fitted over."""
+    """s: length of the force fit on each side of the activation."""
     margin: float = 0.25
-    """s that a press's window has before its onset and after its release, unless a neighbour is near."""
+    """s: margin of a press's window before its onset and after its release; less when a neighbour is near."""
     stage_lead: float = 0.15
-    """s: the farthest before the activation that a first click is looked for; a latch's comes 30 to
-    100 ms before (docs/hardware.md, "Buttons and people")."""
+    """s: longest search before the activation for a first click, which comes 30 to 100 ms before in a latch
+    (docs/hardware.md, "Buttons and people")."""
     stage_gap: float = 0.012
-    """s: what comes less than this before the activation belongs to the click that comes with it."""
+    """s: shortest time between a first click and the activation; later motion belongs to the main click."""
     stage_share: float = 0.15
-    """A first click is at least this part of the acceleration of that one; nothing else but noise
-    (`stage_noise`) shakes a cap before."""
+    """Smallest peak acceleration of a first click, as a fraction of the main click's; only noise
+    (`stage_noise`) moves the cap otherwise."""
     stage_noise: float = 8.0
-    """Times the root mean square of the acceleration before the onset, that a first click exceeds."""
+    """Smallest peak acceleration of a first click, in multiples of the rms before the onset."""
     stage_force: float = 0.25
-    """Part of the force at activation that a first click needs: a finger that lands on the cap knocks
-    as well, but at hardly any force."""
+    """Smallest force at a first click, as a fraction of the force at activation: a finger that lands on the
+    cap also knocks, but at almost no force."""
     stage_high_pass: float = 60.0
-    """Hz: what a hand does is slower, and a click faster (100 to 500 Hz)."""
+    """Hz: above the motion of a hand and below a click (100 to 500 Hz)."""
 
 
 SEGMENTATIONS: Mapping[str, Segmentation] = MappingProxyType(
@@ -80,16 +81,16 @@ SEGMENTATIONS: Mapping[str, Segmentation] = MappingProxyType(
     }
 )
 """The parameters of the paper's buttons. A latch takes 5 to 10 N, a toggle 1 to 4 N and a push button 2 to
-5 N to switch (docs/hardware.md, "Buttons and people"): what stays below a quarter of that is a touch."""
+5 N to switch (docs/hardware.md, "Buttons and people"): a peak below about a quarter of that is a touch."""
 
 
 def segmentation_for(button: str) -> Segmentation:
-    """The parameters of a button; of one that is not in `SEGMENTATIONS`, those that suit any."""
+    """Parameters of a button; the defaults for a button that is not in `SEGMENTATIONS`."""
     return SEGMENTATIONS.get(button, Segmentation())
 
 
 class Span(NamedTuple):
-    """A press in the rough: its first and its last sample's successor, and the rest's force (N) then."""
+    """A detected press: first sample, end (exclusive), and the rest force (N) at that time."""
 
     first: int
     end: int
@@ -97,9 +98,9 @@ class Span(NamedTuple):
 
 
 class Detector:
-    """Finds presses in a force that arrives piece by piece.
+    """Finds presses in a force signal that arrives in blocks.
 
-    `spans` holds the presses that have ended; `pressing` says that one has begun.
+    `spans` holds the presses that have ended; `pressing` is True during one.
     """
 
     def __init__(self, rate_hz: float, parameters: Segmentation | None = None) -> None:
@@ -117,11 +118,11 @@ class Detector:
 
     @property
     def pressing(self) -> bool:
-        """Whether a press has begun and not ended."""
+        """True while a press has begun and not ended."""
         return self._first is not None
 
     def feed(self, force: FloatArray) -> None:
-        """Go on with (samples,) N."""
+        """Process the next (samples,) of force (N)."""
         force = np.concatenate([self._left, force])
         bins = len(force) // self._bin
         self._left = force[bins * self._bin :]
@@ -129,7 +130,7 @@ class Detector:
             self._step(float(mean))
 
     def finish(self) -> None:
-        """The signal ends here: a press that has begun ends with it."""
+        """End the signal, and with it a press that has begun."""
         if self._first is not None:
             self._end()
 
@@ -140,7 +141,7 @@ class Detector:
             if above > self._p.pressed:
                 self._first, self._last, self._peak = begin, self._at, above
             else:
-                # A hand that rests lightly on the cap is followed as well, but slowly.
+                # The force of a hand that rests lightly on the cap is tracked more slowly.
                 slower = 1.0 if above < self._p.released else 3.0
                 self._rest += above * self._gain / slower
             return
@@ -161,36 +162,35 @@ class Detector:
 class ButtonPress:
     """One press. Indices count samples from the recording's start.
 
-    `activation` and `opened` are instants on the sample clock, in samples, between the last sample
-    before a change of the contact and the first one after it, and corrected for the delay with which
-    the card takes that channel.
+    `activation` and `opened` are instants on the sample clock, in samples: midway between the last sample
+    before a change of the contact and the first one after it, corrected for the channel's sampling delay.
     """
 
     start: int
-    """First sample of the press's window, quiet before it included."""
+    """First sample of the press's window, including the quiet before the press."""
     onset: int
-    """The force leaves its rest."""
+    """Index at which the force leaves its rest."""
     peak: int
-    """The force is largest."""
+    """Index of the largest force."""
     release: int
-    """The force is back at its rest."""
+    """Index at which the force is back at its rest."""
     stop: int
-    """Successor of the window's last sample."""
+    """End of the window (exclusive)."""
     activation: float | None
-    """The contact changed, in either direction; None when it never did."""
+    """Instant of the contact's first change, in either direction; None without a change."""
     opened: float | None
-    """The contact changed back during the same press, as a momentary button's does."""
+    """Instant at which the contact changed back during the same press (momentary buttons); None otherwise."""
     force_at_activation: float | None
     """N above the rest just before this press."""
     first_stage: float | None
-    """The instant (samples) of the click that comes before the one at the activation, as in a latch that
-    is activated in two stages; None where there is none."""
+    """Instant (samples) of a click before the one at the activation, as in a latch with two stages; None
+    without one."""
     saturated: bool
-    """A sensor stood at the end of its range between onset and release."""
+    """True when a sensor reached the end of its range between onset and release."""
 
 
 def find_presses(recording: Recording, parameters: Segmentation | None = None) -> tuple[ButtonPress, ...]:
-    """Every press of a recording, in order, with these parameters or else those of its button.
+    """Find every press of a recording, in order; `parameters` default to those of its button.
 
     Raises DataError when the file is damaged.
     """
@@ -240,13 +240,13 @@ def find_presses(recording: Recording, parameters: Segmentation | None = None) -
 
 
 def _rest_before(force: FloatArray, span: Span, low: int, margin: int) -> float:
-    """Mean force (N) of the quiet time before a press, kept off its rise and its neighbour's fall."""
+    """Mean force (N) before a press, excluding its rise and the fall of the preceding press."""
     quiet = force[max(low + margin // 5, span.first - margin) : max(0, span.first - margin // 5)]
     return float(quiet.mean()) if len(quiet) >= margin // 5 else span.rest
 
 
 def _edges(above: FloatArray, span: Span, low: int, high: int, p: Segmentation) -> tuple[int, int]:
-    """Where the smoothed force leaves its rest, and where it is back."""
+    """Indices at which the smoothed force leaves its rest and returns to it."""
     before = np.flatnonzero(above[low : span.first] < p.onset)
     after = np.flatnonzero(above[span.end : high] < p.released)
     onset = low + int(before[-1]) + 1 if len(before) else low
@@ -257,7 +257,7 @@ def _edges(above: FloatArray, span: Span, low: int, high: int, p: Segmentation) 
 def _switching(
     recording: Recording, start: int, onset: int, stop: int, p: Segmentation
 ) -> tuple[float | None, float | None]:
-    """The instants (samples) at which the contact leaves its state before the press, and is back in it."""
+    """Instants (samples) at which the contact leaves its initial state and returns to it."""
     state = recording.activation[start:stop] > 0.5
     if not len(state):
         return None, None
@@ -274,8 +274,9 @@ def _switching(
 
 
 def _shaken(recording: Recording, p: Segmentation) -> FloatArray:
-    """(samples,): the vertical acceleration without the hand's, by a filter that only looks back, so that
-    no click shows before it comes.
+    """Magnitude (samples,) of the vertical acceleration without the hand's motion.
+
+    The high-pass filter is causal, so that no click appears before its instant.
     """
     vertical = recording.acceleration[2]
     sections = signal.butter(2, p.stage_high_pass, "highpass", fs=recording.rate_hz, output="sos")
@@ -293,8 +294,9 @@ def _first_stage(
     force: float,
     p: Segmentation,
 ) -> float | None:
-    """The instant of the first click, from the acceleration; the force (`above` its rest) says whether
-    the cap was pressed by then. None where there is none.
+    """Find the instant of the first click in the acceleration; None without one.
+
+    The search starts where the force (`above` its rest) shows that the cap is pressed.
     """
     rate_hz = recording.rate_hz
     late = recording.delay("acceleration") * rate_hz
@@ -311,17 +313,17 @@ def _first_stage(
     largest = int(np.argmax(before))
     if before[largest] < max(p.stage_share * float(main.max()), p.stage_noise * noise):
         return None
-    # It begins where the largest swing's neighbourhood first leaves the noise.
+    # The click begins where the signal near its largest swing first exceeds the noise.
     near = max(0, largest - round(0.008 * rate_hz))
     level = max(0.15 * float(before[largest]), 3 * noise)
     return begin + near + int(np.argmax(before[near : largest + 1] > level)) - 0.5 + late
 
 
 def _first_lasting(state: BoolArray, begin: int, window: int) -> int | None:
-    """First index from `begin` on where `state` holds and has come to stay, bounces included.
+    """First index from `begin` on of a lasting `state`, bounces included.
 
-    It has come to stay where it holds for most of the next `window` samples; where it held before
-    that, within as long a time, the contact was already bouncing.
+    A state lasts when it holds for most of the next `window` samples. Earlier samples in that state,
+    within `window` before, are bounces of the same change.
     """
     total = np.concatenate([[0], np.cumsum(state)])
     starts = np.arange(begin, len(state))
@@ -334,8 +336,8 @@ def _first_lasting(state: BoolArray, begin: int, window: int) -> int | None:
 
 
 def _value_at(signal: FloatArray, instant: float, reach: float) -> float:
-    """A noisy signal's value at an instant (samples): two straight lines that meet there, fitted over
-    `reach` samples on each side.
+    """Estimate a noisy signal's value at an instant (samples) by two straight lines that meet there, fitted
+    over `reach` samples on each side.
 
     The force has a kink where the button snaps, and one straight line through it would be biased by
     a quarter of the kink times `reach`.

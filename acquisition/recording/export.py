@@ -1,4 +1,4 @@
-"""A recording as the labelled arrays and tables of xarray and pandas, where those are installed."""
+"""Convert a recording to an xarray Dataset or a pandas DataFrame, when these packages are installed."""
 
 from __future__ import annotations
 
@@ -23,12 +23,11 @@ _UNITS = {"force": "N", "acceleration": "m/s^2", "activation": "1", "saturated":
 
 
 def to_xarray(recording: Recording) -> xr.Dataset:
-    """`force`, `activation`, `saturated` over `time`, and `acceleration` over `axis` and `time`.
+    """Dataset with `force`, `activation`, `saturated` over `time`, and `acceleration` over `axis`, `time`.
 
     Extra channels are over `time` too, and a reading `<instrument>_<name>` over `<instrument>_<name>_time`.
-    Each variable says its `units`, and what was sampled its `delay` (s from the time of a sample to its own
-    instant).
-    Raises ConfigurationError when xarray is not installed.
+    Each variable has the attribute `units`; sampled variables also have `delay` (s, from the time of a
+    sample to its own instant). Raises ConfigurationError when xarray is not installed.
     """
     xarray = _library("xarray")
     variables: dict[str, Any] = {
@@ -53,11 +52,11 @@ def to_xarray(recording: Recording) -> xr.Dataset:
 
 
 def to_pandas(recording: Recording) -> pd.DataFrame:
-    """A column each for `force`, `acceleration_x`, `_y` and `_z`, `activation` and `saturated`; `time` (s) is
-    the index.
+    """DataFrame over `time` (s) with the columns `force`, `acceleration_x`, `_y` and `_z`, `activation`
+    and `saturated`.
 
-    A column for each extra channel follows, and one `<instrument>_<name>` for each reading, which is nan
-    but where it was read. `attrs` has the units. Raises ConfigurationError when pandas is not installed.
+    A column for each extra channel follows, and one `<instrument>_<name>` for each reading, with NaN in
+    all rows without a reading. `attrs` has the units. Raises ConfigurationError when pandas is not installed.
     """
     pandas = _library("pandas")
     columns: dict[str, Any] = {"force": recording.force}
@@ -68,7 +67,7 @@ def to_pandas(recording: Recording) -> pd.DataFrame:
     for name, readings in _readings(recording).items():
         columns[name] = np.full(len(recording.force), np.nan)
         for reading in readings:
-            # Asked for after that many samples: it belongs to the last of them.
+            # Requested after that many samples: the reading belongs to the last of them.
             columns[name][max(0, reading.sample - 1) : reading.sample] = reading.value
         units[name] = readings[0].unit
     table: pd.DataFrame = pandas.DataFrame(columns, index=pandas.Index(_time(recording), name="time"))
@@ -81,7 +80,7 @@ def _time(recording: Recording) -> Any:
 
 
 def _readings(recording: Recording) -> dict[str, list[AlongReading]]:
-    """What was recorded along, in one unit each, by a name that no channel has."""
+    """Group the readings by name: one unit per name, and no name of a channel."""
     found: dict[str, list[AlongReading]] = {}
     for reading in recording.readings:
         name = f"{reading.instrument}_{reading.name}"
@@ -94,7 +93,7 @@ def _readings(recording: Recording) -> dict[str, list[AlongReading]]:
 
 
 def _about(recording: Recording) -> dict[str, Any]:
-    """What the numbers came from, in types that every file format of xarray and pandas can keep."""
+    """Source of the data, in types that every file format of xarray and pandas can store."""
     header = recording.header
     return {
         "source": recording.path.name,

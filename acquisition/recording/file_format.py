@@ -1,9 +1,9 @@
 """The file format of a recording, as docs/format.md specifies it.
 
-A file is in one of two states. While it is being recorded, `/blocks`, `/events` and `/presses` are
-preallocated contiguous datasets that are filled in place; a finished file holds `/codes`, channel by
-channel and compressed, and only the records that were filled. The rest is the same in both states, and
-is written before the first sample.
+A file is in one of two states. During recording, `/blocks`, `/events` and `/presses` are preallocated
+contiguous datasets that are filled in place; a finished file holds `/codes`, channel by channel and
+compressed, and only the filled records. The rest is the same in both states, and is written before the
+first sample.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import BoolArray, FloatArray
 
 try:
-    # The same CRC-32 as zlib's, by the processor's own instructions: eight times as fast.
+    # The same CRC-32 as in zlib, with the processor's CRC instructions: eight times as fast.
     from isal.isal_zlib import crc32
 except ImportError:  # no wheel for this processor
     from zlib import crc32
@@ -59,12 +59,12 @@ __all__ = [
 FORMAT = "haploop recording"
 VERSION = 2
 CODES = 32768
-"""Codes from 0 V to full scale: a sample is full_scale * code / CODES volts."""
+"""Number of codes from 0 V to full scale: a sample is full_scale * code / CODES volts."""
 
 Codes = NDArray[np.int16]
 
 EVENT = np.dtype([("sample", "<i8"), ("kind", "S16"), ("text", "S228"), ("crc", "<u4")])
-"""An event: the sample that it belongs to, what kind it is of, and a sentence, both UTF-8."""
+"""An event: its sample index, its kind and a sentence; both texts are UTF-8."""
 
 FLAGS = (
     "no-activation",
@@ -94,8 +94,8 @@ VERDICT = np.dtype(
 """A press verdict: the fields of `PressVerdict`, and the CRC of all bytes before it."""
 
 BLOCK = np.dtype([("first", "<i8"), ("count", "<u4"), ("overload", "<u4"), ("time", "<f8")])
-"""What a finished file keeps of each block: where it began, how many samples it has, which channels
-stood at the end of their range, and when it arrived (s of the rig's clock)."""
+"""Block record of a finished file: first sample, number of samples, channels at the end of their range
+(bit mask), and time of arrival (s of the rig's clock)."""
 
 _PSEUDONYM = re.compile(r"[A-Za-z]{1,4}[0-9]{1,4}")
 _BUTTON = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
@@ -113,27 +113,27 @@ class PressVerdict(NamedTuple):
     """The verdict on one press. A later verdict with the same number and attempt replaces it."""
 
     number: int
-    """Which of the presses that were asked for, from 1."""
+    """Number of the requested press, from 1."""
     attempt: int
-    """Which attempt at it, from 1."""
+    """Attempt at this press, from 1."""
     first: int
-    """Sample index at which it begins."""
+    """Index of the first sample."""
     end: int
-    """Sample index behind its last."""
+    """End index (exclusive)."""
     activation: float
-    """Sample instant of the activation; nan if there was none."""
+    """Instant of the activation (samples); NaN without one."""
     force: float
-    """N at the activation; nan if there was none."""
+    """N at the activation; NaN without one."""
     accepted: bool
     flags: tuple[str, ...]
-    """Some of `FLAGS`, in their order."""
+    """Subset of `FLAGS`, in their order."""
     reason: str
-    """One sentence of at most 200 bytes of UTF-8; empty where there is nothing to say."""
+    """One sentence of at most 200 bytes of UTF-8; may be empty."""
 
 
 @dataclass(frozen=True, eq=False)
 class Header:
-    """What is known before the first sample, and never changes."""
+    """Metadata of a recording: known before the first sample, never changed."""
 
     button: str
     participant: str
@@ -145,30 +145,30 @@ class Header:
     full_scale: FloatArray
     """(channels,) V."""
     delays: FloatArray
-    """(channels,) s: when a channel is sampled after its sample's clock edge."""
+    """(channels,) s: delay of each channel's sampling after the sample's clock edge."""
     rest: float
-    """Seconds of hands off that the event "rest" ends."""
+    """Seconds of hands off before the event "rest"."""
     rig: str
     """The rig file as it was, JSON."""
     daq: str
-    """What the cards say they are."""
+    """Identity reported by the cards."""
     software: str
     started: str
     """Date and time, ISO 8601 with the offset from UTC."""
 
     study: str = ""
-    """The study's name, if the recording belongs to one."""
+    """Name of the study; "" outside a study."""
     session: str = ""
-    """Number of the session within the study, if it belongs to one."""
+    """Number of the session within the study; "" outside a study."""
     protocol: str = "{}"
-    """How presses were asked for and accepted (`Protocol`), JSON."""
+    """Prompt timing and acceptance limits (`Protocol`), JSON."""
     notes: str = ""
-    """What the operator noted before the first press."""
+    """Operator's notes before the first press."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """Everything in a file but its header, in either state.
+    """Contents of a file without its header, in either state.
 
     `codes` is (channels, samples); `blocks`, `events` and `presses` are the filled rows of `BLOCK`,
     `EVENT` and `VERDICT`. `stored_hash` is None for a file that was never finished.
@@ -181,10 +181,10 @@ class Contents:
     stored_hash: str | None = None
 
     def hash(self, header: Header) -> str:
-        """SHA-256 (hex) of the samples, of all that turns them into SI, and of the events and verdicts.
+        """SHA-256 (hex) of the samples, the metadata of their conversion to SI, the events and the verdicts.
 
-        The date, the software's version, what the cards called themselves and the blocks' times are not
-        in it: the same presses on the same simulated rig have the same hash.
+        It excludes the date, the software's version, the identity of the cards and the blocks' times: the
+        same presses on the same simulated rig have the same hash.
         """
         essential: dict[str, Any] = {
             "button": header.button,
@@ -213,7 +213,7 @@ class Contents:
 
 
 def block_dtype(channels: int, samples: int) -> np.dtype[np.void]:
-    """One record of `/blocks`. `crc` is the CRC-32 of all bytes of the record before it."""
+    """Data type of one record of `/blocks`. `crc` is the CRC-32 of all bytes of the record before it."""
     return np.dtype(
         [
             ("first", "<i8"),
@@ -227,32 +227,32 @@ def block_dtype(channels: int, samples: int) -> np.dtype[np.void]:
 
 
 def sealed(row: NDArray[np.void]) -> bytes:
-    """One row with its `crc`, the CRC-32 of all bytes before it. Sets it in `row`."""
+    """Set the `crc` of a row (CRC-32 of all bytes before it), and return the row's bytes."""
     raw = row.tobytes()
     row["crc"] = crc32(raw[:-4])
     return row.tobytes()
 
 
 def whole(row: np.void) -> bool:
-    """Whether a row was written completely. A row that was never filled is zeros, whose CRC is not 0."""
+    """True when a row was written completely. An unfilled row is zeros, whose CRC is not 0."""
     return crc32(row.tobytes()[:-4]) == int(row["crc"])
 
 
 def event_row(event: Event) -> bytes:
-    """An event as a row of the file; a text that is too long is truncated."""
+    """Encode an event as a row of the file; a text that is too long is truncated."""
     row = np.array((event.sample, _utf8(event.kind, 16), _utf8(event.text, 228), 0), dtype=EVENT)
     return sealed(row)
 
 
 def events_in(rows: NDArray[np.void]) -> tuple[Event, ...]:
-    """The events of rows of `EVENT`."""
+    """Decode the events in rows of `EVENT`."""
     return tuple(
         Event(int(row["sample"]), row["kind"].decode(), row["text"].decode(errors="replace")) for row in rows
     )
 
 
 def verdict_row(press: PressVerdict) -> bytes:
-    """A verdict as a row of the file. Raises DataError for an unknown flag or a bad span."""
+    """Encode a verdict as a row of the file. Raises DataError for an unknown flag or a bad span."""
     unknown = [flag for flag in press.flags if flag not in FLAGS]
     if unknown:
         raise DataError(f"There is no press flag {unknown[0]!r}; the flags are {', '.join(FLAGS)}.")
@@ -267,7 +267,7 @@ def verdict_row(press: PressVerdict) -> bytes:
 
 
 def verdicts_in(rows: NDArray[np.void]) -> tuple[PressVerdict, ...]:
-    """The verdicts in rows of `VERDICT`: the last row of each number and attempt, in their order."""
+    """Decode the verdicts in rows of `VERDICT`: the last row of each number and attempt, sorted."""
     last: dict[tuple[int, int], PressVerdict] = {}
     for row in rows:
         flags = tuple(flag for bit, flag in enumerate(FLAGS) if int(row["flags"]) >> bit & 1)
@@ -287,7 +287,7 @@ def verdicts_in(rows: NDArray[np.void]) -> tuple[PressVerdict, ...]:
 
 
 def file_name(participant: str, button: str) -> str:
-    """`<participant>-<button>.h5`. Raises ConfigurationError, which states the rule that was broken."""
+    """`<participant>-<button>.h5`. Raises ConfigurationError for an invalid name."""
     if not _PSEUDONYM.fullmatch(participant):
         raise ConfigurationError(
             f"{participant!r} is not a valid participant pseudonym: use one to four letters, then one to "
@@ -307,14 +307,14 @@ def to_codes(
     codes: Codes | None = None,
     scratch: NDArray[np.float32] | None = None,
 ) -> tuple[Codes, BoolArray]:
-    """(channels, samples) V to the codes of a 16-bit converter, and (channels,): was one cut off?
+    """Convert (channels, samples) V to 16-bit codes; also return (channels,): True where one was clipped.
 
-    A card of at most 16 bits reports volts that are such codes, so nothing is rounded; what a driver has
-    linearised in software is off by 0.504 of a code at most: the arithmetic is in float32, whose 24 bits
-    hold a code and 8 bits of its fraction, because it takes half the time. NaN counts as cut off.
+    The volts of a card of at most 16 bits are such codes, so nothing is rounded. Volts linearised by a
+    driver in software are off by at most 0.504 of a code: the arithmetic is in float32 (24 bits: a code
+    and 8 bits of fraction), which takes half the time. NaN counts as clipped.
 
-    `codes` and `scratch` are arrays of the shape of `volts` to work in, so that a stream takes no memory
-    for each of its blocks.
+    `codes` and `scratch` are optional work arrays of the shape of `volts`, so that streaming allocates no
+    memory per block.
     """
     codes = np.empty(volts.shape, np.int16) if codes is None else codes
     scratch = np.empty(volts.shape, np.float32) if scratch is None else scratch
@@ -330,12 +330,12 @@ def to_codes(
 
 
 def from_codes(codes: Codes, full_scale: FloatArray) -> FloatArray:
-    """(channels, samples) codes to volts."""
+    """Convert (channels, samples) codes to volts."""
     return codes * (full_scale / CODES)[:, None]
 
 
 def write_header(file: h5py.File, header: Header, state: str) -> None:
-    """Attributes of the root, and `/rig` for what may outgrow an attribute."""
+    """Write the header: attributes of the root, and datasets for texts too long for an attribute."""
     file.attrs.update({"format": FORMAT, "format_version": VERSION, "state": state})
     for key, value in asdict(header).items():
         if key in ("rig", "protocol", "notes"):
@@ -347,7 +347,7 @@ def write_header(file: h5py.File, header: Header, state: str) -> None:
 
 
 def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
-    """The header and the file's state. Raises DataError for any other or a newer format."""
+    """Read the header and the file's state. Raises DataError for any other format or version."""
     if file.attrs.get("format") != FORMAT:
         raise DataError(f"{path} is an HDF5 file, but not a haploop recording.")
     version = int(file.attrs["format_version"])
@@ -358,7 +358,7 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
         )
     a = file.attrs
     rig = file["rig"].asstr()[()]
-    json.loads(rig)  # here a file that was damaged there is one that cannot be read
+    json.loads(rig)  # checked here, so that a damaged rig counts as an unreadable file
     header = Header(
         button=str(a["button"]),
         participant=str(a["participant"]),
@@ -383,5 +383,5 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
 
 
 def _utf8(text: str, length: int) -> bytes:
-    """At most `length` bytes of UTF-8, cut off between two characters."""
+    """Encode at most `length` bytes of UTF-8, truncated between two characters."""
     return text.encode()[:length].decode(errors="ignore").encode()

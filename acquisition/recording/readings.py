@@ -1,7 +1,7 @@
-"""What was recorded along, as events of a recording: numbers, files, and failures to read.
+"""Numbers and files recorded along, stored as events of a recording.
 
-An event's text has a limited length and stands in the recording's hash: a file is stated by its name
-and its own SHA-256, so that a frame that was exchanged later is noticed.
+An event's text has a limited length and is part of the recording's hash. The event of a file states its
+name and SHA-256, so that a later replacement of the file is detected.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class AlongReading(NamedTuple):
     """A number read from an instrument while recording."""
 
     sample: int
-    """Samples that had been recorded when it was asked for."""
+    """Number of samples recorded at the time of the request."""
     instrument: str
     """Its role in the rig file."""
     name: str
@@ -37,7 +37,7 @@ class AlongFile(NamedTuple):
     """A file that an instrument wrote beside the recording."""
 
     sample: int
-    """Samples that had been recorded when it was asked for."""
+    """Number of samples recorded at the time of the request."""
     instrument: str
     """Its role in the rig file."""
     name: str
@@ -47,10 +47,10 @@ class AlongFile(NamedTuple):
 
 
 def reading_event(sample: int, instrument: str, read: Reading | NewFile, folder: Path) -> Event:
-    """What an instrument gave as an event; a file is read once, for its hash.
+    """Make an event from an instrument's reading or file; a file is read once, for its hash.
 
-    `folder` is the recording's. Raises DataError for what an event cannot hold, OSError for a file
-    that cannot be read.
+    `folder` is the recording's. Raises DataError for content that an event cannot hold, OSError for a
+    file that cannot be read.
     """
     about: dict[str, object] = {"instrument": instrument, "name": read.name}
     if isinstance(read, NewFile):
@@ -75,19 +75,19 @@ def reading_event(sample: int, instrument: str, read: Reading | NewFile, folder:
 
 
 def readings_in(events: Sequence[Event]) -> tuple[AlongReading, ...]:
-    """The numbers among events."""
+    """Decode the readings among events."""
     found = [(e.sample, json.loads(e.text)) for e in events if e.kind == "reading"]
     return tuple(AlongReading(s, a["instrument"], a["name"], a["value"], a["unit"]) for s, a in found)
 
 
 def files_in(events: Sequence[Event]) -> tuple[AlongFile, ...]:
-    """The files among events."""
+    """Decode the files among events."""
     found = [(e.sample, json.loads(e.text)) for e in events if e.kind == "file"]
     return tuple(AlongFile(s, a["instrument"], a["name"], a["file"], a["sha256"]) for s, a in found)
 
 
 def file_problems(events: Sequence[Event], folder: Path) -> tuple[str, ...]:
-    """What is wrong with the files that were recorded along, a sentence each."""
+    """Check the files recorded along; return one sentence for each problem."""
     problems = []
     for written in files_in(events):
         path = folder / written.file

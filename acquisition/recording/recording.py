@@ -1,4 +1,4 @@
-"""The reader of one recording file: raw volts, and SI arrays that are computed when they are asked for."""
+"""Read one recording file: raw volts, and SI arrays that are computed on first use."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class Recording:
     """One participant's presses of one button, as `Recording.open` reads them.
 
     Opening reads the header only. Arrays are (channels, samples); sample k of a channel was taken
-    at (k + delay * rate_hz) / rate_hz seconds (`delay`). Any of them may raise DataError: when the
-    file turns out to be damaged, or was changed after it was finished (its content hash is compared
-    when its samples are first read).
+    at (k + delay * rate_hz) / rate_hz seconds (`delay`). Each property that reads samples raises DataError
+    for a damaged file, or one that was changed after it was finished (the content hash is compared on the
+    first access).
     """
 
     def __init__(self, path: Path, header: Header, state: str) -> None:
@@ -52,13 +52,13 @@ class Recording:
         self._state = state
         self._in_progress = state == "recording" and is_marked(path)
         if state == "recording" and not self._in_progress:
-            # It may have been finished between the two looks.
+            # It may have been finished between reading the header and the lock.
             with opened(path) as file:
                 self.header, self._state = read_header(file, path)
 
     @classmethod
     def open(cls, path: str | Path) -> Self:
-        """A recording, finished or not. Raises DataError for what is not one, or is damaged."""
+        """Open a recording, finished or not. Raises DataError for any other or a damaged file."""
         path = Path(path)
         with opened(path) as file:
             return cls(path, *read_header(file, path))
@@ -68,22 +68,22 @@ class Recording:
 
     @property
     def button(self) -> str:
-        """The button that was pressed."""
+        """Name of the button."""
         return self.header.button
 
     @property
     def participant(self) -> str:
-        """The pseudonym of who pressed it."""
+        """Pseudonym of the participant."""
         return self.header.participant
 
     @property
     def rig(self) -> str:
-        """The name of the rig that recorded it."""
+        """Name of the rig."""
         return self.header.rig_name
 
     @property
     def simulated(self) -> bool:
-        """Whether that rig was simulated."""
+        """True when the rig was simulated."""
         return self.header.simulated
 
     @property
@@ -98,42 +98,42 @@ class Recording:
 
     @property
     def complete(self) -> bool:
-        """Whether it ran to its end: every press was recorded, and the file is finished."""
+        """True when every press was recorded and the file is finished."""
         return self._state == "finished"
 
     @property
     def state(self) -> str:
-        """The state in the file: "recording" (or killed), "finished", "interrupted" or "recovered"."""
+        """File state: "recording" (in progress or killed), "finished", "interrupted" or "recovered"."""
         return self._state
 
     @property
     def in_progress(self) -> bool:
-        """Whether a living program was recording it when it was opened."""
+        """True when a running program was recording the file when it was opened."""
         return self._in_progress
 
     @property
     def duration(self) -> float:
-        """Seconds."""
+        """Duration (s)."""
         return int(self._contents.codes.shape[1]) / self.rate_hz
 
     @property
     def events(self) -> list[Event]:
-        """The events while recording, each with its sample index, its kind and a sentence."""
+        """Events of the recording, each with sample index, kind and a sentence."""
         return list(events_in(self._contents.events))
 
     @property
     def readings(self) -> tuple[AlongReading, ...]:
-        """The numbers that instruments gave that were recorded along, each at its sample index."""
+        """Numbers from instruments recorded along, each at its sample index."""
         return readings_in(self.events)
 
     @property
     def files(self) -> tuple[AlongFile, ...]:
-        """The files that instruments wrote that were recorded along, each at its sample index."""
+        """Files from instruments recorded along, each at its sample index."""
         return files_in(self.events)
 
     @property
     def verdicts(self) -> tuple[PressVerdict, ...]:
-        """The final verdict on each attempt at each press, in their order.
+        """Final verdict on each attempt at each press, in order.
 
         Presses rejected afterwards (`rejections.jsonl` beside the file) have the flag `rejected`.
         """
@@ -141,22 +141,22 @@ class Recording:
 
     @property
     def accepted(self) -> tuple[PressVerdict, ...]:
-        """The presses that were accepted."""
+        """Verdicts of the accepted presses."""
         return tuple(press for press in self.verdicts if press.accepted)
 
     @property
     def blocks(self) -> NDArray[np.void]:
-        """The blocks as they came: first, count, overload (a bit per channel), time (s, rig's clock)."""
+        """Blocks as they arrived: first, count, overload (a bit per channel), time (s, rig's clock)."""
         return self._contents.blocks
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of the samples, of what turns them into SI, and of the events and verdicts."""
+        """SHA-256 of the samples, the metadata of their conversion to SI, the events and the verdicts."""
         return self._checked[1]
 
     @cached_property
     def sensors(self) -> Sensors:
-        """The rig's sensors as they were."""
+        """Sensors of the rig at the time of recording."""
         try:
             return Sensors.model_validate(json.loads(self.header.rig)["sensors"])
         except (ValidationError, ValueError, KeyError):
@@ -171,7 +171,7 @@ class Recording:
 
     @cached_property
     def force(self) -> FloatArray:
-        """(samples,) N: Fz above the gauges' rest, which is their mean while hands were off."""
+        """(samples,) N: Fz relative to the rest of the gauges (their mean during hands off)."""
         return np.asarray(self._sensor("force").to_si(self._gauges)[2])
 
     @cached_property
@@ -188,7 +188,7 @@ class Recording:
 
     @cached_property
     def extra(self) -> dict[str, FloatArray]:
-        """(samples,) of each channel of `[sensors.extra]`, in the unit that `sensors.extra` names."""
+        """(samples,) of each channel of `[sensors.extra]`, in the unit stated there."""
         found = {}
         for name, sensor in self.sensors.extra.items():
             rows = [self.channels.index(sensor.channel)]
@@ -199,21 +199,21 @@ class Recording:
 
     @cached_property
     def saturated(self) -> BoolArray:
-        """(samples,): a sensor or its converter was at the end of its range; extra channels do not count."""
+        """(samples,): True where a sensor, or its converter, was at the range end (not extra channels)."""
         accelerometer = self._sensor("acceleration")
         sensors = (self._sensor("force"), accelerometer, self._sensor("activation"))
         codes = self._contents.codes[[row for sensor in sensors for row in self._indices(sensor)]]
-        # 32767 is full scale on the way up; a card's last code on the way down is -32768.
+        # The largest positive code is 32767, the largest negative one -32768.
         edge = np.any(np.abs(codes.astype(np.int32)) >= CODES - 1, axis=0)
         edge |= accelerometer.saturated(self._rows(accelerometer))
         return np.asarray(edge | self._sensor("force").saturated(self._gauges))
 
     def delay(self, quantity: str) -> float:
-        """Seconds from a sample's clock edge to the instant that `quantity` was taken at.
+        """Delay (s) from a sample's clock edge to the sampling instant of `quantity`.
 
         `quantity` is "force", "acceleration" (z), "activation" or a name in `extra`. A multiplexed card
-        takes its channels one after the other; a force that several gauges carry belongs to the mean of
-        their instants, weighted as they weigh in Fz.
+        samples its channels one after the other; the delay of the force is the mean of its gauges'
+        delays, weighted by their coefficients in Fz.
         """
         if quantity in self.sensors.extra:
             return float(self.header.delays[self.channels.index(self.sensors.extra[quantity].channel)])
@@ -225,11 +225,11 @@ class Recording:
         return float(delays[-1])
 
     def to_xarray(self) -> xr.Dataset:
-        """See `haploop.acquisition.recording.export.to_xarray`."""
+        """Convert to an xarray Dataset (`haploop.acquisition.recording.export.to_xarray`)."""
         return export.to_xarray(self)
 
     def to_pandas(self) -> pd.DataFrame:
-        """See `haploop.acquisition.recording.export.to_pandas`."""
+        """Convert to a pandas DataFrame (`haploop.acquisition.recording.export.to_pandas`)."""
         return export.to_pandas(self)
 
     @property
@@ -250,7 +250,7 @@ class Recording:
 
     @cached_property
     def _gauges(self) -> FloatArray:
-        """(6, samples) V above rest: without the weight of the box and the offsets of the gauges."""
+        """(6, samples) V relative to rest, without the weight of the box and the offsets of the gauges."""
         gauges = self._rows(self._sensor("force"))
         if not gauges.size:
             return gauges

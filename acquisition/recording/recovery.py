@@ -43,8 +43,8 @@ __all__ = ["recover", "set_aside"]
 def recover(path: str | Path) -> Path:
     """Salvage the intact part of a recording into a new file `<name>.recovered.h5`; `path` is not touched.
 
-    For a recording that was interrupted, truncated, or damaged in its samples: samples are kept up to the
-    first one that is missing. The new file's last event states what was saved and what was lost. Raises
+    For a recording that was interrupted, truncated, or damaged in its samples. Samples are kept up to the
+    first missing one. The new file's last event states what was saved and what was lost. Raises
     ConfigurationError when there is nothing to recover or the new file exists, DataError when the file's
     metadata are damaged, or the file was changed after it was finished.
     """
@@ -67,8 +67,8 @@ def recover(path: str | Path) -> Path:
 def set_aside(path: Path) -> Path | None:
     """Rename an interrupted recording without a press, so that the same command can be given again.
 
-    Returns its new path (`P01-latch.empty-1.h5`), or None for everything else, which stays as it is: a
-    recording that is complete, in progress, holds any press, or cannot be read.
+    Returns its new path (`P01-latch.empty-1.h5`), or None for a recording that is complete, in
+    progress, holds any press, or cannot be read; such a file is not changed.
     """
     try:
         recording = Recording.open(path)
@@ -91,7 +91,7 @@ def set_aside(path: Path) -> Path | None:
 
 
 def _whole(path: Path) -> tuple[Header, Contents, str] | None:
-    """The contents of an interrupted file; None when the file cannot be read as it is."""
+    """Read the contents of an interrupted file; None when the file is damaged."""
     try:
         with opened(path) as file:
             header, state = read_header(file, path)
@@ -113,7 +113,7 @@ def _whole(path: Path) -> tuple[Header, Contents, str] | None:
 
 
 def _part(path: Path) -> tuple[Header, Contents, str]:
-    """The contents of a damaged file before its first missing sample. Raises DataError."""
+    """Read the contents of a damaged file up to its first missing sample. Raises DataError."""
     with opened_beyond(path) as file:
         header, state = read_header(file, path)
         if state == "recording":
@@ -128,7 +128,7 @@ def _part(path: Path) -> tuple[Header, Contents, str]:
 
 
 def _readable(stored: h5py.Dataset) -> Codes:
-    """The samples before the first chunk that is missing or damaged."""
+    """Read the samples before the first missing or damaged chunk."""
     parts: list[Codes] = []
     with suppress(OSError, RuntimeError, ValueError):
         for start in range(0, stored.shape[1], CHUNK):
@@ -138,7 +138,7 @@ def _readable(stored: h5py.Dataset) -> Codes:
 
 @contextmanager
 def opened_beyond(path: Path) -> Iterator[h5py.File]:
-    """The file as `opened` gives it; a truncated file reads as zeros beyond its end."""
+    """Open a file like `opened`; a truncated file reads as zeros beyond its end."""
     try:
         with h5py.File(path, "r"):
             pass
@@ -161,7 +161,7 @@ def opened_beyond(path: Path) -> Iterator[h5py.File]:
 
 
 class _Padded(io.RawIOBase):
-    """A file to be read as if it had `length` bytes; those that are missing are zero."""
+    """A file padded with zeros to `length` bytes for reading."""
 
     def __init__(self, path: Path, length: int) -> None:
         self._file = path.open("rb")

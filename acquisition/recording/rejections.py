@@ -24,7 +24,7 @@ class Rejection:
     """A press that was rejected after its session."""
 
     file: str
-    """Name of the recording, which is in the same folder."""
+    """Name of the recording in the same folder."""
     sha256: str
     """Its content hash."""
     number: int
@@ -37,7 +37,7 @@ class Rejection:
 def without_rejected(
     path: Path, content_hash: str, presses: Collection[PressVerdict]
 ) -> tuple[PressVerdict, ...]:
-    """The verdicts of a recording, with later rejections applied. Raises DataError."""
+    """Apply later rejections to the verdicts of a recording. Raises DataError."""
     rejected = {}
     for one in _rejections(path.parent):
         if one.file != path.name:

@@ -43,13 +43,13 @@ __all__ = [
 ]
 
 CHUNK = 8192
-"""Samples of a chunk, which has all channels. Within it a channel's samples stand together: they resemble
-each other, and compress twice as well."""
+"""Samples of a chunk of all channels. Within a chunk each channel's samples are contiguous, which halves the
+compressed size."""
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """The file, open for reading, with DataError instead of what h5py raises for damage."""
+    """Open a file for reading; raise DataError for the exceptions of h5py on a damaged file."""
     if not path.is_file():
         raise DataError(f"There is no recording {path}: check the name.")
     try:
@@ -62,7 +62,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
 
 
 def read_contents(path: Path) -> Contents:
-    """Every valid sample of a recording, finished or not. Raises DataError."""
+    """Read every valid sample of a recording, finished or not. Raises DataError."""
     with opened(path) as file:
         header, state = read_header(file, path)
         if state == "recording":
@@ -73,14 +73,14 @@ def read_contents(path: Path) -> Contents:
 
 
 def read_blocks(file: h5py.File, header: Header) -> Contents:
-    """Every valid row of a file in the state "recording"."""
+    """Read every valid row of a file in the state "recording"."""
     codes, blocks = _valid(file["blocks"], len(header.channels))
     contents = Contents(codes, blocks, _filled(file["events"]), _filled(file["presses"]))
     return ending_at(contents, codes.shape[1])
 
 
 def ending_at(contents: Contents, samples: int) -> Contents:
-    """What belongs to the blocks that end at sample `samples` or before it."""
+    """Truncate contents to the blocks that end at sample `samples` or earlier."""
     blocks = contents.blocks[contents.blocks["first"] + contents.blocks["count"] <= samples]
     samples = int(blocks["count"].sum())
     return Contents(
@@ -93,17 +93,17 @@ def ending_at(contents: Contents, samples: int) -> Contents:
 
 def cut_short(told: str, size: int) -> int:
     """Full size (bytes) of a truncated file, from the error that HDF5 `told`; 0 if it is not truncated."""
-    # The beginning of a file states its full size, which HDF5 reports in its error.
+    # An HDF5 file states its full size at its beginning; the library reports it in the error.
     cut = re.search(r"truncated file: .*stored_eof = (\d+)", told)
     return int(cut[1]) if cut and int(cut[1]) > size else 0
 
 
 def finish(path: Path, state: str = "finished") -> None:
-    """Replace a recording that has ended by its final form, without the unused space.
+    """Replace the file of an ended recording by its final form, without the unused space.
 
-    `state` is "interrupted" when it ended before every press was recorded. The new file is read back
-    before it takes the old one's name. Raises DataError or InstrumentError; the unfinished file is
-    then as it was.
+    `state` is "interrupted" when the recording ended before every press was recorded. The new file is
+    read back before it replaces the old one. On DataError or InstrumentError the unfinished file is
+    unchanged.
     """
     with opened(path) as file:
         header, _ = read_header(file, path)
@@ -112,10 +112,10 @@ def finish(path: Path, state: str = "finished") -> None:
 
 
 def verify(path: str | Path) -> tuple[str, ...]:
-    """The problems of a file that haploop wrote, one sentence each; none when it is intact.
+    """Verify a file written by haploop; return one sentence for each problem, none when it is intact.
 
-    Checks the content hash; of a recording, the schema and the continuity as well. Raises DataError for a
-    file that cannot be read, which a damaged one of any other kind than a recording is.
+    Checks the content hash, and the schema and continuity of a recording. Raises DataError for a file that
+    cannot be read; only a recording can be damaged and still be read.
     """
     path = Path(path)
     if hdf5.is_stored(path):
@@ -149,7 +149,7 @@ def verify(path: str | Path) -> tuple[str, ...]:
 def write_finished(path: Path, header: Header, contents: Contents, state: str, in_place: bool) -> None:
     """Write a recording in its final form, and read it back before it takes the name `path`.
 
-    Raises InstrumentError when the disk refuses, DataError when it does not give back what it took,
+    Raises InstrumentError when the disk refuses, DataError when the content read back differs,
     ConfigurationError when `path` exists and not `in_place`.
     """
     content_hash = contents.hash(header)
@@ -158,7 +158,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
             with h5py.File(temporary, "w") as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
-                # The samples come last, and in order of time: a truncated file loses its end only.
+                # The samples come last and in time order, so that a truncated file loses only its end.
                 file.create_dataset("blocks", data=contents.blocks)
                 file.create_dataset("events", data=contents.events)
                 file.create_dataset("presses", data=contents.presses)
@@ -170,7 +170,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
                     "shuffle": True,
                     "fletcher32": True,
                 }
-                # HDF5 has no chunks of nothing: what ended before its first block is stored plainly.
+                # HDF5 has no empty chunks: a recording without a block is stored contiguously.
                 codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
                 codes.attrs["volts_per_code"] = header.full_scale / CODES
             if read_contents(temporary).hash(header) != content_hash:
@@ -184,9 +184,9 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
 
 
 def _valid(blocks: h5py.Dataset, channels: int) -> tuple[Codes, NDArray[np.void]]:
-    """The samples of the records up to the first one that is not intact.
+    """Read the samples of the records before the first damaged one.
 
-    Records after a gap are left out: their time would be right, but a channel must not have gaps.
+    Records after a gap are left out, because a channel must not have gaps.
     """
     parts: list[Codes] = []
     rows: list[tuple[Any, ...]] = []
@@ -203,30 +203,30 @@ def _valid(blocks: h5py.Dataset, channels: int) -> tuple[Codes, NDArray[np.void]
 
 
 def _filled(rows: h5py.Dataset) -> NDArray[np.void]:
-    """The rows that were written completely."""
+    """Read the rows that were written completely."""
     return np.array([row for row in rows[:] if whole(row)], dtype=rows.dtype)
 
 
 def later_blocks(blocks: h5py.Dataset) -> int:
-    """Number of intact records after the first one that is not."""
+    """Number of intact records after the first damaged one."""
     found = [_written(record) for record in _records(blocks)]
     return sum(found) - next((i for i, ok in enumerate(found) if not ok), len(found))
 
 
 def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
-    """Records one after the other; a file that was preallocated for an hour need not fit into memory."""
+    """Read the records in steps, because a file preallocated for an hour may not fit into memory."""
     step = max(1, (1 << 22) // blocks.dtype.itemsize)
     for start in range(0, len(blocks), step):
         yield from blocks[start : start + step]
 
 
 def _written(record: np.void) -> bool:
-    """Whether a block was written. An empty record has a count of 0, which is fast to test."""
+    """True when a block was written. An empty record has a count of 0, which is fast to test."""
     return int(record["count"]) > 0 and whole(record)
 
 
 def _damage(path: Path, told: str) -> str:
-    """One sentence for the error with which HDF5 could not read a file."""
+    """Explain in one sentence an HDF5 error on reading a file."""
     size = path.stat().st_size if path.is_file() else 0
     if length := cut_short(told, size):
         return (

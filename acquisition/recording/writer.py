@@ -1,10 +1,10 @@
-"""The writer: a recording file that is readable at every moment, at the speed of the raw disk.
+"""Write a recording file that is readable at every moment, at the speed of the raw disk.
 
-Preallocate: a complete HDF5 file with all metadata and space for every block is made, allocated and
-synced before the first sample; a disk that is too small is found here. Record: each block is one
-positioned write into the dataset's own bytes, with its CRC, and no call of HDF5. Commit: a separate
-thread syncs what was written, so that a busy disk never holds up a block. docs/format.md,
-"Guarantees", says why.
+Preallocate: a complete HDF5 file with all metadata and space for every block is created, allocated and
+synced before the first sample; a disk that is too small is detected here. Record: each block is one
+positioned write, with its CRC, into the bytes of the dataset, without a call of HDF5. Commit: a separate
+thread syncs the written data, so that a busy disk never delays a block. Reasons: docs/format.md,
+"Guarantees".
 """
 
 from __future__ import annotations
@@ -44,11 +44,10 @@ _MARGIN = 1 << 20
 
 
 class Writer:
-    """A recording file that is being filled; a context that closes it.
+    """A recording file that is being filled; a context manager that closes it.
 
-    `capacity` is the number of blocks of `block` samples that it has space for, `along` the number of
-    events of instruments that are recorded along.
-    Raises ConfigurationError when the file exists or the disk is too small.
+    `capacity` is the space in blocks of `block` samples, `along` the space for events of instruments
+    recorded along. Raises ConfigurationError when the file exists or the disk is too small.
     """
 
     def __init__(self, path: Path, header: Header, block: int, capacity: int, along: int = 0) -> None:
@@ -58,7 +57,7 @@ class Writer:
         self._record = np.zeros(1, dtype=self._dtype)
         self._scratch = np.empty((len(header.channels), block), dtype=np.float32)
         self._capacity = capacity
-        # A press may take several attempts, each with its events; what goes wrong has some too.
+        # Each of several attempts at a press has events, and so have errors.
         self._events_left = 16 * header.presses + 256 + along
         self._presses_left = 8 * header.presses + 64
         self._slot = 0
@@ -73,18 +72,18 @@ class Writer:
 
     @property
     def written(self) -> int:
-        """Samples that the operating system has: a kill does not lose them."""
+        """Samples passed to the operating system, which a kill does not lose."""
         return self._written
 
     @property
     def committed(self) -> int:
-        """Samples that the disk says it has: a power cut does not lose them."""
+        """Samples synced to the disk, which a power cut does not lose."""
         return self._committed
 
     def write(self, block: Block, time: float) -> None:
-        """Append a block that came at `time` (s of the rig's clock); one that was written is left alone.
+        """Append a block that arrived at `time` (s of the rig's clock); a block already written is ignored.
 
-        Raises InstrumentError when the disk refuses, when there is no room, or after a gap.
+        Raises InstrumentError when the disk refuses, when the file is full, or after a gap.
         """
         if block.first < self._written:
             return
@@ -171,7 +170,7 @@ class Writer:
         size = self._capacity * self._dtype.itemsize
         try:
             free = shutil.disk_usage(self.path.parent).free
-            # Twice: the finished copy stands beside this file until it takes its place.
+            # Twice the size: the finished copy is written beside this file before it replaces it.
             if free < 2 * size + _MARGIN:
                 raise ConfigurationError(
                     f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, but this recording needs "
@@ -247,7 +246,7 @@ class Writer:
 
 
 def _mask(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
-    """One bit a channel, the first channel lowest; a 33rd channel and later ones share the last bit."""
+    """Pack flags into bits, the first channel lowest; channels from the 32nd on share the last bit."""
     return sum(1 << bit for bit in {min(int(i), 31) for i in np.flatnonzero(flags)})
 
 

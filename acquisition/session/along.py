@@ -1,9 +1,9 @@
-"""Recording along: each instrument that is on no DAQ is read in a thread of its own.
+"""Recording along: read each instrument that is not on a DAQ in a thread of its own.
 
-Time is the sample index: the thread that writes the blocks says how far the recording is, and an
-instrument is asked when that is due. What it gives is written by the same thread, with the blocks;
-so neither the reader of the DAQ nor the file ever waits for a thermometer. On a virtual clock time
-stands still meanwhile, and the same world gives the same recording.
+Time is the sample index: the thread that writes the blocks requests a reading when the recording has
+reached the sample at which it is due. The same thread writes the answers, so neither the reader of the
+DAQ nor the file ever waits for a slow instrument. A virtual clock stands still during a reading, so the
+same simulation gives the same recording.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from haploop.instruments.safety import run_within
 __all__ = ["Along"]
 
 _HUNG = 5.0
-"""Seconds without an answer after which an instrument is said to hang."""
+"""Seconds without an answer after which an instrument counts as hung."""
 
 
 class Along:
-    """Everything of a rig that is recorded along: a context that starts it, and stops it.
+    """All instruments of a rig that are recorded along: a context manager that starts and stops them.
 
-    Entering raises InstrumentError when an instrument does not start: nothing has been recorded then.
-    Once it has, an instrument that fails is an event, and is asked again.
+    Entering raises InstrumentError when an instrument does not start, before anything is recorded. A
+    later failure is written as an event, and the instrument is read again.
     """
 
     def __init__(self, rig: Rig, path: Path) -> None:
@@ -61,22 +61,22 @@ class Along:
             poller.stop()
 
     def reserve(self, duration: float, block: int) -> int:
-        """Events that `duration` seconds in blocks of `block` samples may take.
+        """Largest number of events in `duration` seconds with blocks of `block` samples.
 
-        What comes beyond them is left out, which is an event.
+        Events beyond this number are dropped; an event states that.
         """
         self._left = sum(poller.most(duration, block) for poller in self._pollers)
         return self._left
 
     def follow(self, writer: Writer) -> None:
-        """Ask for what is due by the samples written, and write what has come. For the thread that writes."""
+        """Request the readings now due, and write those that have arrived. Called by the writing thread."""
         for poller in self._pollers:
             poller.ask(writer.written)
         self._clock.hold(self._answered)
         self._write(writer)
 
     def finish(self, writer: Writer) -> None:
-        """Stop every instrument, and write what they have given since."""
+        """Stop every instrument, and write the remaining readings."""
         for poller in self._pollers:
             poller.stop(writer.written)
         self._write(writer)
@@ -97,7 +97,7 @@ class Along:
 
 
 class _Poller:
-    """One instrument, and the thread that asks it."""
+    """One instrument, and the thread that reads it."""
 
     def __init__(self, role: str, instrument: RecordedAlong, rate_hz: float, folder: Path) -> None:
         self._instrument, self._folder, self._rate_hz = instrument, folder, rate_hz
@@ -110,15 +110,15 @@ class _Poller:
         self._period = max(1, math.ceil(rate_hz / instrument.reads_hz))
         self._due = 0
         self._asked: int | None = None
-        """Sample index of the question that has not been answered."""
+        """Sample index of the pending request; None without one."""
         self._failing = self._hung = self._stopped = False
         self._change = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=f"haploop-{role}", daemon=True)
         self.events: deque[Event] = deque()
-        """What has come: appended by the instrument's thread, taken by the one that writes."""
+        """Readings: appended by the instrument's thread, taken by the writing thread."""
 
     def most(self, duration: float, block: int) -> int:
-        """Events that `duration` seconds may take: one question a block at most, each answer or failure."""
+        """Largest number of events in `duration` seconds, with at most one request a block."""
         reads = math.ceil(duration * self._rate_hz / max(self._period, block)) + 2
         return reads * (len(self._instrument.reads) + 1) + 8
 
@@ -134,11 +134,11 @@ class _Poller:
         self._thread.start()
 
     def ask(self, index: int) -> None:
-        """Ask for a reading, if one is due at sample `index` and the last one has come."""
+        """Request a reading, if one is due at sample `index` and the last one has arrived."""
         with self._change:
             if self._asked is None and index >= self._due and not self._stopped:
                 self._asked = index
-                # Multiples of the period: a late question does not make all later ones late.
+                # Multiples of the period, so that a late request does not delay all later ones.
                 self._due = (index // self._period + 1) * self._period
                 self._change.notify_all()
             late = self._asked is not None and index - self._asked > _HUNG * self._rate_hz
@@ -146,15 +146,15 @@ class _Poller:
                 self._say_hung(index)
 
     def wait(self) -> None:
-        """Return once nothing is asked, or after `_HUNG` s of real time, after which nobody waits again."""
+        """Wait, at most `_HUNG` s of real time, until no request is pending; never for a hung instrument."""
         with self._change:
             if not self._hung and not self._change.wait_for(lambda: self._asked is None, _HUNG):
                 self._say_hung(self._asked or 0)
 
     def stop(self, index: int | None = None) -> None:
-        """End the thread and the instrument's work. May be called again; never raises.
+        """Stop the thread and the instrument. May be called again; never raises.
 
-        What goes wrong is an event at sample `index`.
+        A failure becomes an event at sample `index`.
         """
         with self._change:
             if self._stopped:
@@ -182,7 +182,7 @@ class _Poller:
             try:
                 for read in self._instrument.read():
                     self.events.append(reading_event(index, self._role, read, self._folder))
-            except BaseException as error:  # whatever a driver raises: sys.exit must not end it either
+            except BaseException as error:  # no driver may end the recording, even by sys.exit
                 if not self._failing:
                     self._fail(index, error)
                 self._failing = True
@@ -197,6 +197,6 @@ class _Poller:
 
 
 def _told(error: BaseException) -> str:
-    """What an error says, in a line; haploop's own errors are sentences already."""
+    """Message of an error on one line; other errors than haploop's own get their type in front."""
     told = " ".join(str(error).split())
     return told if isinstance(error, HaploopError | TimeoutError) else f"{type(error).__name__}: {told}."

@@ -50,9 +50,9 @@ from haploop.instruments.signals import uninterrupted
 __all__ = ["MOST_PRESSES", "Session", "ignore", "record", "run_session"]
 
 _HISTORY = 1.0
-"""s of samples before a press that are kept for its quality check."""
+"""s: samples before a press kept for its quality check."""
 MOST_PRESSES = 1000
-"""Presses of one recording: its space is allocated before the first, and it is read as a whole."""
+"""Largest number of presses in one recording, which is preallocated and read as a whole."""
 
 
 def ignore(*_told: object) -> None:
@@ -61,15 +61,15 @@ def ignore(*_told: object) -> None:
 
 @dataclass(frozen=True)
 class Session:
-    """What one session records: a participant's presses of a button, into one file."""
+    """One session: a participant's presses of a button, recorded into one file."""
 
     path: Path
     button: str
     participant: str
     pending: tuple[tuple[int, int], ...]
-    """Presses that are still due: (number, next attempt) of each."""
+    """Presses still due: (number, next attempt) of each."""
     of: int
-    """Number of presses in all, those of earlier sessions included."""
+    """Total number of presses, earlier sessions included."""
     study: str = ""
     number: str = ""
     """Number of this session within a study."""
@@ -97,13 +97,14 @@ def record(
     An interrupted recording of that name without a single press is set aside first (`set_aside`).
     The operator is asked to keep hands off, then for each press once the one before has ended. The
     quality of each press is checked at once; a bad press is kept, marked, and asked for again.
-    `progress` is told of the accepted presses at the start and after each, `on_verdict(press)` after each
-    press. Whatever ends the session early (Ctrl-C and a lost sample included) leaves a readable recording
-    of all samples that were read, not `complete` and without the unused space; the error is then raised.
+    `progress` is called with the number of accepted presses at the start and after each one,
+    `on_verdict(press)` after each press. A session that ends early (an error, Ctrl-C) leaves a readable
+    recording of all samples read, not `complete` and without the unused space; then the error is raised.
 
     Raises ConfigurationError for a bad name, a missing sensor, an existing file, and a folder or disk
-    that cannot take it; DataError when no press comes in time (`Protocol.patience`, `Protocol.wait`), or no
-    good one in 5 attempts; InstrumentError when a sample is lost or the disk refuses.
+    that cannot take it; DataError when no press comes in time (`Protocol.patience`, `Protocol.wait`), or
+    none is accepted in `Protocol.attempts` attempts; InstrumentError when a sample is lost or the disk
+    refuses.
     """
     if not isinstance(presses, int | np.integer) or presses < 1:
         raise ConfigurationError(f"{presses!r} is not a number of presses: use a whole number, at least 1.")
@@ -181,7 +182,7 @@ def _recorded(
 
 
 def _wiring(rig: Rig) -> tuple[ForceTorque, list[str]]:
-    """The force sensor and every channel to record. Raises ConfigurationError."""
+    """Find the force sensor and every channel to record. Raises ConfigurationError."""
     sensors: dict[str, Sensor | None] = {
         "force": rig.sensors.force,
         "acceleration": rig.sensors.acceleration,
@@ -225,7 +226,7 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
 def _written(
     reader: StreamReader, writer: Writer, along: Along, clock: Clock, publish: Callable[[Block], None]
 ) -> Iterator[Block]:
-    """Each block after it was written to the file, so that no consumer can lose it."""
+    """Yield each block after it was written to the file, so that no consumer can lose it."""
     for block in reader:
         writer.write(block, clock.now())
         publish(block)
@@ -234,7 +235,7 @@ def _written(
 
 
 class _SessionRun:
-    """A session while it runs, between the first block and the last: rest, presses, trail."""
+    """A running session, from the first block to the last: rest, presses, trail."""
 
     def __init__(
         self,
@@ -261,10 +262,10 @@ class _SessionRun:
         self._done = session.of - len(session.pending)
         self._attempts: dict[int, int] = {}
         self._wait_left = p.wait
-        """s that this session may still wait for somebody who is away."""
+        """s: remaining extra wait for a participant who is away."""
         self._remind_at = p.patience
         self._last: PressVerdict | None = None
-        """The preceding press, while it is accepted."""
+        """Verdict on the preceding press, while it is accepted."""
 
     def conduct(self) -> None:
         """Run the session to its end. Raises DataError and InstrumentError."""
@@ -283,7 +284,7 @@ class _SessionRun:
                 self._wait(self._p.trail)
 
     def _ask(self, number: int, attempt: int, because: str) -> str:
-        """Prompt for a press and check it. Returns why it is asked for again, or "" when it is accepted."""
+        """Prompt for a press and check it. Returns the reason for asking again, or "" when accepted."""
         s = self._session
         words = s.words.format(button=s.button, participant=s.participant, number=number, of=s.of)
         request = Press(s.button, s.participant, number, s.of, attempt, because, words)
@@ -302,7 +303,7 @@ class _SessionRun:
         return verdict.reason
 
     def _await(self, reminder: Press) -> None:
-        """Return once a press is over and hands are off again. Raises DataError."""
+        """Wait until a press is over and hands are off again. Raises DataError."""
         p, before, asked = self._p, len(self._detector.spans), self._index
         began: int | None = None
         self._remind_at = p.patience
@@ -325,9 +326,9 @@ class _SessionRun:
                 )
 
     def _overdue(self, asked: int, reminder: Request) -> float:
-        """Seconds since sample `asked` if they are more than this session may wait, else 0.
+        """Waiting limit (s) if more time has passed since sample `asked`, else 0.
 
-        The reminder is given after `patience`, and then ever less often.
+        The reminder is given after `patience`, and then at doubling intervals.
         """
         waited = (self._index - asked) / self._rate_hz
         limit = self._p.patience + self._wait_left
@@ -339,10 +340,10 @@ class _SessionRun:
         return 0.0
 
     def _check_last(self, number: int, attempt: int) -> PressVerdict:
-        """The verdict on the press that has just ended."""
+        """Check the quality of the press that has just ended."""
         volts = np.concatenate([block.volts for block in self._recent], axis=1)
         span = self._detector.spans[-1]
-        # The detector counts from where hands were off.
+        # The detector counts samples from the end of the rest.
         span = span._replace(first=span.first + self._began, end=span.end + self._began)
         verdict = self._check_quality(volts, self._recent[0].first, span, number, attempt)
         # The next press is checked without any sample of this one.
@@ -350,7 +351,7 @@ class _SessionRun:
         return verdict
 
     def _again(self, verdict: PressVerdict) -> None:
-        """Ask for a press again. Raises DataError after too many attempts."""
+        """Queue another attempt at a press. Raises DataError after too many attempts."""
         tried = self._attempts[verdict.number] = self._attempts.get(verdict.number, 0) + 1
         if tried >= self._p.attempts:
             raise DataError(
@@ -360,7 +361,7 @@ class _SessionRun:
         self._pending.appendleft((verdict.number, verdict.attempt + 1))
 
     def _next(self) -> None:
-        """One block more. Raises InstrumentError when the stream has ended."""
+        """Process one block. Raises InstrumentError when the stream has ended."""
         block = self._block()
         self._recent.append(block)
         history = block.end - _HISTORY * self._rate_hz
@@ -371,7 +372,7 @@ class _SessionRun:
             self._reject(self._last)
 
     def _reject(self, last: PressVerdict) -> None:
-        """The operator rejects the preceding press."""
+        """Reject the preceding press for the operator."""
         self._last = None
         rejected = last._replace(
             accepted=False, flags=(*last.flags, "rejected"), reason="The operator rejected it."
@@ -405,7 +406,7 @@ class _SessionRun:
             recent.append(self._block().volts[self._gauges])
             if len(recent) < (recent.maxlen or 0):
                 continue
-            # Means of blocks: noise is averaged away, a hand is not.
+            # Block means suppress noise, but not the force of a hand.
             means = np.stack([volts.mean(axis=1) for volts in recent], axis=1)
             if np.ptp(self._force.to_si(means)[2]) < p.rest_spread:
                 self._wait_left -= max(0.0, self._index / self._rate_hz - p.patience)
@@ -429,7 +430,7 @@ class _SessionRun:
 
 
 def _keep(reader: StreamReader, writer: Writer, along: Along, now: float, error: BaseException) -> None:
-    """Write what was read but not yet written, and the event that ended the recording."""
+    """Write the samples read but not yet written, and the event that ended the recording."""
     reader.stop()
     try:
         for block in reader.left():
@@ -442,4 +443,4 @@ def _keep(reader: StreamReader, writer: Writer, along: Along, now: float, error:
     except InstrumentError:
         if not isinstance(error, InstrumentError):
             raise
-        # The disk itself failed, which `error` already states.
+        # The disk failed; `error` already states it.

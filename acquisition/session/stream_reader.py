@@ -1,7 +1,7 @@
-"""The stream reader: a thread that only takes blocks from a stream and puts them on a queue.
+"""The stream reader: a thread that only moves blocks from a stream to a queue.
 
-It never waits for a disk, a plot or a person. The blocks are consumed in the thread that made the
-`StreamReader`, normally the main one, where Ctrl-C arrives.
+It never waits for a disk, a plot or a person. The blocks are consumed in the thread that created the
+`StreamReader`, normally the main thread, which receives Ctrl-C.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from haploop.instruments import Block, Clock, InstrumentError, Stream
 __all__ = ["GapError", "OverrunError", "StreamReader"]
 
 _POLL = 0.1
-"""Seconds of one wait for the other thread: on Windows a wait without an end does not see Ctrl-C."""
+"""Seconds of one wait for the other thread: on Windows an unlimited wait ignores Ctrl-C."""
 _STOP_DEADLINE = 10.0
-"""Seconds for the thread to come back from the driver; a driver's own time-outs are shorter."""
+"""Seconds allowed for the thread to return from the driver, whose own time-outs are shorter."""
 
 
 class GapError(InstrumentError):
@@ -27,24 +27,24 @@ class GapError(InstrumentError):
 
 
 class OverrunError(InstrumentError):
-    """Blocks came faster than they were written, until no more could wait."""
+    """The queue was full: blocks arrived faster than they were written."""
 
 
 class StreamReader:
-    """A context that reads a stream; iterate over it for the blocks, in order and without a gap.
+    """A context manager that reads a stream; iterating over it gives the blocks in order without a gap.
 
-    `depth` is how many blocks may wait for their consumer. Iteration raises InstrumentError when
-    the stream does, when a block does not follow the one before (GapError), or when the queue was
-    full (OverrunError): in each case only after every block that came before it. After `stop`, `left`
-    hands out what has been read and may not have been consumed.
+    `depth` is the length of the queue in blocks. Iteration raises the stream's own InstrumentError, a
+    GapError when a block does not follow the preceding one, or an OverrunError when the queue was full:
+    in each case only after every earlier block. After `stop`, `left` yields the blocks that may not have
+    been consumed.
     """
 
     def __init__(self, stream: Stream, clock: Clock, depth: int = 400) -> None:
         self._stream = stream
         self._clock = clock
         self._depth = depth
-        # The block being consumed stays at the head until its consumer comes back for the next, so
-        # that an interrupt between any two instructions loses none.
+        # The block being consumed stays at the head until its consumer asks for the next, so that an
+        # interrupt between any two instructions loses no block.
         self._queue: deque[Block | BaseException | None] = deque()
         self._available = threading.Event()
         self._stopping = threading.Event()
@@ -80,13 +80,13 @@ class StreamReader:
 
     @property
     def waiting(self) -> int:
-        """How many blocks have been read and not yet consumed."""
+        """Number of blocks read and not yet consumed."""
         return len(self._queue)
 
     def stop(self) -> None:
-        """End the thread; the stream itself stays open. May be called again.
+        """Stop the thread; the stream itself stays open. May be called again.
 
-        Raises InstrumentError when the driver does not come back.
+        Raises InstrumentError when the driver does not return.
         """
         self._stopping.set()
         if self._thread.ident is not None:
@@ -98,9 +98,9 @@ class StreamReader:
             )
 
     def left(self) -> Iterator[Block]:
-        """After `stop`: the block that was being consumed, and all that follow it without a gap.
+        """Yield, after `stop`, the block being consumed and all that follow it without a gap.
 
-        Its consumer may have handled the first of them already, and must know by its index.
+        The consumer may have processed the first of them already; its index tells.
         """
         for item in self._queue:
             if not isinstance(item, Block) or self._next not in (item.first, item.end):
@@ -109,7 +109,7 @@ class StreamReader:
             yield item
 
     def _head(self) -> Block | BaseException | None:
-        """What stands first in the queue, once anything does."""
+        """Wait for the first item of the queue, and leave it there."""
         while True:
             if self._queue:
                 return self._queue[0]
@@ -131,7 +131,7 @@ class StreamReader:
                 if self._stopping.is_set():
                     return
             self._put(None)
-        except BaseException as error:  # handed to the consumer, whose thread raises it
+        except BaseException as error:  # raised again in the consumer's thread
             self._put(error)
 
     def _put(self, item: Block | BaseException | None) -> None:
@@ -139,6 +139,6 @@ class StreamReader:
         self._available.set()
 
     def _consumed(self) -> None:
-        """Return when the consumer comes back for the next block, or nobody consumes any more."""
+        """Wait until the consumer asks for the next block, or the reader is stopped."""
         while not self._handled.wait(_POLL) and not self._stopping.is_set():
             pass

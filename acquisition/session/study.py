@@ -1,7 +1,7 @@
 """A study: presses of several buttons by many participants, recorded in any number of sessions.
 
-The recordings are the only record of a study's progress: it is read from them (and from their
-rejections) every time.
+The progress of a study is stored nowhere else: it is read from the recordings (and their rejections)
+every time.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from haploop.instruments.safety import hold
 __all__ = ["Study", "StudyProgress", "load_study", "run_study"]
 
 CONSENT = "consent"
-"""Kind of the event that says, in every recording, that consent was confirmed."""
+"""Kind of the event that states in each recording that consent was confirmed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,24 +42,24 @@ class StudyProgress:
     participant: str
     button: str
     of: int
-    """How many presses are asked for."""
+    """Number of presses requested."""
     recordings: tuple[Recording, ...]
-    """One for each session, in their order."""
+    """One recording for each session, in order."""
 
     @cached_property
     def verdicts(self) -> tuple[PressVerdict, ...]:
-        """The verdict on every attempt at every press."""
+        """Verdict on every attempt at every press."""
         return tuple(press for recording in self.recordings for press in recording.verdicts)
 
     @cached_property
     def accepted(self) -> tuple[int, ...]:
-        """Numbers of the presses that were accepted, in their order."""
+        """Numbers of the accepted presses, sorted."""
         numbers = {press.number for press in self.verdicts if press.accepted and press.number <= self.of}
         return tuple(sorted(numbers))
 
     @property
     def missing(self) -> tuple[tuple[int, int], ...]:
-        """Presses that are still due: (number, next attempt) of each."""
+        """Presses still due: (number, next attempt) of each."""
         last = {
             number: max((press.attempt for press in self.verdicts if press.number == number), default=0)
             for number in range(1, self.of + 1)
@@ -69,7 +69,7 @@ class StudyProgress:
 
     @property
     def complete(self) -> bool:
-        """Whether every press has been accepted."""
+        """True when every press has been accepted."""
         return len(self.accepted) == self.of
 
     @property
@@ -79,7 +79,7 @@ class StudyProgress:
 
     @property
     def rejected(self) -> int:
-        """How many presses the operator rejected."""
+        """Number of presses rejected by the operator."""
         return sum("rejected" in press.flags for press in self.verdicts)
 
     @property
@@ -89,12 +89,12 @@ class StudyProgress:
 
     @property
     def in_progress(self) -> int:
-        """Number of sessions that a living program is recording (0 or 1)."""
+        """Number of sessions being recorded by a running program (0 or 1)."""
         return sum(recording.in_progress for recording in self.recordings)
 
     @property
     def consented(self) -> bool:
-        """Whether consent was confirmed in one of these sessions."""
+        """True when consent was confirmed in one of these sessions."""
         return any(event.kind == CONSENT for recording in self.recordings for event in recording.events)
 
 
@@ -107,7 +107,7 @@ class Study:
 
     @property
     def folder(self) -> Path:
-        """Where its recordings are."""
+        """Folder of its recordings."""
         return self.path.parent / "recordings"
 
     def progress_of(self, participant: str, button: str) -> StudyProgress:
@@ -135,7 +135,7 @@ class Study:
         )
 
     def recordings(self, button: str) -> tuple[Recording, ...]:
-        """The recordings of a button by all participants, where any press was accepted.
+        """Recordings of a button by all participants that hold an accepted press.
 
         Raises ConfigurationError and DataError.
         """
@@ -176,9 +176,9 @@ class Study:
 
     @contextmanager
     def hold(self) -> Iterator[None]:
-        """Lock the study against other programs, and finish recordings that a killed program left.
+        """Lock the study against other programs, and finish the recordings of a killed program.
 
-        Raises InstrumentError, which names the process that holds the lock, and DataError.
+        Raises InstrumentError, which names the process with the lock, and DataError.
         """
         with hold({f"study {os.path.normcase(self.path.resolve())}"}, self.file.name):
             for participant in self.file.participants:
@@ -202,7 +202,7 @@ class Study:
         return self.folder / name.with_suffix(suffix), number
 
     def _parts(self, participant: str, button: str) -> list[Path]:
-        """The recordings of all sessions, in their order, without recovered files."""
+        """Paths of the recordings of all sessions, in order, without recovered files."""
         stem = Path(file_name(participant, button)).stem
         found = [path for path in self.folder.glob(f"{stem}*.h5") if _PART.fullmatch(path.name[len(stem) :])]
         return sorted(found, key=_session_number)
@@ -220,7 +220,7 @@ class Study:
 
 
 def load_study(path: str | Path) -> Study:
-    """A study by its file, or by the folder that holds its `study.toml`. Raises ConfigurationError."""
+    """Load a study from its file, or from the folder of its `study.toml`. Raises ConfigurationError."""
     path = Path(path)
     if path.is_dir():
         path = path / "study.toml"
@@ -239,14 +239,14 @@ def run_study(
 ) -> bool:
     """Record the presses still due in a study, of all or of some participants and buttons.
 
-    A run continues where the last one stopped, for whatever reason: accepted presses stay accepted, and an
-    interrupted session keeps its file. The operator confirms each participant's consent once, and confirms
-    that a participant is ready for a button; the answer False ends the run, which then returns False.
-    `progress` is told of each session ("P01, latch"), and `on_verdict(participant, button, press)` is called,
-    as in `record`. `notes` are stored in every recording of this run. `wait` (s) replaces the study file's.
+    A run continues where the last one stopped: accepted presses stay accepted, and an interrupted session
+    keeps its file. The operator confirms each participant's consent once, and before each button that the
+    participant is ready; the answer False ends the run, which then returns False. `progress` is called for
+    each session ("P01, latch") and `on_verdict(participant, button, press)` for each press, as in `record`.
+    `notes` are stored in every recording of this run. `wait` (s) replaces the study file's.
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
-    not consented, and whatever `record` raises.
+    not consented, and the errors of `record`.
     """
     for participant in participants or study.file.participants:
         for button in buttons or study.file.buttons:

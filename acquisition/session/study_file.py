@@ -60,9 +60,9 @@ class ButtonSettings(_Section):
     force: tuple[Positive, Positive] | None = None
     """N, lowest and highest at activation; see `Protocol.force`."""
     prompt: str = ""
-    """As `Prompts.press`."""
+    """Prompt for a press of this button; see `Prompts.press`."""
     segmentation: dict[str, Positive] = {}
-    """Fields of `Segmentation`, instead of those in `SEGMENTATIONS`."""
+    """Fields of `Segmentation` that replace the values in `SEGMENTATIONS`."""
 
     @field_validator("force")
     @classmethod
@@ -91,21 +91,21 @@ class StudyFile(_Section):
 
     name: Annotated[str, Field(min_length=1, max_length=80)]
     rig: str | None = None
-    """The rig file, beside this one, or the name of a rig that haploop ships."""
+    """Rig file beside the study file, or the name of a shipped rig."""
     buttons: Annotated[tuple[str, ...], Field(min_length=1)]
     participants: Annotated[tuple[str, ...], Field(min_length=1)]
     """Pseudonyms. Add new ones at the end; see `order_for`."""
     presses: Count = 10
-    """Presses of each button by each participant; the paper has ten."""
+    """Presses of each button by each participant (ten in the paper)."""
     order: Order = "counterbalanced"
     """Order of the buttons for each participant."""
     seed: Annotated[Annotated[int, Field(ge=0)] | None, Field(validate_default=True)] = None
-    """Of a random order."""
+    """Seed of a random order."""
     consent: bool = True
-    """Whether the operator must confirm that a participant has consented."""
+    """True when the operator must confirm each participant's consent."""
     prompts: Prompts = Prompts()
     wait: Annotated[float, Field(ge=0, le=86_400)] = 600.0
-    """s that a session waits for a participant who is away, in all; see `Protocol.wait`."""
+    """s: total wait of a session for a participant who is away; see `Protocol.wait`."""
     button: dict[str, ButtonSettings] = {}
 
     @field_validator("buttons")
@@ -141,12 +141,11 @@ class StudyFile(_Section):
         return button
 
     def order_for(self, participant: str) -> tuple[str, ...]:
-        """The buttons in the order that a participant comes to them.
+        """Order of the buttons for a participant.
 
-        Counterbalanced: by the participant's place in the list, the rows of a Latin square in which each
-        button follows each other one equally often (Williams, 1949; two squares for an odd number of
-        buttons). Random: by the seed and the pseudonym alone. Neither changes for anybody when others are
-        added behind.
+        Counterbalanced: a row of a Latin square in which each button follows each other one equally often
+        (Williams, 1949; two squares for an odd number of buttons), by the participant's place in the list.
+        Random: by the seed and the pseudonym. Adding participants at the end changes neither.
         """
         count = len(self.buttons)
         if self.order == "as-listed":
@@ -159,7 +158,7 @@ class StudyFile(_Section):
         return tuple(self.buttons[place] for place in places)
 
     def presses_of(self, button: str) -> int:
-        """How many presses of a button each participant makes."""
+        """Number of presses of a button by each participant."""
         return self._settings_of(button).presses or self.presses
 
     def prompt_for(self, button: str) -> str:
@@ -167,7 +166,7 @@ class StudyFile(_Section):
         return self._settings_of(button).prompt or self.prompts.press
 
     def protocol_for(self, button: str) -> Protocol:
-        """How presses of a button are asked for and accepted."""
+        """Protocol for a button: timing of the prompts, acceptance limits, segmentation."""
         settings = self._settings_of(button)
         segmentation = replace(segmentation_for(button), **settings.segmentation)
         return Protocol(force=settings.force, segmentation=segmentation)
@@ -195,7 +194,7 @@ def load_study_file(path: str | Path) -> StudyFile:
 
 
 def _refusal_as_value_error(participant: str, button: str) -> None:
-    # A name of a study becomes a file's, by the same rule as one that is typed.
+    # Names in a study become file names, so the rule of `file_name` applies.
     try:
         file_name(participant, button)
     except ConfigurationError as error:
@@ -203,7 +202,7 @@ def _refusal_as_value_error(participant: str, button: str) -> None:
 
 
 def _fillable(words: str, names: tuple[str, ...]) -> str:
-    """The prompt, if it has no other placeholders than these names. Raises ValueError."""
+    """Return the prompt; raises ValueError for a placeholder that is not among `names`."""
     try:
         words.format(**dict.fromkeys(names, 1))
     except (LookupError, AttributeError, ValueError):
@@ -216,7 +215,7 @@ def _different(names: tuple[str, ...]) -> tuple[str, ...]:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise ValueError(f"{twice[0]} is listed twice")
-    # P01-latch.h5 and p01-latch.h5 are one file on many a disk.
+    # P01-latch.h5 and p01-latch.h5 are the same file on a case-insensitive disk.
     folded = [name.casefold() for name in names]
     alike = [name for name in names if folded.count(name.casefold()) > 1]
     if alike:
@@ -225,7 +224,7 @@ def _different(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _williams_row(count: int, index: int) -> list[int]:
-    """A row of Williams' design: 0, 1, n-1, 2, n-2, ... moved on by one a row; for odd n then backwards."""
+    """Row of Williams' design: 0, 1, n-1, 2, n-2, ... shifted by one a row; then reversed rows for odd n."""
     first = [(place + 1) // 2 if place % 2 else (count - place // 2) % count for place in range(count)]
     rows = count if count % 2 == 0 else 2 * count
     index %= rows

@@ -1,4 +1,4 @@
-"""The digital button: one file with all that makes it one, and all that it was made from."""
+"""The digital button: one file that holds drive, check, and everything that both were computed from."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ __all__ = ["DigitalButton", "build_button", "play_button"]
 
 @dataclass(frozen=True, eq=False)
 class DigitalButton:
-    """A press that a table repeats, and the measurement that says how well.
+    """A press that a table reproduces, and the measured error of the reproduction.
 
-    What it was made from is in it: `press` (with its recordings' names and content hashes), the
-    `calibration` (with the rig file as it was), every drive that was tried (`learning`), and the
-    `check` of the one that was taken, by plays that chose nothing.
+    It contains its sources: `press` (with its recordings' names and content hashes), `calibration`
+    (with the rig file at that time), every drive that was tried (`learning`), and the `check` of the
+    selected drive, from plays that had no part in the selection.
     """
 
     press: Representative
@@ -32,9 +32,9 @@ class DigitalButton:
     learning: Learning
     check: Check
     created: str
-    """When, ISO 8601, UTC."""
+    """Time of creation, ISO 8601, UTC."""
     made_with: str
-    """The version of haploop."""
+    """Version of haploop."""
 
     @property
     def drive(self) -> Drive:
@@ -43,17 +43,17 @@ class DigitalButton:
 
     @property
     def passed(self) -> bool:
-        """Whether its check passed."""
+        """True when its check passed."""
         return self.check.passed
 
     @property
     def simulated(self) -> bool:
-        """Whether anything that it was made from or checked on is simulated."""
+        """True when a source or the rig of the check is simulated."""
         return self.check.simulated
 
     @property
     def digest(self) -> str:
-        """Content hash of everything in it."""
+        """Content hash of all its fields."""
         return hdf5.digest(hdf5.flatten(self))
 
     def save(self, path: str | Path) -> None:
@@ -78,7 +78,7 @@ def build_button(
 ) -> DigitalButton:
     """Compute the drive of a press, improve it by up to `iterations` corrections, and check it.
 
-    A button that fails its check is returned as well, and says so.
+    A button that fails its check is returned as well: see `DigitalButton.passed`.
     Raises what `drive_for`, `learn` and `check` raise.
     """
     _refuse_other_world(rig, calibration)
@@ -103,9 +103,9 @@ def play_button(
     plays: int = 8,
     progress: Progress = silent,
 ) -> Check:
-    """Verify a digital button by playing it: does the rig still do what the file says?
+    """Verify a digital button by playing it: does the rig still reproduce it?
 
-    Raises ConfigurationError on another rig than it was made on, and what `check` raises.
+    Raises ConfigurationError on a rig other than the one it was made on, and what `check` raises.
     """
     _refuse_other_world(rig, button.calibration)
     return check(rig, button.drive, button.press, plays=plays, progress=progress)

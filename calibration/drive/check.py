@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Check", "check"]
 
 TOLERANCE = 0.20
-"""About the just noticeable difference of a vibration's amplitude."""
+"""About the just noticeable difference of vibration amplitude (docs/hardware.md, "Buttons and people")."""
 FLOORS = 1.6
 """Tolerance over the floor, at least: a tolerance cannot lie much below the spread of the plays."""
 CORRELATION = 0.97
@@ -73,12 +73,12 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether there is no reason to fail."""
+        """True when there is no reason to fail."""
         return not self.reasons
 
     @property
     def beyond_noise(self) -> float:
-        """The error without the plays' noise, over the target: it stems from model and limits."""
+        """Error without the plays' noise, over the target: it stems from model and limits."""
         return float(np.sqrt(max(self.nrmse**2 - self.floor**2, 0.0)))
 
     def save(self, path: str | Path) -> None:
@@ -108,7 +108,7 @@ def check(
     """Play a drive `plays` times and compare the motion of the surface with the drive's target.
 
     `press`, if given, must be the one that the drive was computed for: ConfigurationError
-    otherwise. `progress` is told of the plays. A signal that leaves its range, a dead
+    otherwise. `progress` is called after each play. A signal that leaves its range, a dead
     patch or a blocked laser fails the check, with its reason. Raises ConfigurationError for fewer than
     two plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
     """
@@ -133,7 +133,7 @@ class Played:
     peak: float
     """Largest voltage at the patch (V)."""
     overload: str | None
-    """Which signal left its range, as a sentence."""
+    """Sentence about the signal that left its range, if any."""
 
 
 def play(
@@ -157,7 +157,7 @@ def play(
 
 
 def errors(accelerations: FloatArray, target: FloatArray) -> tuple[float, float]:
-    """Rms of the plays' mean's error, and the mean's standard error, both over the target's rms."""
+    """Rms error of the mean of the plays, and its standard error, both over the target's rms."""
     size = _rms(target)
     spread = np.mean(np.var(accelerations, axis=0, ddof=1)) / len(accelerations)
     return _rms(accelerations.mean(axis=0) - target) / size, float(np.sqrt(spread)) / size
@@ -178,7 +178,7 @@ def refuse_foreign(rig: Rig, drive: Drive) -> None:
 
 
 def compare(drive: Drive, played: Played, rig: Rig) -> Check:
-    """The check of measured plays."""
+    """Compare measured plays with the target of their drive."""
     target, measured = drive.target, played.accelerations.mean(axis=0)
     nrmse, floor = errors(played.accelerations, target)
     centres, target_db = third_octaves(target, drive.rate_hz, *drive.band)

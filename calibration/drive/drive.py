@@ -32,27 +32,28 @@ BAND = (75.0, 600.0)
 paper's sweep ends at 625 Hz. The band is the same for every press and table, so that an error is never
 small because the target is small."""
 _BEFORE, _AFTER = 0.30, 0.20
-"""Seconds that a drive may begin before the press and end after it. The inverse of a table whose
-patch and point differ is not causal: it must move the plate before, to be still where it must."""
+"""Seconds that a drive may begin before the press and end after it. Where patch and point differ, the
+inverse is not causal: it moves the plate before the press, so that the point moves as the target does."""
 FADE = 0.02
-"""Seconds in which a drive begins, and ends."""
+"""Fade time (s) at the start and at the end of a drive."""
 _LEAST_RATE = 5000.0
-"""Samples/s at least that the drive is optimised at: four samples a period of the highest line."""
+"""Lowest sample rate (samples/s) at which a drive is optimised: eight samples a period at 600 Hz."""
 _BUDGET = 0.005
 """Error accepted in exchange for a larger output. Small, because unmodelled error (hysteresis is known to
 some percent) adds to it, and learning needs spare volts to correct that; 3 % would raise the output by a
 tenth."""
 _NOISE_SHARE = 0.3
-"""The same, over the noise of a check of a drive without such error: where noise is large, output is worth
-more. Of twelve plans at eight times a PDV-100's noise, eleven had the least error, noise included, at 0.25
-or 0.35; at 0.5 the accepted error rose by more than 40 %, which learning cannot remove."""
+"""Error accepted for output, over the noise of a check of a drive without it: the larger the noise, the more
+output reduces the total error. Of twelve plans at eight times a PDV-100's noise, eleven had the least error,
+noise included, at 0.25 or 0.35; at 0.5 the accepted error rose by more than 40 %, which learning cannot
+remove."""
 _PLAYS = 8
 """Plays averaged in a check, for the noise expected in it."""
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""
 _ALL = 0.99
-"""Share from which on nothing is reported as unreached."""
+"""Fraction of the target above which nothing is reported as unreached."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +75,9 @@ class Drive:
     target: FloatArray
     scale: float
     method: str
-    """How it was computed: "modulated", "broadband", or in words."""
+    """Method of computation: "modulated", "broadband", or in words."""
     carrier_hz: float
-    """What the press was modulated with (Hz); 0 when it was not."""
+    """Carrier frequency of the modulation (Hz); 0 without modulation."""
     band: tuple[float, float]
     in_band: float
     predicted_error: float
@@ -88,7 +89,7 @@ class Drive:
     sources: tuple[tuple[str, str], ...]
     """Recordings that the press stands for: file name, content hash."""
     calibration: str
-    """Content hash of the calibration that it was computed from."""
+    """Content hash of the calibration used."""
 
     @property
     def peak(self) -> float:
@@ -124,7 +125,7 @@ class TargetGrid:
     window: FloatArray
     """One within the drive, with faded ends, and zero after it."""
     drive_length: int
-    """Samples, at the press's rate, that the drive lasts."""
+    """Length of the drive in samples at the press's rate."""
     start: int
     """Sample at which the press begins."""
     oversampling: int
@@ -133,7 +134,7 @@ class TargetGrid:
 
     @property
     def frequencies(self) -> FloatArray:
-        """Of its lines (Hz)."""
+        """Frequencies of its lines (Hz)."""
         return np.asarray(rfftfreq(len(self.window), 1 / self.rate_hz))
 
     def within(self, band: tuple[float, float]) -> tuple[FloatArray, float]:

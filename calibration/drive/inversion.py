@@ -13,13 +13,13 @@ __all__ = ["Plan", "max_output", "min_peak", "within"]
 
 _ITERATIONS = 60
 _SPLITTING, _RELAXATION = 1e-3, 1.7
-"""Weight of the splitting over the median power of the gain, and how far each step goes beyond its
-target. Drives planned with 30 to 240 iterations differ by 2 % in output at equal error, without a
-trend; a weight of 0.05 without relaxation needs more than 600."""
+"""Weight of the splitting over the median power of the gain, and over-relaxation factor. Drives planned
+with 30 to 240 iterations differ by 2 % in output at equal error, without a trend; a weight of 0.05
+without relaxation needs more than 600."""
 _STEPS = 6
 """Bisections of the voltage allowed per unit of target; each begins where the last one ended."""
 _REGULARISATIONS = 10.0 ** np.arange(-4.0, 0.5, 0.5)
-"""Over the median power of the gain."""
+"""Regularisations to try, over the median power of the gain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,9 @@ class Plan:
 def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     """The regularised inverse with the smallest peak that stays within an error budget.
 
-    The one with the least expected error if none does. The response's uncertainty is part of the
-    regularisation: a line of unknown gain is not inverted. Returns (samples,) V for the target as
-    it is, and the expected error.
+    If none does, the one with the least expected error. The response's uncertainty is part of the
+    regularisation: a line of unknown gain is not inverted. Returns (samples,) V for the unscaled
+    target, and the expected error.
     """
     power = plan.weight * (np.abs(plan.gain) ** 2 + plan.uncertainty**2)
     found = []
@@ -85,8 +85,8 @@ def max_output(plan: Plan, budget: float) -> tuple[FloatArray, float]:
 
     Where a peak of the regularised inverse is cut off, a better drive for the same limit exists; it
     is found by splitting (ADMM; Boyd et al., Foundations and Trends in Machine Learning 3, 2011,
-    section 5). The lower the voltage per unit of target, the larger the target can be scaled: this
-    takes the lowest voltage whose expected error is within `budget`, or that of least error if none is.
+    section 5). The lower the voltage per unit of target, the larger the target can be scaled: the result
+    has the lowest voltage with an expected error within `budget`, or the least error if none is within.
 
     Returns (samples,) V, and the expected error.
     """
@@ -110,14 +110,14 @@ State = tuple[FloatArray, FloatArray]
 
 
 def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatArray, State]:
-    """The drive of least expected error with |drive| <= limit x window, and no step above its share.
+    """The drive of least expected error with |drive| <= limit x window and steps <= limit x slew.
 
-    Returns (samples,) V and the state that warms the start of the next, similar plan. The level is
+    Returns (samples,) V and the state for a warm start of the next, similar plan. The level is
     kept exactly at the samples; between samples, and for steps, as far as the splitting converged.
     """
     n = len(plan.window)
     omega = 2j * np.pi * np.arange(n // 2 + 1) / n
-    # Half way between samples as well: what is clipped at samples only swings a tenth beyond.
+    # Half way between samples as well: a drive limited at the samples alone overshoots by a tenth.
     between = np.minimum(plan.window, np.roll(plan.window, -1))
     rows, bounds = [np.ones_like(omega), np.exp(omega / 2)], [plan.window * limit, between * limit]
     # A step never exceeds twice the limit, so a wider bound has no effect.

@@ -1,8 +1,8 @@
 """Iterative learning: each play corrects the error of the one before, as long as the error measurably falls.
 
-Plain iterative learning is dangerous: with a stale response it diverges, and with noise it writes the
-noise into the drive. So a step without improvement is undone and halved, and in the end the best drive is
-replayed beside the first, in plays that had no part in the selection.
+Plain iterative learning diverges with a stale response, and writes the measurement noise into the drive. So
+a step without improvement is undone and halved, and in the end the best drive is replayed beside the first,
+in plays that had no part in the selection.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Iteration:
     deviation: float
     kept: bool
     reason: str
-    """Why it was kept or not."""
+    """Reason for keeping or rejecting it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Learning:
     first_again: float
     best_again: float
     stopped: str
-    """Why learning ended."""
+    """Reason why learning ended."""
     drive: Drive
 
     def save(self, path: str | Path) -> None:
@@ -102,7 +102,7 @@ def learn(
     below that noise, or when smaller steps bring no improvement; at once, when a signal left its range or
     the surface did not follow. The target stays unchanged. The result is the first drive, unless another
     was closer to the target by more than the noise of plays that had no part in its selection.
-    `progress` is told of the plays, and of their largest number.
+    `progress` is called with the plays done and their largest possible number.
 
     Raises ConfigurationError for fewer than three plays, or a drive of another calibration or rig, and
     what `Rig.excite` raises.
@@ -194,7 +194,7 @@ def _in_common(plays: FloatArray) -> tuple[float, float]:
 
 
 def _unlearnable(played: Played, target: FloatArray) -> str:
-    """Why nothing can be learnt from the first plays; empty when something can."""
+    """Reason why nothing can be learnt from the first plays; empty when something can."""
     if played.overload:
         return f"{played.overload} Nothing can be learnt from these plays."
     moved, deviation = _in_common(played.accelerations[:, : len(target)])
@@ -205,7 +205,7 @@ def _unlearnable(played: Played, target: FloatArray) -> str:
 
 
 def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> str:
-    """Why learning ends before another correction is planned; empty when it does not."""
+    """Reason to end learning before another correction is planned; empty to continue."""
     if tried[best].nrmse <= FLOORS * tried[best].floor:
         return "The error has reached the plays' noise."
     if step < _LEAST_STEP:

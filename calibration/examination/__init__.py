@@ -1,4 +1,4 @@
-"""Examination of a rig: whether it is wired and set as its file says."""
+"""Examination of a rig: tests that it is wired and set as its file says."""
 
 from haploop.calibration.examination.examine import examine, examine_each
 from haploop.calibration.examination.finding import Finding, Status

@@ -28,8 +28,8 @@ __all__ = ["examine", "examine_each"]
 def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Finding]:
     """Test every instrument and sensor of this rig, beginning with the tests that move nothing.
 
-    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is told
-    of each part. Raises InstrumentError only when the safe state could not be confirmed.
+    `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is called
+    before and after each part. Raises InstrumentError only when the safe state could not be confirmed.
     """
     parts: list[tuple[str, str, bool, Callable[[], Iterator[Finding]]]] = [
         ("Identities", "rig", True, lambda: _identities(rig)),
@@ -108,7 +108,7 @@ def _identities(rig: Rig) -> Iterator[Finding]:
 
 
 def _identity(rig: Rig, role: str) -> str:
-    """What an instrument says that it is; a role of another package need not say anything."""
+    """Identity of an instrument; a driver from another package may have none."""
     return getattr(rig.instruments[role], "identity", f"The {role}")
 
 

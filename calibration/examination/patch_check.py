@@ -1,4 +1,4 @@
-"""Tests whether each patch moves the table, and whether the relay's channels connect the right patches.
+"""Test that each patch moves the table and that the relay's channels connect the right patches.
 
 Short sweeps of a few volts go into each patch, and the laser measures near the place of each patch.
 A collocated response is in phase: every mode that a patch drives moves the patch's own place in the
@@ -31,20 +31,21 @@ _DURATION, _TAIL = 0.3, 0.15
 _STOP_HZ = 625.0
 _BAND = (30.0, 610.0)
 _SEEN = 3.0
-"""Times the noise of the same measurement without a drive."""
+"""Velocity, over the noise of the same measurement without a drive, above which a patch moves the table."""
 _REACHED, _CLOSED = 0.3, 0.1
-"""V measured per V commanded, above which a drive reaches its patch, and above which one does that
-should not: between them lies an amplifier that is set wrongly."""
+"""V measured per V commanded: above the first, a drive reaches its patch; above the second, with all
+channels open, a contact is closed. An amplifier with a wrong gain can lie between them."""
 _GAIN = 0.1
-"""How far the measured drive may be from the commanded one: two amplifiers of one type differ by 1 %."""
+"""Accepted relative error of the measured drive: two amplifiers of one type differ by 1 %
+(docs/hardware.md, "Amplifier")."""
 _CLEAR = 1.3
-"""How much larger the product of the pairing that was found must be than that of the rig file's."""
+"""Product of the best pairing over that of the rig file's, above which the finding is certain."""
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """What one sweep did, per volt commanded: `drive` V at the patch, `seen` m/s (all of the band),
-    `in_phase` m/s (with the drive). `problem` is what left its range.
+    """Result of one sweep, per volt commanded: `drive` V at the patch, `seen` m/s (rms over the band),
+    `in_phase` m/s (in phase with the drive). `problem` is a sentence about a signal out of range.
     """
 
     drive: float
@@ -55,7 +56,7 @@ class _Answer:
 
 @dataclass(frozen=True)
 class _Answers:
-    """Of each place of a patch to each patch, to no patch at all, and what could not be played."""
+    """Answers by (place, patch), the answer to silence, and the patches that could not be played."""
 
     level: float
     of: dict[tuple[str, str], _Answer]
@@ -63,7 +64,7 @@ class _Answers:
     refused: dict[str, str]
 
     def best(self) -> dict[str, _Answer]:
-        """The strongest answer to each patch, wherever the laser was."""
+        """The strongest answer to each patch, over all places."""
         best: dict[str, _Answer] = {}
         for (_, patch), answer in self.of.items():
             if patch not in self.refused and (patch not in best or answer.seen > best[patch].seen):
@@ -72,7 +73,7 @@ class _Answers:
 
 
 def check_patches(rig: Rig) -> Iterator[Finding]:
-    """See the module. Raises InstrumentError when the operator does not aim or an instrument fails."""
+    """Run the tests of this module. Raises InstrumentError when nobody aims or an instrument fails."""
     answers = _measure(rig)
     for patch, sentence in answers.refused.items():
         yield Finding(f"Patch {patch}", "table", "red", sentence)
@@ -114,7 +115,7 @@ def _measure(rig: Rig) -> _Answers:
     points = {p: str(rig.table.nearest(places[p])) for p in known} if len(known) > 1 else {"": "button"}
     level = min(_LEVEL, rig.limits.peak)
     sweep = linear_sweep(rig.table.rate_hz, _DURATION, _STOP_HZ, level)
-    # A player's drive is found by what the monitor shows of it, and here that must be nothing.
+    # A player's latency is found from its drive on the monitor, but open channels show none: play silence.
     silent = rig.file.player is not None
     of: dict[tuple[str, str], _Answer] = {}
     refused: dict[str, str] = {}
@@ -135,7 +136,7 @@ def _measure(rig: Rig) -> _Answers:
 
 
 def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = False) -> _Answer:
-    """What the sweep does, or with `silent` what as much silence does in its place."""
+    """Play the sweep, or with `silent` silence of the same length, and measure the answer."""
     sensor = rig.sensors.drive
     assert sensor is not None
     capture = rig.excite(
@@ -148,7 +149,7 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
     commanded = _spectrum(sweep, samples, inside)
     drive = _spectrum(sensor.to_si(capture.volts[:1])[0], samples, inside)
     velocity = _spectrum(rig.vibrometer.to_velocity(capture.volts[1]), samples, inside)
-    # As in time as the table is: the laser's delay and the card's skew turn the phase.
+    # The laser's delay and the card's skew rotate the phase: both are removed.
     skew = np.exp(-2j * np.pi * f * (capture.delays[1] - capture.delays[0]))
     velocity = np.asarray(velocity / rig.vibrometer.response(f) * skew)
     power = float((np.abs(commanded) ** 2).sum())
@@ -210,7 +211,7 @@ def _drive_findings(answers: _Answers) -> Iterator[Finding]:
 
 
 def _wiring(in_phase: dict[tuple[str, str], float], patches: list[str]) -> Finding:
-    """Which channel drives the patch at each place."""
+    """Compare the channel that drives each place with the rig file."""
     if len(patches) < 2:
         sentence = (
             "Not tested: the test for swapped relay channels needs patch_places in [table], and at least "

@@ -19,17 +19,17 @@ _MASS_TOLERANCE = 0.05
 _CONVERTER_NOISE = 28e-6
 """V rms per V of range: a 16-bit card's (estimate; docs/hardware.md, "All NI cards")."""
 _NOISY = 5e-3
-"""Share of the range above which noise is no sensor's."""
+"""Fraction of the range above which noise exceeds that of any sensor."""
 _APART, _DRIFTED = 30e-3, 5e-3
-"""Seconds between one press as two cards see it, and how far they may move apart between two
-presses. The snap of a button shows in force and acceleration 10 to 13 ms apart, always the same
-within 2 ms (measured on the plant)."""
+"""Largest difference (s) between the times of one press on two cards, and largest change of this
+difference between two presses. The snap of a button appears in force and acceleration 10 to 13 ms
+apart, constant within 2 ms (measured on the plant)."""
 _BETWEEN_PRESSES = 30.0
-"""Seconds: clocks that differ by 170 parts in a million come 5 ms apart."""
+"""Time between the presses (s), in which clocks that differ by 170 ppm drift apart by 5 ms."""
 _PRESS = 4.0
-"""Seconds from the request to press until the press is over."""
+"""Time (s) from the request to press until the press is over."""
 _PRESS_BAND = (15.0, 100.0)
-"""Hz in which force and acceleration both show the snap."""
+"""Band (Hz) in which the snap appears in both force and acceleration."""
 
 
 def cards(rig: Rig) -> dict[str, list[str]]:
@@ -53,7 +53,7 @@ def cards(rig: Rig) -> dict[str, list[str]]:
 
 
 def check_noise(rig: Rig) -> Iterator[Finding]:
-    """Noise floor of each channel: neither too high, nor zero."""
+    """Test that the noise floor of each channel is neither too high nor zero."""
     rig.operator.tell(Rest(1.0))
     for card, channels in cards(rig).items():
         rate_hz = rig.file.rate_hz
@@ -104,7 +104,7 @@ def _volts(value: float) -> str:
 
 
 def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
-    """A known mass (kg), put on the force sensor by the operator."""
+    """Compare the force sensor's reading with a known mass (kg), put on it by the operator."""
     sensor = rig.sensors.force
     assert sensor is not None
     rig.operator.tell(Rest(1.0))
@@ -132,7 +132,7 @@ def check_force(rig: Rig, mass: float) -> Iterator[Finding]:
 
 
 def check_gravity(rig: Rig) -> Iterator[Finding]:
-    """The accelerometer at rest, z up."""
+    """Test that the accelerometer at rest measures gravity along z."""
     sensor = rig.sensors.acceleration
     assert sensor is not None
     rig.operator.tell(Rest(1.0))
@@ -147,7 +147,7 @@ def check_gravity(rig: Rig) -> Iterator[Finding]:
 
 
 def check_clock(rig: Rig) -> Iterator[Finding]:
-    """Whether two cards share one clock: both measure two presses, half a minute apart."""
+    """Test that two cards share one clock: both measure two presses, half a minute apart."""
     groups = cards(rig)
     names = " and ".join(groups)
     both = [channels[0] for channels in groups.values()]

@@ -1,8 +1,8 @@
-"""A vibration map on disk: a folder that is whole at every moment, so that it can be gone on with.
+"""A vibration map on disk: a folder that is consistent at every moment, so that a run can be continued.
 
-`map.json` is the plan, written first. Each step of it becomes one small file that is written whole or
-not at all and never changed; a file that is damaged is put aside and its step measured again. A
-point that could not be measured leaves a note with the reason, and is asked for again next time.
+`map.json` is the plan, written first. Each step becomes one small file, written atomically and never
+changed; a damaged file is moved aside and its step measured again. A point that could not be measured
+leaves a note with the reason, and is tried again in the next run.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Step:
-    """One aiming of the laser, and what is played there.
+    """One aiming of the laser, and the plays at that point.
 
-    `plays` are patches, one after the other; "each" for all at once, each its own drive; "all" for
-    all in parallel with the same drive. `again` marks a point that was measured before.
+    `plays` are patches, one after the other; "each" for all at once with different drives; "all" for
+    all in parallel with the same drive. `again` marks a repeated measurement of a point.
     """
 
     name: str
@@ -45,18 +45,18 @@ class Step:
 
 @dataclass(frozen=True)
 class MapPlan:
-    """What a map measures: everything that makes its points comparable with each other."""
+    """Plan of a map: all settings that must be equal for its points to be comparable."""
 
     rig: str
     rig_file: str
-    """The rig as it is: its file as JSON."""
+    """The rig file as JSON."""
     simulated: bool
     rows: int
     columns: int
     points: tuple[str, ...]
     patches: tuple[str, ...]
     together: bool
-    """All patches at once, on interleaved lines, instead of one after the other."""
+    """True when all patches play at once, on interleaved lines, instead of one after the other."""
     level: float
     """Peak of each drive (V)."""
     rate_hz: float
@@ -66,7 +66,7 @@ class MapPlan:
     tests: tuple[str, ...]
     """Points at which all patches are also played in parallel, to test superposition."""
     every: int
-    """Points after which the first is measured again, to see the table drift."""
+    """Number of points after which the first is measured again, to detect drift of the table."""
 
     @property
     def digest(self) -> str:
@@ -74,18 +74,18 @@ class MapPlan:
         return hashlib.sha256(json.dumps(dataclasses.asdict(self), sort_keys=True).encode()).hexdigest()
 
     def multisine(self, patch: str) -> Multisine:
-        """What a patch plays, alone or with the others."""
+        """Multisine that a patch plays, alone or with the others."""
         lines: Any = (self.patches.index(patch), len(self.patches)) if self.together else "odd"
         return Multisine(low=self.low, high=self.high, period=self.period, lines=lines)
 
     @property
     def parallel(self) -> Multisine:
-        """What all patches play in parallel."""
+        """Multisine that all patches play in parallel."""
         return Multisine(low=self.low, high=self.high, period=self.period)
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """In the order that they are measured in."""
+        """Steps in the order of measurement."""
         plays = ("each",) if self.together else self.patches
         steps = []
         for number, point in enumerate(self.points):
@@ -98,20 +98,20 @@ class MapPlan:
 
     @property
     def duration(self) -> float:
-        """Seconds of playing, all steps together."""
+        """Playing time of all steps together (s)."""
         return self.period * sum(len(step.plays) for step in self.steps)
 
 
 @dataclass(frozen=True, eq=False)
 class PointMeasurement:
-    """Measurement of one step: spectra at `lines` over the period, so at all lines of the band.
+    """Measurement of one step: spectra at all lines of the band, excited or not.
 
-    `drives` is (rows, lines) V at the patches at the clock's edges, `rows` says which play and which
-    patch; `velocity` is (plays, lines) m/s. Both are sums over samples, as `rfft` gives them.
+    `drives` is (rows, lines) V at the patches at the clock's edges, and `rows` holds the (play, patch) of
+    each; `velocity` is (plays, lines) m/s. Both are unnormalised, as from `rfft`.
     """
 
     plan: str
-    """Digest of the plan that it belongs to."""
+    """Digest of its plan."""
     step: str
     point: str
     plays: tuple[str, ...]
@@ -119,9 +119,9 @@ class PointMeasurement:
     drives: ComplexArray
     velocity: ComplexArray
     light: float
-    """Share of the light that came back; NaN where the vibrometer does not report it."""
+    """Signal level as a fraction of full light; NaN where the vibrometer does not report it."""
     seconds: float
-    """Of the table's time."""
+    """Time that the table was in use (s)."""
     created: str
 
 
@@ -134,7 +134,7 @@ class MapFolder:
 
     @classmethod
     def create(cls, path: Path, plan: MapPlan) -> MapFolder:
-        """Begin a map, or go on with the one that is there.
+        """Begin a map, or continue an existing one.
 
         Raises ConfigurationError when the folder holds something else, or a map of another plan.
         """
@@ -164,7 +164,7 @@ class MapFolder:
 
     @classmethod
     def open(cls, path: Path) -> MapFolder:
-        """A map that is there. Raises DataError when there is none, or its plan is damaged."""
+        """Open an existing map. Raises DataError when there is none, or its plan is damaged."""
         try:
             raw = json.loads((path / _PLAN).read_text(encoding="utf-8"))
         except OSError:
@@ -192,7 +192,7 @@ class MapFolder:
         return self.path / f"{step.name}.h5"
 
     def read(self, step: Step) -> PointMeasurement | None:
-        """What a step measured; None when it has not been. Raises DataError for a damaged file."""
+        """Measurement of a step; None before it was measured. Raises DataError for a damaged file."""
         path = self.file(step)
         if not path.exists():
             return None
@@ -202,11 +202,11 @@ class MapFolder:
         return measurement
 
     def write(self, step: Step, measurement: PointMeasurement) -> None:
-        """Keep what a step measured. Raises DataError."""
+        """Save the measurement of a step. Raises DataError."""
         hdf5.write(self.file(step), "map point", hdf5.flatten(measurement))
 
     def left(self) -> Iterator[Step]:
-        """Steps without a complete measurement, in order; damaged files are moved aside on the way."""
+        """Yield the steps without a complete measurement, in order; damaged files are moved aside."""
         for step in self.plan.steps:
             try:
                 done = self.read(step) is not None
@@ -217,7 +217,7 @@ class MapFolder:
                 yield step
 
     def skip(self, step: Step, reason: str) -> None:
-        """Note why a step was not measured."""
+        """Note the reason why a step was not measured."""
         note = _free(self.path / f"{step.name}.skipped-{number:03d}.txt" for number in count())
         with new_file(note) as part:
             part.write_text(reason + "\n", encoding="utf-8")
@@ -232,7 +232,7 @@ class MapFolder:
         return found
 
     def _put_aside(self, step: Step) -> None:
-        """Move a damaged file into a folder of its own, not in place of another one."""
+        """Move a damaged file into the folder `damaged`, without replacing another one."""
         aside = self.path / "damaged"
         try:
             aside.mkdir(exist_ok=True)
@@ -244,7 +244,7 @@ class MapFolder:
 
 
 def _free(paths: Iterator[Path]) -> Path:
-    """The first of these names that is not taken."""
+    """The first of these paths that does not exist."""
     return next(path for path in paths if not os.path.lexists(path))
 
 

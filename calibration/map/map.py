@@ -1,8 +1,8 @@
-"""The vibration map: what each patch, and all of them together, make of every point of the table.
+"""The vibration map: responses of every point of the table to each patch, and to all together.
 
-From the folder that `measure_map` fills. All points share the table's modes, so that every play helps
-to find them; given these, each point's own shares of them are linear. "All patches" is the sum of
-single ones, which is tested at the points where all were played in parallel.
+It is computed from the folder that `measure_map` fills. All points share the table's modes, so every play
+contributes to their estimate; each point's modal amplitudes then follow by linear least squares. "All
+patches" is the sum over patches; superposition is tested at the points where all were played in parallel.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ __all__ = ["ALL", "Best", "VibrationMap"]
 ALL = "all"
 """The configuration of all patches in parallel."""
 BAND = (30.0, 600.0)
-"""Hz: where a map is compared and searched."""
+"""Band (Hz) in which a map is compared and searched."""
 _FINE = 50
-"""Samples per period of the highest frequency, on which hysteresis is followed."""
+"""Samples per period of the highest frequency at which hysteresis is simulated."""
 
 
 @dataclass(frozen=True)
 class Best:
-    """Where and how most vibration is had: displacement in m per V at the patch."""
+    """Patch, point and frequency of the strongest vibration; `displacement` is m per V at the patch."""
 
     patch: str
     point: str
@@ -68,27 +68,27 @@ class VibrationMap:
 
     plan: MapPlan
     points: tuple[str, ...]
-    """That were measured, in the plan's order."""
+    """Measured points, in the plan's order."""
     skipped: tuple[tuple[str, str], ...]
-    """Points that were not, and why."""
+    """Points not measured, each with the reason."""
     modes: Modes
     shares: FloatArray
     gains: ComplexArray
     residual: FloatArray
-    """(points,): relative rms of what the modes leave of the measured velocity."""
+    """(points,): relative rms residual of the measured velocity after the fit of the modes."""
     superposition: tuple[tuple[str, float], ...]
     """Points where all patches were played in parallel, and the relative rms difference over the band
-    between what they did and the sum of single ones."""
+    between the response measured there and the sum over patches."""
     drift: FloatArray
-    """Relative shift of all frequencies from the beginning, each time that it was looked at."""
+    """Relative shift of all frequencies at each repeated measurement of the first point."""
     table_seconds: float
-    """For which the table was played, with what connecting and disconnecting takes."""
+    """Time that the table was in use (s), connecting and disconnecting included."""
 
     @classmethod
     def load(cls, path: str | Path) -> VibrationMap:
-        """The map in a folder, as far as it was measured.
+        """Load the map in a folder, complete or not.
 
-        What was fitted is kept in the folder, and fitted again when there are more points. Raises
+        The fit is cached in the folder, and repeated when measurements were added. Raises
         DataError when there is no map, a measurement is damaged, or nothing was measured.
         """
         folder = MapFolder.open(Path(path))
@@ -124,7 +124,7 @@ class VibrationMap:
 
     @property
     def configurations(self) -> tuple[str, ...]:
-        """The patches, and "all" of several."""
+        """The patches, and "all" if there are several."""
         return (*self.plan.patches, ALL) if len(self.plan.patches) > 1 else self.plan.patches
 
     def velocity(self, configuration: str, frequencies: FloatArray) -> ComplexArray:
@@ -139,11 +139,11 @@ class VibrationMap:
         return np.asarray(self.gains[index] * self.modes.velocity(self.shares[index], frequencies))
 
     def displacement(self, configuration: str, frequencies: FloatArray) -> ComplexArray:
-        """(points, frequencies) m per V: what the paper's maps show."""
+        """(points, frequencies) m per V, as in the paper's maps."""
         return np.asarray(self.velocity(configuration, frequencies) / (2j * np.pi * np.asarray(frequencies)))
 
     def grid(self, values: FloatArray) -> FloatArray:
-        """(points,) as (rows, columns) of the table; NaN where nothing was measured."""
+        """Arrange (points,) as (rows, columns) of the table; NaN where nothing was measured."""
         whole = np.full(self.plan.rows * self.plan.columns, np.nan)
         whole[[int(point) for point in self.points]] = values
         return whole.reshape(self.plan.rows, self.plan.columns)
@@ -151,9 +151,9 @@ class VibrationMap:
     def best(self, low: float = 200.0, high: float = 320.0, patches: Sequence[str] | None = None) -> Best:
         """The patch, point and frequency (Hz, within `low` to `high`) of the largest acceleration.
 
-        Single patches are compared unless configurations are named. The band is that round 250 Hz,
-        where skin feels most (paper, "Experimental Setup"), and acceleration is what a press is rendered
-        as; displacement is largest at the lowest mode, where nobody feels it.
+        Single patches are compared unless configurations are named. The default band lies around 250 Hz,
+        where skin is most sensitive (paper, "Experimental Setup"). Acceleration is compared because
+        drives reproduce it; displacement is largest at the lowest mode, where it is hardly felt.
         """
         f = np.arange(low, high, 0.25)
         found: list[tuple[float, Best]] = []
@@ -167,7 +167,7 @@ class VibrationMap:
     def resonances(self) -> tuple[tuple[float, float], ...]:
         """Natural frequency (Hz) and damping ratio of each mode within the band, strongest first.
 
-        Strength is the mode's own peak of velocity, over all points and patches.
+        Strength is the peak velocity of the mode alone, over all points and patches.
         """
         p = self.modes.poles
         count = len(p)
@@ -178,11 +178,11 @@ class VibrationMap:
         return tuple((float(hz[k]), float(-p.real[k] / abs(p[k]))) for k in order)
 
     def shape(self, frequency_hz: float) -> FloatArray:
-        """(points,): the mode nearest to a frequency, real, its largest deflection 1."""
+        """Shape (points,) of the mode nearest to a frequency: real, with a largest deflection of 1."""
         p = self.modes.poles
         k = int(np.argmin(np.abs(np.abs(p) / (2 * np.pi) - frequency_hz)))
         residues = self.shares[..., k] + 1j * self.shares[..., len(p) + k]
-        # Over patches a mode's residues differ by one factor: the strongest direction is the shape.
+        # Residues of a mode differ between patches by one factor: the first singular vector is the shape.
         _, _, rows = np.linalg.svd(residues, full_matrices=False)
         mode = rows[0] * np.exp(-0.5j * np.angle((rows[0] ** 2).sum()))
         return np.asarray(mode.real / mode.real[int(np.argmax(np.abs(mode.real)))])
@@ -235,7 +235,7 @@ def _phase(gains: ComplexArray) -> complex:
 def _plays(
     plan: MapPlan, points: Sequence[PointMeasurement], name: str, f: FloatArray, lines: IntArray
 ) -> Plays:
-    """One kind of play at several points, each point's drive brought to the mean of all."""
+    """One kind of play at several points, scaled to the mean drive of all points."""
     drives, velocities = [], []
     for point in points:
         number = point.plays.index(name)
@@ -247,14 +247,14 @@ def _plays(
     patches = plan.patches if name in ("each", ALL) else (name,)
     inputs = np.array([_operators(plan, drive, lines) for drive in mean])
     if name == ALL:
-        # One patch of their sum, for what all do together.
+        # All patches together count as one patch with the mean of their drives.
         patches, inputs = plan.patches[:1], inputs.mean(axis=0)[None]
     indices = tuple(plan.patches.index(patch) for patch in patches)
     return Plays(f, indices, inputs, (np.array(velocities) / gain[:, None]).T)
 
 
 def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexArray:
-    """(operators, lines): spectra that make up the linear volts of a periodic drive, given by its lines."""
+    """(operators, lines): components of the linear volts of a periodic drive, which is given by its lines."""
     first, last = int(lines[0]), int(lines[-1])
     count = int(_FINE * plan.high * plan.period)
     coarse = plan.parallel.samples(plan.rate_hz)
@@ -269,5 +269,5 @@ def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexAr
 def _gains(plan: MapPlan, modes: Modes) -> ComplexArray:
     """(patches,): linear volts per volt of a sine of the plan's level, with the fitted hysteresis."""
     radii = HALF_WIDTHS * plan.level
-    # A sine's square has no first harmonic.
+    # The square of a sine has no first harmonic, so its weight is left out.
     return np.array([Hysteresis(radii, own[:-1], plan.level).gain(plan.level) for own in modes.weights])

@@ -1,4 +1,4 @@
-"""Measuring a vibration map, point by point: aim, look at the light, play, keep."""
+"""Measurement of a vibration map, point by point: aim, check the light, play, save."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from haploop.instruments.progress import Progress, silent
 __all__ = ["map_plan", "measure_map"]
 
 _ATTEMPTS = 3
-"""Times that a point is asked for before it is left out."""
+"""Attempts at a point before it is skipped."""
 _DIM = 0.1
-"""Share of the light below which a point is not measured."""
+"""Fraction of full light below which a point is not measured."""
 _FOLLOWS = 4.0
 """Power at the excited lines over that at the silent ones, below which a point follows no patch."""
 _SHARE = 0.99
-"""Of the largest level that the limits allow."""
+"""Default level over the largest level that the limits allow."""
 
 
 def map_plan(
@@ -37,11 +37,11 @@ def map_plan(
     period: float = 2.05,
     every: int = 20,
 ) -> MapPlan:
-    """A map of a rig's table: `points` (all) x `patches` (all).
+    """Plan a map of a rig's table: `points` x `patches`, all of them by default.
 
-    `together` plays all patches at once, and is what a rig with an amplifier channel for each patch
-    does; `level` is the peak in volts of each drive, None for what the limits allow. At three points
-    all patches are played in parallel too. Raises ConfigurationError.
+    `together` plays all patches at once: the default on a rig with an amplifier channel for each patch.
+    `level` is the peak of each drive (V), by default 99 % of the limits. At three points all patches are
+    also played in parallel. Raises ConfigurationError.
     """
     table = rig.table
     count = table.rows * table.columns
@@ -86,12 +86,12 @@ def measure_map(
     plan: MapPlan | None = None,
     progress: Progress = silent,
 ) -> MapFolder:
-    """Measure a map into the folder `out`, or go on with what is there.
+    """Measure a map into the folder `out`, or continue the one there.
 
-    The operator is told where to aim before each point, and the light is looked at. A point without
-    light, that nobody aims at, that leaves a range or that follows no patch is asked for again, and
-    in the end left out with the reason; everything else that fails ends the run, and what was
-    measured stays. Raises ConfigurationError, DataError, InstrumentError, LimitError.
+    Before each point the operator is asked to aim the laser, and the light is checked. A point without
+    light, without confirmation, out of range or that follows no patch is tried again, up to three times,
+    and then skipped with the reason; any other failure ends the run, and completed points are
+    kept. Raises ConfigurationError, DataError, InstrumentError, LimitError.
     """
     plan = map_plan(rig) if plan is None else plan
     folder = MapFolder.create(out, plan)
@@ -121,7 +121,7 @@ def measure_map(
 
 
 def _aimed(rig: Rig, step: Step) -> tuple[str | None, float]:
-    """Why a point cannot be measured, None if it can; and the share of light that comes back."""
+    """Reason why a point cannot be measured (None if it can), and the signal level there (NaN: unknown)."""
     if not rig.operator.confirm(Aim(step.point)):
         return f"The operator did not confirm this: {Aim(step.point)}", np.nan
     level = rig.vibrometer.signal_level()
@@ -148,7 +148,7 @@ class _Player:
         self._f = f[self._lines]
 
     def play(self, step: Step, light: float) -> PointMeasurement | str:
-        """What a step measured, or why it is to be tried again."""
+        """Play a step: its measurement, or the reason to try it again."""
         rig, begun, spent = self._rig, datetime.now(UTC), 0.0
         velocities: list[ComplexArray] = []
         drives: list[ComplexArray] = []
@@ -218,14 +218,14 @@ class _Player:
         return np.asarray(sampled * paths.drive(sampled[None], order, self._f))
 
     def _follows(self, velocity: ComplexArray, name: str) -> bool:
-        """Whether the surface moves where something is played, and not as much everywhere else."""
+        """True when the surface moves more at the excited lines than at the others."""
         if name == "each":
             excited = np.concatenate(list(self._excited.values()))
         else:
             excited = self._plan.parallel.excited() if name == "all" else self._excited[name]
         own = np.isin(self._lines, excited)
         power = np.abs(velocity) ** 2
-        # Between lines there is noise and what rings; of interleaved drives few lines are left out.
+        # Between the lines there are noise and ringing; interleaved drives leave few lines silent.
         return bool(np.median(power[own]) > _FOLLOWS * np.median(power[~own]))
 
 

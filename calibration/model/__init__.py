@@ -1,4 +1,4 @@
-"""Rational models of responses, and the calibration that holds both."""
+"""Rational models of responses, and the calibration that contains response and model."""
 
 from haploop.calibration.model.calibration import Calibration, calibrate
 from haploop.calibration.model.model import Model, Resonance, fit

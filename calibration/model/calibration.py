@@ -23,9 +23,9 @@ __all__ = ["Calibration", "calibrate"]
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What is known of one patch at one point; `rate_hz` is the rate that drives are played at.
+    """Response, model and hysteresis of one patch at one point; `rate_hz` is the sample rate of drives.
 
-    The model holds for swings of the sweep's level, the hysteresis says what changes with the swing.
+    The model holds at the level of the excitation; the hysteresis describes the change with amplitude.
     """
 
     response: Response
@@ -35,9 +35,9 @@ class Calibration:
 
     @classmethod
     def of(cls, response: Response) -> Calibration:
-        """Model and hysteresis fitted to a response. Raises what `fit` raises.
+        """Fit model and hysteresis to a response. Raises what `fit` raises.
 
-        ConfigurationError for a response that was imported for no rig: a drive is played at a rig's rate.
+        Raises ConfigurationError for a response imported without a rig, because the rig sets the sample rate.
         """
         if not response.rig_file:
             raise ConfigurationError(
@@ -50,7 +50,7 @@ class Calibration:
 
     @property
     def digest(self) -> str:
-        """Content hash of everything that a drive is computed from."""
+        """Content hash of all inputs to a drive."""
         return hdf5.digest(hdf5.flatten(self))
 
     def save(self, path: str | Path) -> None:
@@ -73,9 +73,8 @@ def calibrate(
 ) -> Calibration:
     """Measure the response of a patch at a point and fit a model to it.
 
-    Sweeps, the default, show the patch's hysteresis as well; after a multisine there is none known.
+    Sweeps, the default, measure the patch's hysteresis as well; a multisine yields none (a gain of one).
 
-    `progress` is told the seconds measured.
-    Raises what `measure_response` and `fit` raise.
+    `progress` is called with the seconds measured. Raises what `measure_response` and `fit` raise.
     """
     return Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))

@@ -19,16 +19,16 @@ from haploop.instruments.files import new_file
 __all__ = ["Model", "Resonance", "fit"]
 
 _FAST = 1000.0
-"""The slope's corner in state space, over the band's upper end: s alone has no states."""
+"""Corner of the slope in state space, over the band's upper end: s alone is not proper."""
 _UNKNOWN = 1e-3
-"""Relative noise that a response is taken to have which does not say how much it has."""
+"""Relative noise assumed for a response without noise data."""
 _GRID = 2000
-"""Lines on which the discrete sections are made equal to the model."""
+"""Lines on which the discrete sections are fitted to the model."""
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """One pole pair: natural frequency |s| / 2 pi, damping ratio, and strength (its own peak, m/s/V)."""
+    """One pole pair: natural frequency |s| / 2 pi, damping ratio, and strength (peak of the pair, m/s/V)."""
 
     frequency_hz: float
     damping: float
@@ -39,9 +39,9 @@ class Resonance:
 class Model:
     """Velocity per volt at the patch as a sum of partial fractions, a constant and a slope.
 
-    `poles` and `residues` hold one of each conjugate pair (imaginary part >= 0); a real pole
-    stands for itself. H(s) = sum(r / (s - p) + conj) + constant + slope s. The last two stand for
-    what the modes above the band do within it, and are believed within `band` (Hz) only.
+    `poles` and `residues` hold one of each conjugate pair (imaginary part >= 0), and the real poles.
+    H(s) = sum(r / (s - p) + conj) + constant + slope s. The last two represent the residual effect of
+    the modes above the band, and hold within `band` (Hz) only.
     """
 
     poles: ComplexArray
@@ -54,7 +54,7 @@ class Model:
 
     @property
     def stable(self) -> bool:
-        """Whether every pole lies in the left half plane."""
+        """True when every pole lies in the left half plane."""
         return bool(np.all(self.poles.real < 0))
 
     @property
@@ -69,9 +69,9 @@ class Model:
 
     @property
     def resonance_hz(self) -> float:
-        """The resonance at which the response is largest in velocity (Hz): the paper's carrier frequency.
+        """Resonance with the largest velocity response (Hz): the paper's carrier frequency.
 
-        Not that of the largest residue: pole pairs that nearly coincide can cancel.
+        The largest residue is no criterion: pole pairs that nearly coincide can cancel.
         """
         natural = [resonance.frequency_hz for resonance in self.resonances]
         return natural[int(np.argmax(np.abs(self.velocity(np.array(natural)))))]
@@ -89,8 +89,8 @@ class Model:
     def state_space(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A, B, C, D of x' = A x + B u, y = C x + D u: u in V at the patch, y in m/s, one input, one output.
 
-        Real modal blocks. The slope, which no finite state space has, rolls off with a pole at a
-        thousand times the band's upper end: within the band that changes its share by 0.1 % at most.
+        A consists of real modal blocks. The slope, which a state space cannot represent, rolls off with a
+        pole at a thousand times the band's upper end, which changes it by 0.1 % at most within the band.
         """
         fast = 2 * np.pi * _FAST * self.band[1]
         blocks, inputs, outputs = [], [], []
@@ -105,7 +105,7 @@ class Model:
                 outputs.append(r.real)
         blocks.append(np.array([[-fast]]))
         A = np.asarray(block_diag(*blocks), dtype=np.float64)
-        # The slope's two halves cancel nearly: scaled by its corner, neither is large in the state.
+        # The slope is a difference of two large terms: scaling by the corner keeps the state small.
         B = np.array([*inputs, fast])[:, None]
         C = np.array([*outputs, -self.slope * fast])[None, :]
         return A, B, C, np.array([[self.constant + self.slope * fast]])
@@ -113,9 +113,9 @@ class Model:
     def sos(self, rate_hz: float) -> FloatArray:
         """(sections, 6) second-order sections at a sample rate, as scipy.signal.sosfilt takes them.
 
-        V at the patch in, m/s out. The poles are the model's own, sampled; the numerator is made
-        equal to the model over its band, to 0.1 % at rates of eight times the band and more. Zeros
-        may lie outside the unit circle: the filter is stable, its inverse is not.
+        Input: V at the patch; output: m/s. The poles are the model's, sampled; the numerator is fitted
+        to the model over its band, to 0.1 % at rates of eight times the band and more. Zeros
+        may lie outside the unit circle: then the filter is stable, but its inverse is not.
         Raises ConfigurationError for a rate below four times the band's upper end.
         """
         if not rate_hz >= 4 * self.band[1]:
@@ -171,10 +171,10 @@ class Model:
 
 
 def fit(response: Response) -> Model:
-    """The model of a response; its order by the data.
+    """Fit a model to a response, with an order selected from the data.
 
-    All lines weigh alike: noise is nearly the same on all. Vector fitting (scikit-rf) begins, least
-    squares end; poles are always stable. Raises DataError when no resonance is found.
+    All lines have equal weight, because their noise is nearly equal. Vector fitting (scikit-rf) is refined
+    by least squares; poles are always stable. Raises DataError when no resonance is found.
     """
     noise, H = _noise(response), response.velocity
     lines = Lines(response.frequencies, H / noise)
@@ -216,13 +216,13 @@ def _cascade(
 ) -> FloatArray:
     """Second-order sections of a sum r / (1 - z back) + conj + direct[0] + direct[1] back.
 
-    Polynomials of this order lose all digits near z = 1; zeros are eigenvalues instead, of the state
-    space with its output held at zero.
+    Polynomials of this order lose all precision near z = 1; so the zeros are computed as the generalised
+    eigenvalues of the state space with zero output.
     """
     blocks, inputs, outputs = [], [], []
     constant = float(direct[0])
     for p, zp, rp in zip(poles, z[: len(poles)], r, strict=True):
-        # r / (1 - z back) = r + r z back / (1 - z back): the second part has one state and a delay.
+        # r / (1 - z back) = r + r z back / (1 - z back): the second term is one state with a delay.
         if p.imag > 0:
             blocks.append(np.array([[zp.real, zp.imag], [-zp.imag, zp.real]]))
             inputs += [2.0, 0.0]

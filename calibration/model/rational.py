@@ -1,4 +1,4 @@
-"""The poles of a response: rational functions fitted in the least-squares sense, their order by the data."""
+"""The poles of a response: least-squares fit of a rational function, with an order selected from the data."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ __all__ = ["Lines", "complex_residues", "fit_poles", "residues"]
 
 _MOST_PAIRS = 40
 _ITERATIONS = 12
-"""Of vector fitting, which the refinement takes over from."""
+"""Iterations of vector fitting, which the refinement continues."""
 _STEPS, _LAST = 12, 30
-"""Of refinement: while the order is looked for, and in the end."""
+"""Steps of refinement during the search for the order, and of the last one."""
 _PENALTY = 4.0
-"""Of a real parameter, in the residual's log-likelihood times two: between Akaike's 2 and the logarithm
-of the number of lines, because a pole that may stand anywhere finds more noise than one that may not."""
+"""Cost of a real parameter in twice the log-likelihood: between Akaike's 2 and the logarithm of the number
+of lines, because a pole with a free frequency fits more noise than a linear parameter."""
 _STARTS = (0, 4)
-"""Pole pairs more than there are peaks, of the vector fits that it begins with."""
+"""Pole pairs of the initial vector fits, in excess of the number of peaks."""
 _DAMPINGS = (0.004, 0.012, 0.04)
-"""Of the pole pairs that are looked for in what a fit leaves."""
+"""Damping ratios of the candidate pole pairs for the residual of a fit."""
 _NOISY = 1.5
-"""Power of what is left, over the noise that is known, up to which it is taken for noise."""
+"""Power of the residual, over the known noise, up to which it counts as noise."""
 _COINCIDENT = 0.1
-"""Distance of two poles, over their decay, within which one response cannot tell them apart."""
+"""Distance of two poles, over their decay, within which one response cannot distinguish them."""
 _NARROWEST = 0.15
-"""Half-power width of a resonance, over the lines' spacing: a narrower one would hide between lines."""
+"""Smallest half-power width of a resonance, over the lines' spacing: lines do not resolve a narrower one."""
 _ALIKE = 30
-"""Neighbouring lines whose noise may be alike."""
+"""Largest distance (lines) at which noise may be correlated."""
 _PLACES = 300
-"""Frequencies at which they are looked for."""
+"""Frequencies of the candidate pole pairs."""
 _ENOUGH = 1000
-"""Lines beyond which neighbouring ones are put together."""
+"""Number of lines above which neighbouring ones are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """A response: `f` (lines,) Hz, `H` (rows,), of noise power one.
+    """A response: `f` (lines,) Hz, and `H` (rows,), scaled to a noise power of one.
 
-    Rows are lines or, with a `block`, sums of so many over the root of their number.
+    Each row is the sum of `block` lines over the root of `block`, which leaves the noise power at one.
     """
 
     f: FloatArray
@@ -60,16 +60,16 @@ class Lines:
         return np.asarray(self.f.reshape(-1, self.block).mean(axis=1))
 
     def gathered(self, values: ComplexArray) -> ComplexArray:
-        """Values (lines, columns) as the rows of `H` are made."""
+        """Combine values (lines, columns) into rows, as in `H`."""
         return np.asarray(values.reshape(-1, self.block, *values.shape[1:]).sum(axis=1) / np.sqrt(self.block))
 
 
 def fit_poles(lines: Lines) -> ComplexArray:
-    """Poles (rad/s), one of each conjugate pair.
+    """Fit the poles (rad/s), one of each conjugate pair.
 
-    Vector fitting (scikit-rf) begins with a pole pair for each peak. It is refined to least squares; then
-    a pair is added where it explains most of what is left, for as long as that gains more than its
-    parameters cost.
+    Vector fitting (scikit-rf) begins with a pole pair for each peak, and is refined by least squares. Then
+    the pair that explains most of the residual is added, as long as it gains more than its parameters
+    cost.
     """
     lines = _averaged(lines)
     with threadpool_limits(1):
@@ -77,7 +77,7 @@ def fit_poles(lines: Lines) -> ComplexArray:
         for other in others:
             best = other if other.gain_over(best) > 0 else best
         while len(best.poles) < _MOST_PAIRS:
-            # One where most is left; when that is no gain, all of them anew.
+            # Add the pair that explains most of the residual; without a gain, repeat the vector fit.
             for start in (_with_missing, _anew):
                 found = _tried(start(best.poles, lines), lines)
                 if found.worth_over(best):
@@ -89,7 +89,7 @@ def fit_poles(lines: Lines) -> ComplexArray:
 
 
 def residues(poles: ComplexArray, lines: Lines) -> tuple[FloatArray, ComplexArray]:
-    """Real unknowns (unknowns,) for given poles, and what they leave (rows,).
+    """Solve for the real unknowns (unknowns,) of given poles; returns them and the residual (rows,).
 
     Unknowns are the residues' real parts, the imaginary parts of those of pole pairs, a constant
     and a slope.
@@ -99,7 +99,7 @@ def residues(poles: ComplexArray, lines: Lines) -> tuple[FloatArray, ComplexArra
 
 @dataclass(frozen=True, eq=False)
 class _Projection:
-    """The basis of some poles on some lines, real and orthonormal, and what it leaves (2 rows,)."""
+    """Projection of a response on a real, orthonormal basis; `left` is the residual (2 rows,)."""
 
     poles: ComplexArray
     lines: Lines
@@ -119,7 +119,7 @@ class _Projection:
         return cls(poles, lines, q, upper, norms, seen, measured - q @ seen)
 
     def solution(self) -> tuple[FloatArray, ComplexArray]:
-        # Two poles that coincide leave a corner of zeros: least squares of the least norm.
+        # Coincident poles make the triangle singular: the minimum-norm solution is taken.
         found = np.linalg.lstsq(self.upper, self.seen, rcond=None)[0] / self.norms
         count = len(self.lines.H)
         return np.asarray(found), np.asarray(self.left[:count] + 1j * self.left[count:])
@@ -139,7 +139,7 @@ class _Projection:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Poles, and what they leave: its power a row, and how many of the rows are independent."""
+    """Poles, the power of their residual per row, and the number of independent rows."""
 
     poles: ComplexArray
     power: float
@@ -155,27 +155,28 @@ class _Fit:
         return cls(poles, power / count, independent, 4 * len(poles) + 2)
 
     def gain_over(self, other: _Fit) -> float:
-        """Twice the gain in log-likelihood, less what more parameters cost.
+        """Twice the gain in log-likelihood, less the cost of additional parameters.
 
-        Noise may be alike in neighbouring lines, as it is after smoothing; then so many fewer count.
-        What they are is told by the fit that leaves less: the other's residual is not noise alone.
+        Noise may be correlated between neighbouring lines, for example by smoothing, which reduces the
+        number of independent ones. It is taken from the fit with the smaller residual, because the
+        residual of the other is not noise alone.
         """
         independent = min((self, other), key=lambda fit: fit.power).independent
         gained = 2 * independent * float(np.log(other.power / self.power))
         return gained - _PENALTY * (self.parameters - other.parameters)
 
     def worth_over(self, other: _Fit) -> bool:
-        """Whether it gains, and leaves noise, or a quarter less: no table is what distortion leaves."""
+        """True when it gains, and leaves only noise or a quarter less: a smaller gain may be distortion."""
         return self.gain_over(other) > 0 and self.power < max(_NOISY, 0.75 * other.power)
 
 
 def _anew(poles: ComplexArray, lines: Lines) -> ComplexArray:
-    """Vector fitting with two pole pairs more."""
+    """Repeat vector fitting with two more pole pairs."""
     return _vector_fit(lines, len(poles) + 2)
 
 
 def _with_missing(poles: ComplexArray, lines: Lines) -> ComplexArray:
-    """And the pole (rad/s) that would explain most of what `poles` leave."""
+    """Append to `poles` the pole (rad/s) that explains most of their residual."""
     places = 2 * np.pi * np.linspace(lines.f[0], lines.f[-1], _PLACES)
     candidates = np.concatenate([places * (1j * np.sqrt(1 - z**2) - z) for z in _DAMPINGS])
     shape = lines.gathered(1 / (2j * np.pi * lines.f[:, None] - candidates))
@@ -189,10 +190,11 @@ def _tried(start: ComplexArray, lines: Lines) -> _Fit:
 
 
 def _pruned(best: _Fit, lines: Lines) -> ComplexArray:
-    """Without the pole pairs that gain less than they cost, and without the doubles of others.
+    """Remove the pole pairs that gain less than they cost, and those that nearly coincide with others.
 
-    A fit can hold two pairs that nearly coincide and cancel, each far larger than the resonance that they
-    make together. Such a fit is a local minimum, and the pair whose absence leaves least is another one.
+    A fit can contain two pairs that nearly coincide and cancel, each far larger than their sum. Such a fit
+    is a local minimum, and the pair whose removal increases the residual least is a different one, so
+    coincident pairs are tried separately.
     """
     while len(best.poles) > 1:
         fewer = [_Fit.of(np.delete(best.poles, k), lines) for k in range(len(best.poles))]
@@ -212,7 +214,7 @@ def _doubles(poles: ComplexArray) -> list[int]:
 
 
 def _averaged(lines: Lines) -> Lines:
-    """Neighbouring lines in one, response and basis alike: nothing is bent, and there is less to solve."""
+    """Average neighbouring lines. The basis is averaged alike, so that this adds no bias and saves time."""
     block = len(lines.f) // _ENOUGH
     if block < 2:
         return lines
@@ -222,13 +224,13 @@ def _averaged(lines: Lines) -> Lines:
 
 
 def _peaks(lines: Lines) -> int:
-    """Peaks that stand 3 dB above what is beside them and well above the noise; 2 to 16."""
+    """Number of peaks with a prominence of 3 dB that are well above the noise; 2 to 16."""
     power = np.maximum(np.abs(lines.H) ** 2, 100.0)
     return int(np.clip(len(find_peaks(10 * np.log10(power), prominence=3.0)[0]), 2, 16))
 
 
 class _Responses(Network):  # type: ignore[misc]
-    """No scattering matrix: whether it is passive means nothing, and takes long to find out."""
+    """Network that skips scikit-rf's slow test for passivity, which has no meaning for these responses."""
 
     def is_passive(self, *_: object) -> bool:
         return False
@@ -240,7 +242,7 @@ def _vector_fit(lines: Lines, pairs: int) -> ComplexArray:
     fitting = VectorFitting(_Responses(frequency=Frequency.from_f(lines.centres, unit="hz"), s=H))
     fitting.max_iterations = _ITERATIONS
     with warnings.catch_warnings():
-        # It warns when it has not converged; the residual says so better, and is looked at.
+        # Its convergence warning is not needed: fits are judged by their residuals.
         warnings.simplefilter("ignore")
         fitting.vector_fit(
             n_poles_real=0,
@@ -251,7 +253,7 @@ def _vector_fit(lines: Lines, pairs: int) -> ComplexArray:
             enforce_dc=False,
         )
     poles = np.asarray(fitting.poles, dtype=np.complex128)
-    # A mirrored pole has the same magnitude: stability costs phase only, and the refinement sees it.
+    # A mirrored pole has the same magnitude: only the phase changes, which the refinement corrects.
     return np.asarray(-np.abs(poles.real) + 1j * poles.imag)
 
 
@@ -284,9 +286,9 @@ def complex_residues(poles: ComplexArray, solution: FloatArray) -> ComplexArray:
 
 
 def _refine(poles: ComplexArray, lines: Lines, steps: int = _STEPS) -> ComplexArray:
-    """Poles that minimise the squared residual, the residues being solved for at each step.
+    """Refine poles to minimise the squared residual; residues are eliminated at each step.
 
-    Vector fitting minimises a weighted stand-in for the residual, and noise biases it. This is
+    Vector fitting minimises a weighted substitute for the residual, which noise biases. This is
     variable projection with Kaufman's Jacobian (Golub and Pereyra, Inverse Problems 19, 2003).
     Logarithms of decay and frequency, within a factor e, keep every pole stable.
     """

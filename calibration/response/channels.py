@@ -1,4 +1,4 @@
-"""From what two channels sampled to the volts at the patch and the velocity of the surface."""
+"""Correction of two sampled channels to the volts at the patch and the velocity of the surface."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 __all__ = ["Channels"]
 
 _FITS = 0.005
-"""Relative rms difference up to which the path from command to monitor is one pole after a staircase."""
+"""Relative rms misfit up to which the path from command to monitor counts as a hold and one pole."""
 _CORNERS = (300.0, 3e5)
-"""Hz: where an amplifier's corner is looked for."""
+"""Search range of the amplifier's corner (Hz)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """When drive monitor and laser are sampled after the clock's edge (s), and what the laser passes.
+    """Sampling delays (s) of drive monitor and laser after the clock's edge, and the laser's response.
 
-    `laser` gives the response (lines,) of the vibrometer's output at frequencies (Hz), its delay in it.
+    `laser` returns the response (lines,) of the vibrometer's output at frequencies (Hz), delay included.
     """
 
     rate_hz: float
@@ -31,15 +31,15 @@ class Channels:
     laser: Callable[[FloatArray], ComplexArray]
 
     def drive(self, sampled: ComplexArray, commanded: ComplexArray, f: FloatArray) -> ComplexArray:
-        """Factors (lines,) from what the monitor sampled to the volts at the patch at the clock's edges.
+        """Factors (lines,) from the monitor's samples to the volts at the patch at the clock's edges.
 
-        A drive is a staircase, smoothed by the amplifier only: its images round the sample rate fold
-        back onto the monitor, which has no filter against that, and not onto the surface, which
-        does not move at 50 kHz. Against a 5 kHz amplifier that is 4 mrad at 600 Hz, as much as
-        everything else together. Where the path from `commanded` (spectrum of the samples) to the
-        monitor is that of one pole after a staircase, it is taken out; elsewhere only the delay is.
-        `sampled` (plays, lines) and `commanded` (lines,) are spectra at `f` (lines,) Hz, of the
-        monitor's volts and of the samples that were to be played.
+        A drive is a staircase, smoothed by the amplifier only. Its images around the sample rate alias
+        into the monitor, which has no anti-alias filter, but not into the surface, which does not
+        move at 50 kHz. With a 5 kHz amplifier that is an error of 4 mrad at 600 Hz, as much as all others
+        together. Where the path from command to monitor is that of a zero-order hold and one pole, the
+        images are corrected; otherwise only the delay is.
+        `sampled` (plays, lines) and `commanded` (lines,) are spectra at `f` (lines,) Hz: of the
+        monitor's volts and of the commanded samples.
         """
         late = np.exp(-2j * np.pi * f * self.drive_delay)
         strong = np.abs(commanded) > 0.1 * np.abs(commanded).max()
@@ -63,7 +63,7 @@ class Channels:
         return np.asarray(sampled * np.exp(-2j * np.pi * f * self.laser_delay) / self.laser(f))
 
     def _sampled(self, f: FloatArray, corner: float) -> ComplexArray:
-        """One pole (Hz) driven by a staircase, as sampled `drive_delay` after each step begins."""
+        """Response of one pole (Hz) to a staircase, sampled `drive_delay` after each step begins."""
         decay = np.exp(-2 * np.pi * corner / self.rate_hz)
         since = np.exp(-2 * np.pi * corner * self.drive_delay)
         back = np.exp(-2j * np.pi * f / self.rate_hz)

@@ -1,4 +1,4 @@
-"""Waveforms that are played into a patch to measure what it does, and how long that takes."""
+"""Excitation waveforms to measure the response of a patch, and their durations."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from haploop.instruments.arrays import FloatArray, IntArray
 __all__ = ["Excitation", "LinearSweep", "Multisine", "Planned", "linear_sweep", "plan_excitation"]
 
 _FADE_IN, _FADE_OUT = 0.1, 0.03
-"""Seconds. A sweep ends at full voltage, and a step there would ring every mode; at the paper's
-89 Hz/s this fade takes the last 2.7 Hz. It begins slowly anyway."""
+"""Fade times of a sweep (s). A step at its end would excite every mode; at the paper's 89 Hz/s the fade
+takes the last 2.7 Hz."""
 _RISE = 0.02
-"""Seconds in which a multisine that settles first fades in: a step would ring every mode."""
+"""Fade-in time (s) of a multisine with settling: a step would excite every mode."""
 _CLIPPINGS = 300
 """Rounds of crest optimisation: 1.57 on the default lines after these, 1.50 after a thousand."""
 _GROUP_ODD, _GROUP = 4, 8
-"""Of so many lines one is left out, to show the distortion there, or the noise."""
+"""Size of the groups of lines in which one line is left out, to measure distortion or noise there."""
 _RINGING = 0.15
-"""Relative error of a response that is measured from rest as if it had settled: 0.05 to 0.19 was measured."""
+"""Relative error of a response measured from rest as if it had settled: 0.05 to 0.19 was measured."""
 _MOST_PERIODS = 200
 _LEAST_SHARE = 0.25
-"""Of the largest level: what a plan may go down to, since a patch at few volts says little of one at many."""
+"""Lowest level of a plan over the largest: hysteresis makes a patch differ between few volts and many."""
 _LOCAL_GAIN = 0.7
 """Error of the local rational method over that of a plain ratio of one settled period, because it averages
 neighbouring lines: 0.45 to 0.62 was measured."""
@@ -39,8 +39,8 @@ neighbouring lines: 0.45 to 0.62 was measured."""
 class LinearSweep:
     """The paper's excitation: a sine whose frequency rises linearly from 0 to `stop_hz` in `seconds`.
 
-    It is played `repeats` times, then once at each of `shares` of its level, and recorded for
-    `tail` seconds of silence after each. Raises ConfigurationError for fewer than two repeats.
+    It is played `repeats` times, then once at each of the fractions `shares` of its level; `tail` seconds
+    of silence are recorded after each. Raises ConfigurationError for fewer than two repeats.
     """
 
     stop_hz: float = 625.0
@@ -56,7 +56,7 @@ class LinearSweep:
 
     @property
     def duration(self) -> float:
-        """Seconds of measuring, all repeats and levels together."""
+        """Measuring time of all repeats and levels together (s)."""
         return (self.repeats + len(self.shares)) * (self.seconds + self.tail)
 
     def volts(self, rate_hz: float, peak: float) -> FloatArray:
@@ -74,19 +74,19 @@ class LinearSweep:
 class Multisine:
     """Equally strong sines on lines of 1 / `period` (Hz), from `low` to `high` (Hz).
 
-    Phases begin at random (`seed`) and are then chosen for a small crest factor, by clipping and
-    putting the amplitudes back (Van der Ouderaa, Schoukens and Renneboog, IEEE Trans. Instrum. Meas.
-    37, 1988). It starts at zero volts, has zero mean, and ends where it started.
+    Phases start at random (`seed`) and are optimised for a small crest factor, by clipping and
+    restoring the amplitudes (Van der Ouderaa, Schoukens and Renneboog, IEEE Trans. Instrum. Meas.
+    37, 1988). It starts near zero volts, has zero mean, and ends where it started.
 
-    `lines` are the "odd" ones, so that even distortion falls between them; "all"; or (k, n): of all,
-    every n-th, from the k-th on, so that n patches can be driven at once, each on lines of its own.
-    In every group of four (of eight, if not "odd") one line is left out at random: what is measured
-    there is odd distortion and noise (Pintelon and Schoukens, System Identification, 2012, chapter 4).
+    `lines` are the "odd" ones, so that even distortion falls between them; "all"; or (k, n): every
+    n-th of all, from the k-th on, so that n patches can be driven at once on separate lines.
+    In every group of four (eight, if not "odd") one random line is left out, to measure odd
+    distortion and noise there (Pintelon and Schoukens, System Identification, 2012, chapter 4).
 
-    The first `settle` seconds let the table ring in and are not looked at; then come `periods`. One
-    period without settling is the shortest measurement: the table starts from rest, and what that
-    does is told from the response by the local rational method. Raises ConfigurationError for a
-    period of fewer than 20 lines, or several periods that do not settle.
+    The first `settle` seconds let the table settle and are discarded; `periods` follow. One
+    period without settling is the shortest measurement: the table starts from rest, and the local
+    rational method separates the transient from the response. Raises ConfigurationError for a
+    period of fewer than 20 lines, or several periods without settling.
     """
 
     low: float = 15.0
@@ -116,22 +116,22 @@ class Multisine:
 
     @property
     def duration(self) -> float:
-        """Seconds of measuring, settling and all periods together."""
+        """Measuring time of settling and all periods together (s)."""
         return self.settle + self.periods * self.period
 
     @property
     def from_rest(self) -> bool:
-        """Whether it is looked at from its first sample on."""
+        """True when it is evaluated from its first sample on."""
         return self.settle == 0
 
     def excited(self) -> IntArray:
-        """Numbers of the excited lines: their frequencies are these over the period."""
+        """Numbers of the excited lines; their frequencies are these over the period."""
         return _lines(self)[0]
 
     def silent(self) -> tuple[IntArray, IntArray]:
         """Numbers of the even and of the odd lines within the band that no patch excites.
 
-        Even ones are there with odd lines only.
+        There are even ones only if `lines` is "odd".
         """
         return _lines(self)[1:]
 
@@ -155,7 +155,7 @@ class Multisine:
         return np.asarray(drive)
 
     def crest(self) -> float:
-        """Peak over rms: a sweep's is 1.4."""
+        """Crest factor, peak over rms; that of a sweep is 1.4."""
         one = _period(self, next_fast_len(round(8 * self.high * self.period), real=True))
         return float(1 / np.sqrt(np.mean(one**2)))
 
@@ -177,7 +177,7 @@ Excitation = LinearSweep | Multisine
 
 @dataclass(frozen=True)
 class Planned:
-    """What `plan_excitation` chose: the excitation, its peak (V at the patch), and the error to expect."""
+    """Result of `plan_excitation`: the excitation, its peak (V at the patch), and the expected error."""
 
     excitation: Multisine
     level: float
@@ -185,7 +185,7 @@ class Planned:
 
     @property
     def duration(self) -> float:
-        """Seconds of measuring."""
+        """Measuring time (s)."""
         return self.excitation.duration
 
 
@@ -201,16 +201,16 @@ def plan_excitation(
     """The shortest multisine that measures a response within a target error, at the lowest level.
 
     `target_error` is the relative rms error of the response over the band. `snr_db` is the velocity
-    over the noise, both within the band, while a multisine of `peak` V plays: see
-    `Response.snr_db`. `decay` is the slowest mode's time constant (s), which sets line spacing and
-    settling. One period from rest is taken where that does; otherwise one settles and is averaged.
+    over the noise, both within the band, for a multisine of `peak` V: see `Response.snr_db`.
+    `decay` is the slowest mode's time constant (s), which sets line spacing and settling. The plan is
+    one period from rest if that suffices; otherwise settling and an average over several periods.
     Raises ConfigurationError for a target that 200 periods do not reach.
     """
     if not (0 < target_error < 1 and peak > 0 and decay > 0 and np.isfinite(snr_db)):
         raise ConfigurationError(
             "A plan needs a target error between 0 and 1, a signal-to-noise ratio in dB, a peak and a decay."
         )
-    # A line a half-power width, 1 / (pi decay), and 2.05 s for the table of the paper.
+    # About two lines per half-power width, 1 / (pi decay), and at least the 2.05 s of the paper's table.
     short = Multisine(low=low, high=high, period=max(2.05, 6 * decay))
     share = len(short.excited()) / ((high - low) * short.period)
     single = 10 ** (-snr_db / 20) * float(np.sqrt(share))
@@ -218,7 +218,7 @@ def plan_excitation(
     if quick <= target_error:
         used = max(quick / target_error, _LEAST_SHARE)
         return Planned(short, peak * used, quick / used)
-    # Half of the squared error for what has not died away, half for the noise.
+    # Half of the squared error is allowed for the remaining transient, half for the noise.
     settle = max(decay * log(2**0.5 * _RINGING / target_error), 0.1)
     periods = ceil(2 * (single / target_error) ** 2)
     if periods > _MOST_PERIODS:
@@ -256,9 +256,9 @@ def linear_sweep(rate_hz: float, duration: float, stop_hz: float, peak: float) -
 
 @lru_cache(maxsize=16)
 def _lines(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray]:
-    """Lines that are excited, and those that no patch excites: even ones and odd ones.
+    """Numbers of the excited lines, and of the even and the odd lines that no patch excites.
 
-    Which are left out does not depend on k, so that patches that are driven together leave out the same.
+    The choice does not depend on k, so patches driven together leave out the same lines.
     """
     numbers = np.arange(ceil(multisine.low * multisine.period), int(multisine.high * multisine.period) + 1)
     odd_only = multisine.lines == "odd"
@@ -277,7 +277,7 @@ def _lines(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray]:
 
 @lru_cache(maxsize=16)
 def _period(multisine: Multisine, samples: int) -> FloatArray:
-    """One period (samples,) with a peak of one, from the point where it is quietest."""
+    """One period (samples,) with a peak of one, starting where the waveform is closest to zero."""
     lines = multisine.excited()
     coarse = next_fast_len(8 * int(lines[-1]), real=True)
     rng = np.random.default_rng([multisine.seed, 1])
@@ -286,7 +286,7 @@ def _period(multisine: Multisine, samples: int) -> FloatArray:
         spectrum = np.zeros(coarse // 2 + 1, dtype=np.complex128)
         spectrum[lines] = phases
         wave = irfft(spectrum, coarse)
-        # Clipped harder at first; in the end only the highest peaks are.
+        # Hard clipping at first, later only of the highest peaks.
         ceiling = np.abs(wave).max() * (0.65 + 0.27 * step / _CLIPPINGS)
         clipped = rfft(np.clip(wave, -ceiling, ceiling))[lines]
         phases = clipped / np.abs(clipped)

@@ -1,4 +1,4 @@
-"""A response from a multisine: from rest, or after settling; of one patch, or of several at once."""
+"""Estimate of a response from a multisine, from rest or after settling, of one patch or several at once."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def from_multisine(
     channels: Channels,
     linear_volts: FloatArray | None = None,
 ) -> FrfEstimate:
-    """The response on the excited lines, from signals that begin with the multisine.
+    """Estimate the response on the excited lines, from signals that begin with the multisine.
 
-    `commanded` is (samples,) V, `drive` V and `velocity` m/s are as sampled, at least as long.
-    Patches that play multisines on lines of their own at the same time are told apart by the lines:
-    call this for each, with its own drive. If `linear_volts` ((samples,), `drive` through the hysteresis
-    model) are given, the response is per linear volt.
+    `commanded` is (samples,) V; `drive` (V) and `velocity` (m/s) are as sampled, at least as long.
+    Patches driven at the same time are separated by their lines: call this for each, with its own
+    drive. If `linear_volts` ((samples,), `drive` through the hysteresis model) are given, the response is
+    per linear volt.
     """
     one = multisine.samples(channels.rate_hz)
     start = len(commanded) - multisine.periods * one

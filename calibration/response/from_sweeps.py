@@ -1,4 +1,4 @@
-"""A response from sweeps, as the paper measures it."""
+"""Estimate of a response from sweeps, the paper's method."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 __all__ = ["from_sweeps"]
 
 _LOWEST = 20.0
-"""Hz: below it the sweep is still beginning."""
+"""Lowest frequency (Hz): below it the sweep fades in."""
 _END = 5.0
-"""Hz below the sweep's end, that its fade takes."""
+"""Margin below the sweep's end (Hz), for its fade."""
 _MORE = (8.0, 3.0)
-"""Hz beyond either end, for what needs neighbours."""
+"""Extra band below and above (Hz), for operations that need neighbouring lines."""
 _PART = 75.0
-"""Hz, of the overlapping parts in which harmonics are told from the response."""
+"""Width (Hz) of the overlapping parts in which harmonics are separated from the response."""
 _POOL = 41
-"""Neighbouring lines whose noise is averaged: noise is smooth over frequency (5 Hz of it), so that
-a few repeats tell its level within 10 %."""
+"""Neighbouring lines (5 Hz) whose noise is averaged: it is smooth over frequency, so a few repeats give
+its level within 10 %."""
 
 
 def from_sweeps(
     sweep: LinearSweep, commanded: FloatArray, drives: FloatArray, velocities: FloatArray, channels: Channels
 ) -> FrfEstimate:
-    """Divide the spectra of whole records, sweep and ringing, so that there is no leakage.
+    """Estimate the response by dividing spectra of whole records, ringing included: without leakage.
 
     `commanded` is (samples,) V, one sweep at the full level; `drives` (plays, samples) V and
-    `velocities` (plays, samples) m/s were sampled, first `sweep.repeats` plays at that level and
-    then one at each share of it.
+    `velocities` (plays, samples) m/s are as sampled: `sweep.repeats` plays at that level, then one
+    at each of `sweep.shares`.
     """
     rate_hz, repeats = channels.rate_hz, sweep.repeats
     samples = drives.shape[1]
@@ -44,7 +44,7 @@ def from_sweeps(
     lines = slice(int(np.ceil(first)), int(np.floor(last)) + 1)
     f = np.arange(lines.start, lines.stop) * rate_hz / length
     order = rfft(commanded, length)[lines]
-    # Means are taken off before the padding makes steps of them.
+    # Without the mean, zero padding makes no step.
     X, Y = (
         rfft(signals - signals.mean(axis=1, keepdims=True), length)[:, lines]
         for signals in (drives, velocities)
@@ -54,7 +54,7 @@ def from_sweeps(
 
     power = (np.abs(x) ** 2).sum(axis=0)
     H = (np.conj(x) * y).sum(axis=0) / power
-    # The drive is strong where the velocity is weak, so that what does not repeat is the velocity's.
+    # The drive is far above its noise, so the part that does not repeat is the velocity's noise.
     residual = (np.abs(y - H * x) ** 2).sum(axis=0) / (repeats - 1)
     residual = uniform_filter1d(residual, _POOL, mode="nearest")
     speed = sweep.stop_hz / sweep.seconds
@@ -76,15 +76,15 @@ def from_sweeps(
 
 
 def _without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) -> ComplexArray:
-    """A sweep's response without the harmonics that the patch's hysteresis adds to it.
+    """Remove the harmonics that the patch's hysteresis adds to a sweep's response.
 
-    The sweep passes frequency f at the time f / speed (Hz, Hz/s). What the n-th harmonic brings at f
-    came n times earlier, so that in the impulse response it stands before time zero, at (1/n - 1)
-    f / speed, where no causal system answers (Farina, AES 108th Convention, 2000, for a logarithmic
-    sweep; with a linear one the place depends on f). The answer is gated in overlapping parts of
-    the band, each with its own gate from half way to the second harmonic to where the last wraps.
+    The sweep passes frequency f at the time f / speed (Hz, Hz/s). The n-th harmonic at f was excited at
+    1/n of that time, so in the impulse response it lies before time zero, at (1/n - 1) f / speed, where
+    a causal system has no response (Farina, AES 108th Convention, 2000, for a logarithmic sweep; with a
+    linear one the position depends on f). The impulse response is gated in overlapping parts of the
+    band; each gate begins half way to the second harmonic and ends where the last harmonic wraps.
     """
-    # Beyond the ends it is continued point-symmetrically and faded, because an edge would ring.
+    # Beyond its ends the band is extended point-symmetrically and faded, because an edge would ring.
     step = float(frequencies[1] - frequencies[0])
     more = round(_PART / 2 / step)
     f = frequencies[0] + step * np.arange(-more, len(H) + more)

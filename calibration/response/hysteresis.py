@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 __all__ = ["HALF_WIDTHS", "Hysteresis", "fit_hysteresis", "hysteresis_of_play", "operators"]
 
 _SHARES = np.array([0.0, 0.02, 0.03, 0.04, 0.055, 0.075, 0.1, 0.14, 0.2, 0.28, 0.39, 0.54, 0.75])
-"""Radii that are fitted, over the largest level; 0 is the part without hysteresis."""
+"""Half-widths of the operators fitted to sweeps, over the largest level; 0 is the part without hysteresis."""
 HALF_WIDTHS = np.array([0.0, 0.02, 0.05, 0.09, 0.14, 0.2, 0.28, 0.38, 0.5, 0.65, 0.82])
-"""Of the operators fitted to multisines, over the level; 0 is the volts themselves. Seven up to
-0.65 of the level put a map's gains 0.2 % off (measured)."""
+"""Half-widths of the operators fitted to multisines, over the level; 0 is the volts themselves. Seven
+up to 0.65 of the level made an error of 0.2 % in a map's gains (measured)."""
 _TRUST = 1e-3
 _RIDGE = 1e-4
-"""Keeps the weights small where the levels do not tell them apart."""
+"""Regularisation of weights that the levels do not determine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +72,9 @@ class Hysteresis:
 
 
 def fit_hysteresis(response: Response) -> Hysteresis:
-    """The hysteresis that makes the response differ between levels as it was measured to do.
+    """Fit the hysteresis to the measured differences of the response between levels.
 
-    Without a difference it is a gain of one. Non-negative least squares in the weights, which keeps
+    Without a difference it is a gain of one. Non-negative least squares in the weights keeps
     the loop invertible.
     """
     full = response.level
@@ -83,7 +83,7 @@ def fit_hysteresis(response: Response) -> Hysteresis:
     rows = [at_full.real, *(_RIDGE * np.eye(len(radii))[1:])]
     for level, ratio in zip(response.levels, response.level_gain, strict=True):
         equation = _first_harmonic(radii, float(level)) - ratio * at_full
-        # A small sweep in much noise says little; none is believed to better than a thousandth.
+        # Each level is weighted by its uncertainty, taken as a thousandth at least.
         trust = _TRUST / np.hypot(_TRUST, _uncertainty(response, float(level)))
         rows += [trust * equation.real, trust * equation.imag]
     weights, _ = nnls(np.array(rows), np.array([1.0] + [0.0] * (len(rows) - 1)))
@@ -95,11 +95,11 @@ def fit_hysteresis(response: Response) -> Hysteresis:
 def hysteresis_of_play(
     multisine: Multisine, commanded: FloatArray, volts: FloatArray, velocity: FloatArray, channels: Channels
 ) -> Hysteresis:
-    """The hysteresis that one period of a multisine from rest shows, found together with the table's modes.
+    """Fit the hysteresis, together with the table's modes, to one period of a multisine from rest.
 
-    Signals as in `from_multisine`; `level` is the largest volt. Distortion falls on all lines, the
-    silent ones too, and no mode explains it there: after it, of a response that is 3 % wrong without a
-    law, 0.1 % is left (measured on simulated tables).
+    Signals as in `from_multisine`; `level` is the largest voltage. Distortion falls on all lines, and on
+    the silent ones modes cannot explain it. The error of the response falls from 3 % without a
+    hysteresis model to 0.1 % (measured on simulated tables).
     """
     one = multisine.samples(channels.rate_hz)
     f = np.arange(one // 2 + 1) * channels.rate_hz / one
@@ -143,15 +143,15 @@ def _first_harmonic(radii: FloatArray, amplitude: float) -> ComplexArray:
 
 
 def _play(signal: FloatArray, radii: FloatArray) -> Iterator[FloatArray]:
-    """What the play operator of each half-width makes of a signal, from rest; (samples,) each.
+    """Output (samples,) of the play operator of each half-width for a signal, from rest.
 
-    Exact between turning points, whatever the rate.
+    Exact between turning points at any sample rate.
     """
     steps = np.sign(np.diff(signal, prepend=0.0))
     moving = np.flatnonzero(steps)
     turns = moving[1:][np.diff(steps[moving]) != 0] if len(moving) else moving
     lengths = np.diff(turns, prepend=0, append=len(signal))
-    # Between two turns an operator only follows or only rests: where it begins says all.
+    # Between two turning points the state at the first determines the output.
     states = np.zeros((len(turns) + 1, len(radii)))
     for state, last, moved in zip(states, signal[turns - 1], states[1:], strict=False):
         np.minimum(np.maximum(state, last - radii), last + radii, out=moved)

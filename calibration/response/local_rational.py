@@ -1,10 +1,10 @@
-"""The local rational method: a response from one period of a multisine that began at rest.
+"""The local rational method: estimates a response from one period of a multisine from rest.
 
-Within a few lines every response is nearly a ratio of two small polynomials, and the transient of
-the start has the same denominator; both are fitted to the lines around each line, by linear least
+Within a few lines every response is nearly a ratio of two polynomials of low order, and the transient of
+the start has the same denominator; both are fitted to the neighbourhood of each line, by linear least
 squares (McKelvey and Guerin, Proc. IFAC SYSID, 2012; Pintelon and Schoukens, System
-Identification, 2012, section 7.2). So nothing has to ring in first: 2.05 s do, where a plain ratio
-would be 5 to 19 % wrong.
+Identification, 2012, section 7.2). So no settling is needed: 2.05 s suffice, where a plain ratio
+would have an error of 5 to 19 %.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
 __all__ = ["Local", "local_rational"]
 
 _HALF = 10
-"""Lines on either side: fewer average less noise, more bend within 5 Hz."""
+"""Lines on either side: fewer average less noise, more bias the response within 5 Hz."""
 _ORDER = 2
-"""Of all three polynomials: one resonance, and what its neighbours do there."""
+"""Order of all three polynomials: one resonance, and the slope from its neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """Per line (lines,): the response, its variance, the variance of the output, and the surprise.
+    """Local fit at each line (lines,): response, its variance `spread`, `variance`, and `surprise`.
 
-    `variance` is the output's, about the local fit. `surprise` is what was measured at the line less
-    what its neighbours foretell: where a line is not excited, noise and distortion.
+    `variance` is that of the output about the local fit. `surprise` is the measured output less the
+    prediction from the neighbouring lines: on an unexcited line, noise and distortion.
     """
 
     response: ComplexArray
@@ -40,9 +40,9 @@ class Local:
 
 
 def local_rational(drive: ComplexArray, output: ComplexArray, lines: IntArray) -> Local:
-    """Response from `drive` to `output` ((all lines from 0 Hz on,) spectra) at `lines`.
+    """Estimate the response from `drive` to `output` (spectra of all lines from 0 Hz on) at `lines`.
 
-    The drive must be strong on some of the lines around each; `spread` is the response's variance.
+    The drive must be strong on some of the lines around each.
     """
     half = int(min(_HALF, lines[0], len(drive) - 1 - lines[-1]))
     r = np.arange(-half, half + 1) / half
@@ -62,13 +62,13 @@ def local_rational(drive: ComplexArray, output: ComplexArray, lines: IntArray) -
     q, upper = np.linalg.qr(columns)
     seen = np.einsum("lij,li->lj", q.conj(), y)
     left = y - np.einsum("lij,lj->li", q, seen)
-    # A tiny ridge keeps a window that lacks something, noise-free data say, from dividing by zero.
+    # A tiny ridge prevents division by zero in rank-deficient windows, such as of noise-free data.
     size = np.abs(np.diagonal(upper, axis1=1, axis2=2)).max(axis=1)
     eye = np.eye(upper.shape[1])
     inverse = np.linalg.inv(upper + 1e-13 * size[:, None, None] * eye)
     solution = np.einsum("lij,lj->li", inverse, seen)
     variance = (np.abs(left) ** 2).sum(axis=1) / (2 * half + 1 - columns.shape[2])
-    # Thirteen degrees of freedom tell a variance within 28 %; those of the neighbours help.
+    # Thirteen degrees of freedom estimate a variance within 28 %: the neighbours' are averaged in.
     variance = uniform_filter1d(variance, 2 * half + 1, mode="nearest")
     covariance = (np.abs(inverse[:, 0, :]) ** 2).sum(axis=1)
     weight = (np.abs(q[:, half, :]) ** 2).sum(axis=1)

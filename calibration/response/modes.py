@@ -1,4 +1,4 @@
-"""The modes that a table shows at many points, from what was played there: one set of poles for all.
+"""The modes of a table from plays at many points: one set of poles for all points.
 
 A play is one period of a multisine, of one patch or of several at once, begun whenever the play
 before it ended. Its spectra obey
@@ -6,11 +6,11 @@ before it ended. Its spectra obey
     velocity = sum over patches of linear volts x (sum of r / (s - p) + conj + constant + slope s)
                + sum of t / (s - p) + conj + constant
 
-at every line, excited or not: the second row is what rang when the period began, less what rings
-when it ends. Nothing has to settle or to die away first, and patches that play together need not be
-told apart beforehand. Given poles and linear volts that is linear in everything else; poles and the law
-of each patch's hysteresis are found by variable projection over all points (Golub and Pereyra,
-Inverse Problems 19, 2003, with Kaufman's Jacobian).
+at every line, excited or not: the second row is the ringing at the start of the period less that at its
+end. So no settling is needed, and patches that play together need not be separated beforehand. Given poles
+and linear volts this is linear in all other unknowns; the poles and the hysteresis of each patch are found
+by variable projection over all points (Golub and Pereyra, Inverse Problems 19, 2003, with Kaufman's
+Jacobian).
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 __all__ = ["Modes", "Plays", "fit_modes"]
 
 _STEPS = 12
-"""Of refinement, at most."""
+"""Largest number of refinement steps."""
 _CONVERGED = 1e-3
-"""Relative fall of the squared residual below which it ends."""
+"""Relative decrease of the squared residual below which refinement ends."""
 _STRONGEST = 16
-"""Orthogonal combinations of points that hold nearly everything: one a mode."""
+"""Singular vectors of the points that contain nearly all power: about one for each mode."""
 _FEW, _MORE = 2, 6
-"""Mixtures of these that are used to find poles and laws, for each set of drives: to begin, and to end."""
+"""Random mixtures of these in the first and the last fit, for each set of drives."""
 _FARTHEST = 0.2
-"""By how much a logarithm of a decay or a frequency changes in a step at most."""
+"""Largest step of the logarithm of a decay or a frequency."""
 _DAMPINGS = (0.003, 0.008, 0.02)
-"""Of the poles that are looked for in what a fit leaves."""
+"""Damping ratios of the candidate poles for the residual of a fit."""
 _PLACES, _BEYOND = 500, 1.3
-"""Frequencies at which they are looked for, to so many times the band's end."""
+"""Number of candidate frequencies, and the highest one over the band's upper end."""
 _AT_ONCE, _APART = 3, 0.02
-"""Poles that are added at once at most, and how far apart (relative frequency)."""
+"""Largest number of poles added at once, and their smallest relative distance in frequency."""
 _PENALTY = 25.0
-"""Of a real parameter, over the mean squared residual, that a pole must gain: one that may stand anywhere
-finds more noise than one that may not, and a mode that is worth having gains hundreds."""
+"""Gain per real parameter, over the mean squared residual, required to add a pole: a pole with a free
+frequency fits more noise than a linear parameter, and a real mode gains hundreds."""
 _KEEP = 5.0
-"""As `_PENALTY`, below which a pole that has been found is given up again: no chance is in it any more."""
+"""Gain, as `_PENALTY`, below which a pole is removed again: its frequency is no longer searched for."""
 _MOST = 40
-"""Poles."""
+"""Largest number of poles."""
 _ALIKE = 1e-13
-"""Squared length that a column of unit length must have beside the others to be told from them."""
+"""Regularisation that keeps the normal equations of coincident columns positive definite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Modes:
     weights: FloatArray
 
     def shares(self, plays: Plays) -> tuple[FloatArray, FloatArray]:
-        """Real unknowns (patches, unknowns, points), and what they leave over all ((points,), relative)."""
+        """Real unknowns (patches, unknowns, points), and the relative residual (points,)."""
         basis = _Basis.of(self.poles, self.weights, plays)
         found, left = basis.solution(_stack(plays.velocity))
         size = np.linalg.norm(_stack(plays.velocity), axis=0)
@@ -89,7 +89,7 @@ class Modes:
         return found[: count * each].reshape(count, each, -1), np.linalg.norm(left, axis=0) / size
 
     def shift(self, plays: Plays) -> float:
-        """By what share all poles have moved alike, as plays show that came later."""
+        """Relative shift common to all poles, from later plays."""
         shifted, total = self, 1.0
         for _ in range(2):
             normal, gradient, _power = _linear(shifted, plays)
@@ -135,7 +135,7 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
 
 
 def _pruned(modes: Modes, cost: float, plays: Sequence[Plays], worth: float) -> Modes:
-    """Without the poles whose loss the others make good: added early, where others had yet to move."""
+    """Remove the poles that the others can replace: those added early, before the others had converged."""
     while len(modes.poles) > 1:
         losses = np.sum([_losses(modes, one) for one in plays], axis=0)
         fewer = Modes(np.delete(modes.poles, int(np.argmin(losses))), modes.weights)
@@ -147,7 +147,7 @@ def _pruned(modes: Modes, cost: float, plays: Sequence[Plays], worth: float) -> 
 
 
 def _losses(modes: Modes, plays: Plays) -> FloatArray:
-    """(poles,): by how much the squared residual would grow without each, the others staying."""
+    """(poles,): increase of the squared residual on removal of each pole, with the others fixed."""
     basis = _Basis.of(modes.poles, modes.weights, plays)
     found = basis.solution(_stack(plays.velocity))[0] * basis.norms[:, None]
     inverse = np.linalg.inv(basis.upper)
@@ -162,7 +162,7 @@ def _losses(modes: Modes, plays: Plays) -> FloatArray:
 
 
 def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, float]:
-    """The modes that leave least, near the given ones, and the squared residual that they leave."""
+    """Refine modes to a minimum of the squared residual near the given ones; returns both."""
     best, cost, tried, damping = modes, np.inf, modes, 1e-3
     kept: list[tuple[FloatArray, FloatArray, float]] = []
     for _ in range(steps + 1):
@@ -183,7 +183,7 @@ def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, f
 
 
 def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
-    """Poles (rad/s) that would explain most of what the modes leave, the strongest first."""
+    """Poles (rad/s) that explain most of the residual of the modes, strongest first."""
     f = plays[0].f
     places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
     candidates = places * (1j - np.array(_DAMPINGS)[:, None])

@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 __all__ = ["MEASURED", "Response", "measure_response", "quick_response", "response_from"]
 
 MEASURED = "measured"
-"""Source of a response that a rig measured; others say what they were imported from."""
+"""Source of a response measured on a rig; an imported one names its file."""
 _CREST = 1.66
-"""Of the multisines here."""
+"""Crest factor of the multisines here."""
 SWEEP = LinearSweep()
 QUICK = Multisine()
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What one patch does at one point; arrays are (lines,).
+    """Frequency response of one point to one patch; arrays are (lines,).
 
     `velocity` is m/s per V at the patch, from the *measured* drive to the surface's own velocity:
     the vibrometer's delay and bandwidth and the card's channel skew are taken out. `deviation` is
@@ -65,15 +65,15 @@ class Response:
     velocity_range: float
     """The vibrometer's full scale (m/s): a drive must stay within it to be checked."""
     excitation: str
-    """What was played, in a sentence, and for how long."""
+    """Excitation and its duration, in a sentence."""
     source: str
     """"measured", or the file that it was imported from, with its hash."""
     rig: str
     rig_file: str
-    """The rig as it was: its file as JSON."""
+    """The rig file at that time, as JSON."""
     simulated: bool
     created: str
-    """When, ISO 8601, UTC."""
+    """Time of creation, ISO 8601, UTC."""
 
     @property
     def acceleration(self) -> ComplexArray:
@@ -82,11 +82,11 @@ class Response:
 
     @property
     def displacement(self) -> ComplexArray:
-        """M per V at the patch: what the paper's vibration maps show."""
+        """Displacement (m per V at the patch), as in the paper's vibration maps."""
         return np.asarray(self.velocity / (2j * np.pi * self.frequencies))
 
     def confidence(self, level: float = 0.95) -> FloatArray:
-        """(lines,) radius round `velocity` (m/s per V) that holds the table's own with this probability.
+        """(lines,) radius around `velocity` (m/s per V) that contains the true one with this probability.
 
         The noise of a line is circular and Gaussian (central limit theorem), so that the squared
         distance is exponentially distributed; multiply as `acceleration` and `displacement` do.
@@ -94,7 +94,7 @@ class Response:
         return np.asarray(np.sqrt(-np.log1p(-level)) * self.deviation)
 
     def snr_db(self, peak: float) -> float:
-        """Velocity over noise (dB) within the band, when a multisine of `peak` V plays: for a plan."""
+        """Velocity over noise (dB) within the band for a multisine of `peak` V, for `plan_excitation`."""
         if not len(self.noise):
             raise DataError(f"{self.source} says nothing about noise, so nothing can be planned with it.")
         band = float(self.frequencies[-1] - self.frequencies[0])
@@ -157,7 +157,7 @@ def quick_response(
     level: float | None = None,
     hysteresis: Hysteresis | None = None,
 ) -> Response:
-    """A response from one period of a multisine from rest: 2.05 s. As `measure_response` otherwise."""
+    """Measure a response with one period of a multisine from rest (2.05 s); see `measure_response`."""
     return measure_response(rig, patch, point, progress, excitation=QUICK, level=level, hysteresis=hysteresis)
 
 
@@ -172,7 +172,7 @@ def response_from(
     monitor: str,
     hysteresis: Hysteresis | None = None,
 ) -> Response:
-    """The response of one patch from a capture that begins with a multisine, `commanded` ((samples,) V).
+    """Estimate the response of one patch from a capture that begins with `commanded` ((samples,) V).
 
     `monitor` is the channel that measured this patch's volts. Patches that were driven at once, each
     on lines of its own, take one call each. Raises as `measure_response`.
@@ -202,7 +202,7 @@ def response_from(
 
 
 def prepare(rig: Rig, point: str) -> None:
-    """Settings confirmed, laser aimed at `point` and in focus. Raises InstrumentError."""
+    """Have settings and aim at `point` confirmed, and check the light. Raises InstrumentError."""
     rig.confirm_settings()
     if not rig.operator.confirm(Aim(point)):
         raise InstrumentError(f"The operator did not confirm this, so nothing was measured: {Aim(point)}")
@@ -215,7 +215,7 @@ def prepare(rig: Rig, point: str) -> None:
 
 
 def overloaded(rig: Rig, capture: Capture) -> str | None:
-    """What left its range in a capture of drive monitor and laser, and what to do; None if nothing did."""
+    """Sentence on a signal out of range in a capture of drive monitor and laser, with a remedy; or None."""
     laser = capture.channels.index(rig.vibrometer.channel)
     fastest = float(np.abs(rig.vibrometer.to_velocity(capture.volts[laser])).max())
     if capture.overload[laser] or fastest > rig.vibrometer.range:

@@ -27,7 +27,7 @@ __all__ = ["read_uff", "write_uff"]
 _FRF, _COHERENCE = 4, 6
 _FREQUENCY, _GENERAL, _UNKNOWN = 18, 1, 0
 _POWERS = {8: 1, 11: 0, 12: -1}
-"""Of 2 pi i f, from an ordinate's data type (displacement, velocity, acceleration) to velocity."""
+"""Power of 2 pi i f, from an ordinate's data type (displacement, velocity, acceleration) to velocity."""
 _UNITS = {"m": 8, "m/s": 11, "m/s^2": 12, "m/s2": 12, "m/s²": 12, "(m/s)/V": 11, "m/s/V": 11}
 """Data types by the ordinate's unit, for files that leave the type away."""
 _FORCES = (9, 13)

@@ -1,11 +1,10 @@
 """The history of a rig's calibrations: generations that are never edited, and one of them active.
 
 A generation is a folder of files and a manifest (`generation.json`) with why it was made and the
-SHA-256 of each file. It is written under another name, brought to the disk, and renamed. Which one
-is active is said by the last line of `activations.jsonl`, which is only ever appended to, and which
-holds the SHA-256 of the manifest: so that whatever a kill leaves behind, exactly one generation is
-active, and either it is whole or that is said. `looks.jsonl` has a line for each time that somebody
-looked whether the active one still holds.
+SHA-256 of each file. It is written under another name, flushed to disk, and renamed. The last line of
+`activations.jsonl`, an append-only file, names the active generation and the SHA-256 of its manifest: so
+after a kill at any moment exactly one generation is active, and damage to it is detected.
+`looks.jsonl` has a line for each test of the active calibration.
 """
 
 from __future__ import annotations
@@ -35,10 +34,10 @@ _NAME = re.compile(r"(\d{4,})-\d{8}T\d{6}Z")
 
 
 class Saved(Protocol):
-    """What writes itself to a new file."""
+    """An object that can save itself to a new file."""
 
     def save(self, path: str | Path) -> None:
-        """Whole, or not at all."""
+        """Write to a new file, whole or not at all."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Generation:
     parent: str
     """Name of the generation that it was made from; empty for the first."""
     reason: str
-    """Why it was made: a sentence."""
+    """Reason for making it, as a sentence."""
     details: Mapping[str, Any]
     """The numbers behind the reason."""
     files: Mapping[str, str]
@@ -116,15 +115,15 @@ class Activation:
     """SHA-256 of the generation's manifest."""
     when: str
     actor: str
-    """Who activated it: the command, and the account that it ran in."""
+    """Command and account of the activation."""
     reason: str
 
 
 class History:
     """The folder of a rig's calibrations; see the module. Nothing is made before `add`.
 
-    Reading needs no lock, and sees one state or the next. Whoever writes holds the lock (`hold`)
-    from before it reads what it decides by: two at once would each undo what the other did.
+    Reading needs no lock, and sees one state or the next. A writer takes the lock (`hold`) before it
+    reads the state that it changes: two concurrent writers would undo each other's changes.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -135,7 +134,7 @@ class History:
         """Keep every other writer off this folder. Raises InstrumentError, which names the holder."""
         with hold({os.path.normcase(self.folder.resolve())}, "The history of calibrations"):
             for left in self.folder.glob(".*.part"):
-                # Of a writer that was killed: it never had a name, so nobody can have used it.
+                # Left by a killed writer: it was never renamed, so nobody can have used it.
                 shutil.rmtree(left, ignore_errors=True)
             yield
 
@@ -155,7 +154,7 @@ class History:
 
     @property
     def looks(self) -> tuple[dict[str, Any], ...]:
-        """What was noted by `note`, oldest first. Raises DataError when a line is damaged."""
+        """Entries added by `note`, oldest first. Raises DataError when a line is damaged."""
         return tuple(_lines(self.folder / _LOOKS))
 
     def active(self) -> Generation:
@@ -269,7 +268,7 @@ def _sha256(path: Path) -> str:
 def _lines(path: Path) -> Iterator[dict[str, Any]]:
     """The lines of a file of JSON lines; none if there is no file.
 
-    What follows the last line's end was being written when its writer died: it was never said.
+    An incomplete last line is ignored: its writer was killed before it was complete.
     """
     try:
         *lines, _ = path.read_bytes().split(b"\n")

@@ -65,7 +65,7 @@ class Outcome:
     simulated: bool = True
 
     def summary(self) -> dict[str, Any]:
-        """As plain values, for JSON: without the waveforms."""
+        """Plain values for JSON, without the waveforms."""
         return {
             "outcome": self.kind,
             "when": self.when.isoformat(timespec="seconds"),

@@ -93,7 +93,7 @@ def _animate(out: Path, gif: Path) -> None:
 
 
 def _numbers(text: str) -> list[int]:
-    """0,5,12-20 as numbers. Raises click.UsageError."""
+    """Parse numbers and ranges such as 0,5,12-20. Raises click.UsageError."""
     found: list[int] = []
     for part in text.split(","):
         first, _, last = part.strip().partition("-")

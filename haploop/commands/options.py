@@ -51,10 +51,10 @@ NOTES = click.option("--notes", default="", help="Notes; stored in the recording
 
 
 class FiniteRange(click.FloatRange):
-    """A range of numbers, without NaN, which no comparison refuses."""
+    """A range of numbers that also refuses NaN, which passes every comparison."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Raise click.BadParameter for NaN, and as `click.FloatRange`."""
+        """Convert a value; raise click.BadParameter for NaN or a value out of range."""
         if math.isnan(found := super().convert(value, param, ctx)):
             self.fail(f"{value!r} is not a number.", param, ctx)
         return found
@@ -70,7 +70,7 @@ PATH = click.Path(path_type=Path)
 
 
 def on_table(rig: Rig, point: str) -> None:
-    """Refuse a point that the rig's table does not have: ConfigurationError."""
+    """Raise ConfigurationError for a point that is not on the rig's table."""
     points = rig.table.rows * rig.table.columns
     if point != "button" and not (point.isdecimal() and int(point) < points):
         raise haploop.ConfigurationError(

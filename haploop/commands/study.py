@@ -68,7 +68,7 @@ def new(folder: Path) -> int:
     """Create a study: a FOLDER with a study.toml to fill in."""
     path = folder / "study.toml"
     outputs.check_destination(path)
-    # A string of JSON is one of TOML, whatever the folder's name holds.
+    # A JSON string is a valid TOML string for any folder name.
     with outputs.new_file(path) as part:
         part.write_text(_NEW.format(name=json.dumps(folder.resolve().name)), encoding="utf-8")
     print_line(f"Fill in {path}, then: haploop study run --study {folder}")

@@ -81,7 +81,7 @@ def _button(result: ButtonResult) -> dict[str, Any]:
 
 
 def _forces(result: ButtonResult) -> dict[str, list[float]]:
-    """Force (N) at activation of each press that has one, by participant."""
+    """Force (N) at activation of each press with an activation, by participant."""
     return {
         recording.participant: [
             press.force_at_activation for press in found if press.force_at_activation is not None
@@ -91,7 +91,7 @@ def _forces(result: ButtonResult) -> dict[str, list[float]]:
 
 
 def _band(demo: Demo) -> tuple[float, float]:
-    """What the drives use of the response (Hz)."""
+    """Band (Hz) of the response used by the drives."""
     bands = [result.check.drive.band for result in demo.buttons]
     return float(min(low for low, _ in bands)), float(max(high for _, high in bands))
 
@@ -102,7 +102,7 @@ def report(demo: Demo, summary: Mapping[str, Any]) -> str:
 
 
 def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
-    """The report's figures, each with the caption that says what is seen and which figure it follows."""
+    """Draw the report's figures, each with a caption that names the corresponding figure of the paper."""
     results = demo.buttons
     response = demo.calibration.response
     forces = {r.button: {p: np.array(f) for p, f in _forces(r).items()} for r in results}

@@ -1,4 +1,4 @@
-"""What one run of the demo found."""
+"""Results of one run of the demo."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from haploop.instruments.arrays import ComplexArray
 __all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo"]
 
 BUTTONS = ("latch", "toggle", "push")
-"""The paper's three (figure 2)."""
+"""Buttons of the paper (figure 2)."""
 PRESSES = 10
-"""Of each button by each participant; paper, "Data Collection"."""
+"""Presses of each button by each participant (paper, "Data Collection")."""
 
 
 @dataclass(frozen=True, eq=False)
 class ButtonResult:
-    """What the loop found for one button."""
+    """Results of the workflow for one button."""
 
     button: str
     recordings: tuple[Recording, ...]
     presses: tuple[tuple[ButtonPress, ...], ...]
-    """Of each recording."""
+    """Presses of each recording."""
     press: Representative
     check: Check
     true_forces: tuple[float, ...]
-    """Force (N) at each activation, as the plant knows it."""
+    """True force (N) at each activation, from the plant."""
 
 
 @dataclass(frozen=True, eq=False)
 class Demo:
-    """One run of the loop, whole."""
+    """Results of a complete run."""
 
     out: Path
     rig: str
@@ -48,11 +48,11 @@ class Demo:
     true_response: ComplexArray
     true_resonance_hz: float
     notes: tuple[str, ...]
-    """What the rig cannot record or render, as sentences."""
+    """Limitations of the rig in recording or rendering, one sentence each."""
     simulated_s: float
     wall_s: float
 
     @property
     def passed(self) -> bool:
-        """Whether every button passed its check."""
+        """True when every button passed its check."""
         return all(result.check.passed for result in self.buttons)

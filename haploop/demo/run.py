@@ -23,7 +23,7 @@ from haploop.live import published
 __all__ = ["claim_folder", "run_demo"]
 
 _RESULTS = ("recordings", "presses", "drives", "calibration.h5", "summary.json", "report.html")
-"""What a demo writes into its folder."""
+"""Files and folders written by a demo."""
 
 
 def run_demo(
@@ -36,14 +36,14 @@ def run_demo(
     progress: Progress = silent,
     clock: Clock | None = None,
 ) -> dict[str, Any]:
-    """Run the loop on a simulated rig and write all that it made into a folder (see `claim_folder`).
+    """Run the workflow on a simulated rig and write all results into a folder (see `claim_folder`).
 
-    A lab's rig file is simulated too, as twins unless `mode` says wires: nothing real moves.
-    `seed` overrides the file's own. Returns the summary, which is also written as `summary.json`
+    A lab's rig file is always simulated, with twins unless `mode` is "wire": no hardware is used.
+    `seed` overrides the seed in the file. Returns the summary, which is also written as `summary.json`
     beside `report.html`, `calibration.h5`, `recordings/`, `presses/` and `drives/`.
 
-    Raises ConfigurationError when `out` holds a demo already or cannot be written, and whatever
-    the steps raise.
+    Raises ConfigurationError when `out` holds a demo already or cannot be written, and the
+    errors of the steps.
     """
     clock = clock or RealClock()
     began = clock.now()
@@ -65,9 +65,9 @@ def run_demo(
 
 
 def claim_folder(out: str | Path | None) -> Path:
-    """The folder to write to, made if need be; None takes a new `haploop-demo`, `haploop-demo-2`, ...
+    """Create the output folder if it is missing; None selects a new `haploop-demo`, `haploop-demo-2`, ...
 
-    Raises ConfigurationError when it holds a demo's files already, or cannot be made or written.
+    Raises ConfigurationError when it already holds a demo's files, or cannot be created or written.
     """
     if out is None:
         number, out = 1, Path("haploop-demo")
@@ -96,7 +96,7 @@ def _loop(
     rig: Rig, out: Path, participants: int, source: str, progress: Progress, wall: Callable[[], float]
 ) -> Demo:
     assert rig.simulation is not None
-    truth = rig.simulation.truth  # for the report; no step below is given it
+    truth = rig.simulation.truth  # for the report only; no step below uses it
     start = rig.clock.now()
     names = [f"P{number:02d}" for number in range(1, participants + 1)]
 

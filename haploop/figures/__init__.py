@@ -1,4 +1,4 @@
-"""Pictures: the paper's figures, and those of a press, a button, a map and a history.
+"""Figures: those of the paper, and of a press, a button, a map and a history.
 
 Names are loaded when they are first used; `__init__.pyi` lists them.
 """

@@ -1,4 +1,4 @@
-"""A digital button: target and measured acceleration, and how its drive was learned."""
+"""Figure of a digital button: target and measured acceleration, and the iterations of its drive."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["button_figure"]
 
 
 def button_figure(button: DigitalButton) -> Figure:
-    """Target and measured acceleration, third octaves, and each iteration's error over the floor."""
+    """Draw target and measured acceleration, third octaves, and each iteration's error over the floor."""
     check, drive = button.check, button.drive
     with style():
         drawn = new_figure(2.6)

@@ -1,4 +1,4 @@
-"""A rig's calibration history: its trend, and a recalibration before and after."""
+"""Figures of a rig's calibration history: its trend, and a recalibration before and after."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _PANELS = (
 
 @dataclass(frozen=True)
 class _ActivePeriod:
-    """A generation while it was the active one: (begin, end), and its metrics and thresholds by place."""
+    """A period (begin, end) of one active generation, with its metrics and thresholds by place."""
 
     name: str
     begin: datetime
@@ -44,10 +44,10 @@ class _ActivePeriod:
 
 
 def trend(history: History) -> Figure:
-    """Resonance, damping, gain and coherence over time: every look, and what was active meanwhile.
+    """Plot resonance, damping, gain and coherence over time: every run, and the active calibration.
 
-    The bands are what the rig file of each calibration accepts. Raises DataError for a history in
-    which nothing was ever active.
+    The bands are the tolerances in the rig file of each calibration. Raises DataError for a history
+    without any activation.
     """
     looks = history.looks
     periods = _active_periods(history, [datetime.fromisoformat(look["when"]) for look in looks])
@@ -123,7 +123,7 @@ def _trace(
 
 
 def _legend(figure: Figure, places: Sequence[Place]) -> None:
-    """What the marks mean, and which colour is which place when there are several."""
+    """Add the legend: meaning of the marks, and colour of each place when there are several."""
     marks = [
         Line2D([], [], color=INK, marker="s", markersize=4, label="active calibration"),
         Line2D([], [], color=INK, marker="o", markersize=2.6, linestyle="", label="look: unchanged"),
@@ -139,7 +139,7 @@ def _legend(figure: Figure, places: Sequence[Place]) -> None:
 
 
 def before_and_after(before: Mapping[str, Check], after: Mapping[str, Check]) -> Figure:
-    """Each button's target and what the table did: with its old drive, and with its new one."""
+    """Draw each button's target and the measured acceleration with its old and its new drive."""
     names = sorted({*before, *after})
     with style():
         figure = new_figure(1.6 * len(names) + 0.4)
@@ -161,7 +161,7 @@ def before_and_after(before: Mapping[str, Check], after: Mapping[str, Check]) ->
 
 
 def _stretch(axes: Axes, check: Check) -> None:
-    """20 ms to either side of the target's largest acceleration."""
+    """Draw 20 ms to either side of the target's largest acceleration."""
     drive = check.drive
     time = 1e3 * np.arange(len(drive.target)) / drive.rate_hz
     middle = time[int(np.argmax(np.abs(drive.target)))]
@@ -172,7 +172,7 @@ def _stretch(axes: Axes, check: Check) -> None:
 
 
 def responses(old: Sequence[Calibration], new: Sequence[Calibration]) -> Figure:
-    """The response of each place as it was calibrated before, and as it is now."""
+    """Draw the modelled response of each place before and after the recalibration."""
     with style():
         figure = new_figure(1.9 * len(new) + 0.3)
         grid = figure.subplots(len(new), 2, squeeze=False, gridspec_kw={"width_ratios": (2.1, 1)})

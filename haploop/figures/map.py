@@ -1,4 +1,4 @@
-"""A vibration map: the paper's figure 3, and an animation of the best vibration."""
+"""Figures of a vibration map: the paper's figure 3, and an animation of the largest vibration."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from haploop.instruments.files import new_file
 __all__ = ["animate_map", "map_figure"]
 
 _SHAPES = 5
-"""Modes whose shapes are drawn."""
+"""Number of mode shapes drawn."""
 _FRAMES = 24
 _COLOURS = 63
 _SQUARE = 0.7
-"""Height of the table over its width, as drawn (the paper does not say it)."""
+"""Height over width of the table as drawn (not stated in the paper)."""
 _MICRO = 1e6
 
 
 def map_figure(found: VibrationMap) -> Figure:
-    """Figure 3 of the paper for each configuration at the best frequency, and the strongest modes' shapes."""
+    """Draw the paper's figure 3 for each configuration at the best frequency, and the strongest modes."""
     best, names = found.best(), found.configurations
     at = np.array([best.frequency_hz])
     sizes = {name: _MICRO * np.abs(found.displacement(name, at)[:, 0]) for name in names}
@@ -62,7 +62,7 @@ def map_figure(found: VibrationMap) -> Figure:
 
 
 def animate_map(found: VibrationMap, path: Path) -> None:
-    """The table's vibration at the best frequency, one period in slow motion, as a new GIF.
+    """Write one period of the vibration at the best frequency, in slow motion, as a new GIF.
 
     Raises DataError when it exists or cannot be written.
     """
@@ -76,7 +76,7 @@ def animate_map(found: VibrationMap, path: Path) -> None:
         def frame(number: int) -> FloatArray:
             return found.grid(np.real(motion * np.exp(2j * np.pi * number / _FRAMES)))
 
-        # Few enough colours for a GIF to have them all: it makes up a palette for each frame.
+        # Few enough colours for a GIF, which has one palette per frame.
         colours = colormaps["RdBu_r"].resampled(_COLOURS)
         image = _surface(axes, found, np.real(motion), colours, -top, top)
         axes.set_title(f"Patch {best.patch}, {best.frequency_hz:.1f} Hz, in slow motion")
@@ -89,7 +89,7 @@ def animate_map(found: VibrationMap, path: Path) -> None:
             return (image,)
 
         with new_file(path) as part:
-            # Pillow tells a picture's type by its name's ending.
+            # Pillow derives the file type from the suffix.
             gif = part.with_name(f"{part.name}.gif")
             try:
                 FuncAnimation(drawn, draw, frames=_FRAMES).save(gif, writer=PillowWriter(fps=12), dpi=110)
@@ -101,12 +101,12 @@ def animate_map(found: VibrationMap, path: Path) -> None:
 def _surface(
     axes: Axes, found: VibrationMap, values: FloatArray, colours: str | Colormap, low: float, high: float
 ) -> AxesImage:
-    """(points,) on the table's grid, smoothly between its points."""
+    """Draw values (points,) on the table's grid, interpolated between the points."""
     axes.set_xticks([])
     axes.set_yticks([])
     for spine in axes.spines.values():
         spine.set_visible(False)
-    # The bicubic filter spreads what was not measured over everything: partial maps are drawn plainly.
+    # The bicubic filter spreads NaN of unmeasured points, so partial maps are not interpolated.
     smooth = "bicubic" if len(found.points) == found.plan.rows * found.plan.columns else "nearest"
     plan = found.plan
     return axes.imshow(

@@ -1,7 +1,7 @@
-"""The paper's figures 6 to 9 for one run, and the response behind them, as a journal would print them.
+"""Figures 6 to 9 of the paper for one run, and the measured response, in the layout of a journal.
 
-Every function takes values that the rooms hand out and returns a matplotlib Figure; nothing is
-computed here but a spectrum and a mean. No pyplot state: figures are safe to make in any process.
+Every function takes results of the other packages and returns a matplotlib Figure; only spectra and
+means are computed here. No pyplot state is used, so figures can be made in any process.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """One press to draw: (samples,) arrays, and the time (s) of each sample after activation."""
+    """A press to draw: arrays (samples,), with the time (s) of each sample relative to activation."""
 
     button: str
     time: FloatArray
@@ -64,11 +64,11 @@ class Profile:
     rate_hz: float
     bandwidth_hz: float | None = None
     spread: FloatArray | None = None
-    """Standard deviation of the presses that this one stands for (m/s^2)."""
+    """Standard deviation of the averaged presses (m/s^2)."""
 
     @classmethod
     def of(cls, press: Representative) -> Profile:
-        """A representative press, with time from its activation."""
+        """Profile of a representative press."""
         time = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
         return cls(
             press.button,
@@ -83,7 +83,7 @@ class Profile:
 
 
 def profiles(presses: Sequence[Profile]) -> Figure:
-    """Figure 6: normalised acceleration, force and activation over time, and the spectral density."""
+    """Draw figure 6: normalised acceleration, force and activation over time, and the spectral density."""
     with style():
         figure = new_figure(1.62 * len(presses) + 0.35)
         grid = figure.subplots(
@@ -103,10 +103,10 @@ def activation_forces(
     forces: Mapping[str, Mapping[str, FloatArray]],
     true_means: Mapping[str, float] | None = None,
 ) -> Figure:
-    """Figure 7: force at activation (N) of each button and participant, and of all together.
+    """Draw figure 7: force at activation (N) of each button and participant, and of all together.
 
-    `forces` is button -> participant -> (presses,); `true_means` is button -> N, where a
-    simulated rig knows them.
+    `forces` is button -> participant -> (presses,); `true_means` is button -> N, known on a
+    simulated rig.
     """
     truth = true_means or {}
     with style():
@@ -124,7 +124,7 @@ def activation_forces(
             _forces(axes, [by.get(p, np.empty(0)) for p in participants], participants, [colour(index)])
             mean = float(np.mean(everyone[button]))
             axes.axhline(mean, color=colour(index), linewidth=0.6, linestyle=(0, (4, 3)), zorder=0)
-            # Not from zero: what differs here is participants, and buttons are compared in panel b.
+            # The axis need not start at zero: it compares participants; panel b compares buttons.
             axes.margins(y=0.35)
             letter(axes, index if index == 0 else index + 1, button.capitalize())
         together = grid[0, 1]
@@ -150,7 +150,7 @@ def activation_forces(
 
 
 def drives(waveforms: Sequence[Drive], limits: tuple[float, float] | None = None) -> Figure:
-    """Figure 8: the voltage at the patch for each button; `limits` are the lowest and highest (V)."""
+    """Draw figure 8: the voltage at the patch for each button; `limits` are the lowest and highest (V)."""
     with style():
         figure = new_figure(1.25 * len(waveforms) + 0.4)
         end = max(active(drive.volts, drive.rate_hz)[1] for drive in waveforms)
@@ -167,7 +167,7 @@ def drives(waveforms: Sequence[Drive], limits: tuple[float, float] | None = None
             title = f"{drive.button.capitalize()}, patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
             letter(axes, row, title)
         if limits:
-            # A line beside its name: which of the dashes is the limit needs no legend.
+            # The text beside the line replaces a legend.
             grid[0].annotate(
                 "rig's limit",
                 (1, limits[1]),
@@ -185,7 +185,7 @@ def drives(waveforms: Sequence[Drive], limits: tuple[float, float] | None = None
 
 
 def comparison(results: Sequence[tuple[Representative, Check]]) -> Figure:
-    """Figure 9: the recorded press, what the table should do, and what it was measured to do.
+    """Draw figure 9: the recorded press, the target and the measured acceleration.
 
     Per button: the recorded press under the measured acceleration, both scaled to unit peak as in
     the paper; a stretch around the largest acceleration, target over measured; and the spectra.
@@ -209,9 +209,9 @@ def comparison(results: Sequence[tuple[Representative, Check]]) -> Figure:
 
 
 def response(calibration: Calibration, truth: ComplexArray | None = None) -> Figure:
-    """The measured response, its coherence and phase, the fitted model, and the resonance.
+    """Draw the measured response, its coherence and phase, the fitted model, and the resonance.
 
-    `truth` is the plant's own velocity response at the measured frequencies, on a simulated rig.
+    `truth` is the plant's velocity response at the measured frequencies, on a simulated rig.
     """
     measured, model = calibration.response, calibration.model
     frequencies, peak = measured.frequencies, model.resonance_hz
@@ -236,7 +236,7 @@ def response(calibration: Calibration, truth: ComplexArray | None = None) -> Fig
                 size.plot(f, 1e6 * np.abs(values[part]), label=label, **look)
                 degrees = continuous_phase(values, fitted, reference)
                 if values is measured.velocity:
-                    # Where nothing coherent came back, the phase is that of noise.
+                    # Without coherence the phase is noise.
                     degrees = np.where(measured.coherence >= 0.5, degrees, np.nan)
                 phase.plot(f, degrees[part], **look)
             coherence.plot(f, measured.coherence[part], color=GREEN, linewidth=0.6)
@@ -271,7 +271,7 @@ def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
     force_axes.set_ylabel("Force (N)", color=VERMILLION, y=0.75)
     top = max(float(press.force.max()), 1e-3)
     force_axes.set_ylim(-1.2 * top, 1.2 * top)
-    # Zero newtons in the middle, level with zero acceleration; below it there is nothing to read.
+    # Zero force is level with zero acceleration; the axis shows no labels below it.
     force_axes.yaxis.set_major_locator(MaxNLocator(5))
     force_axes.set_yticks([t for t in force_axes.get_yticks() if 0 <= t <= 1.15 * top])
     force_axes.spines["right"].set_bounds(0, 1.2 * top)
@@ -317,7 +317,7 @@ def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colo
     for index, values in enumerate(groups):
         if not len(values):
             continue
-        # The presses beside their mean, spread evenly: a random jitter would differ between runs.
+        # Presses are spread evenly beside their mean, because random jitter would differ between runs.
         offsets = np.linspace(-0.22, 0.22, len(values)) if len(values) > 1 else np.zeros(1)
         colour = colours[index % len(colours)]
         axes.plot(index + offsets, values, "o", markersize=2.2, color=colour, alpha=0.35, markeredgewidth=0)
@@ -366,7 +366,7 @@ def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool)
 
 
 def _activation(press: Representative, drive: Drive) -> float:
-    """When (s) on the drive's clock the press switched: where its modulation best fits the target."""
+    """Time (s) of the activation on the drive's clock, from the best fit of its modulation to the target."""
     step = round(drive.rate_hz / press.rate_hz)
     coarse = drive.target[::step]
     modulated = modulate(press.acceleration, press.rate_hz, drive.carrier_hz)

@@ -1,4 +1,4 @@
-"""What the figures have in common: the style, the page's width, and the signals' small sums."""
+"""Common parts of the figures: style, page width, and simple signal processing."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ __all__ = [
     "unit_peak",
 ]
 
-# Okabe and Ito's palette, which readers with any colour vision can tell apart.
+# Palette of Okabe and Ito, distinguishable with any colour vision.
 BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"
 ORANGE, PURPLE, SKY = "#E69F00", "#CC79A7", "#56B4E9"
 GREY, INK = "#8C8C8C", "#222222"
 BUTTON_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
 
 WIDTH = 7.1
-"""Inches: a journal's double column (180 mm)."""
+"""Width of a journal's double column (inches; 180 mm)."""
 
 _STYLE: Any = {
     "font.family": "sans-serif",
@@ -87,23 +87,23 @@ _STYLE: Any = {
 
 
 def style() -> AbstractContextManager[None]:
-    """Within this context, figures are made and saved in the house's style."""
+    """Context manager that applies the common style to figures made and saved in it."""
     return mpl.rc_context(_STYLE)
 
 
 def new_figure(height: float) -> Figure:
-    """An empty figure over the page's width, `height` inches high."""
+    """Create an empty figure of the page's width, `height` inches high."""
     return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
 def letter(axes: Axes, index: int, title: str = "") -> None:
-    """The panel's letter, bold, and its title."""
+    """Write the panel's letter, bold, and its title."""
     bold = rf"$\bf{{{chr(ord('a') + index)}}}$"
     axes.set_title(f"{bold}  {title}" if title else bold)
 
 
 def legend_above(axes: Axes, columns: int) -> None:
-    """A legend over the panel's title, which the layout leaves as it is."""
+    """Add a legend above the panel's title, outside the layout."""
     legend = axes.legend(
         loc="lower right",
         bbox_to_anchor=(1.03, 1.13),
@@ -116,21 +116,20 @@ def legend_above(axes: Axes, columns: int) -> None:
 
 
 def mark_simulated(figure: Figure) -> None:
-    """Say in a corner of the figure that no real instrument measured it: a PNG travels alone."""
+    """Mark a figure as simulated in a corner, because a PNG is often passed on without its report."""
     figure.text(0.997, 0.004, "simulated", ha="right", va="bottom", fontsize=7, color="#666666")
 
 
 def colour(index: int) -> str:
-    """The colour of the button at `index`."""
+    """Colour of the button at `index`."""
     return BUTTON_COLOURS[index % len(BUTTON_COLOURS)]
 
 
 def spectrum(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
-    """One-sided power spectral density of a (samples,) transient: frequencies (Hz), unit^2/Hz.
+    """Compute the one-sided power spectral density of a transient (samples,): Hz, and unit^2/Hz.
 
-    One Fourier transform over the whole signal, as in the paper; a press begins and ends at rest,
-    so no window is needed. Zeros are appended to at least half a second, which only draws the
-    same density on a finer grid.
+    One Fourier transform covers the whole signal, as in the paper; a press begins and ends at rest,
+    so no window is needed. Zero padding to at least 0.5 s only refines the frequency grid.
     """
     points = max(len(signal), round(rate_hz / 2))
     lines = np.fft.rfft(signal, points)
@@ -140,7 +139,7 @@ def spectrum(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray
 
 
 def density_axis(axes: Axes, stop_hz: float, top: float) -> None:
-    """Make `axes` one for spectral densities of acceleration up to `top`, over six decades."""
+    """Set up `axes` for spectral densities of acceleration: six decades up to `top`."""
     axes.set_xlim(0, stop_hz)
     axes.set_ylabel("PSD ((m/s²)²/Hz)")
     if top > 0:
@@ -150,7 +149,7 @@ def density_axis(axes: Axes, stop_hz: float, top: float) -> None:
 
 
 def active(signal: FloatArray, rate_hz: float) -> tuple[float, float]:
-    """Begin and end (s) of what is more than 1 % of the peak, with a tenth of that to either side."""
+    """Begin and end (s) of the part above 1 % of the peak, extended by 10 % to either side."""
     loud = np.flatnonzero(np.abs(signal) > 0.01 * np.max(np.abs(signal), initial=0.0))
     if not len(loud):
         return 0.0, len(signal) / rate_hz
@@ -159,10 +158,10 @@ def active(signal: FloatArray, rate_hz: float) -> tuple[float, float]:
 
 
 def continuous_phase(values: ComplexArray, smooth: ComplexArray, reference: int) -> FloatArray:
-    """Phase (degrees) of `values`, followed along `smooth`, which differs from it by noise.
+    """Phase (degrees) of `values`, unwrapped along `smooth`, its noise-free counterpart.
 
-    At index `reference` it lies within half a turn of zero. Unwrapping noise itself would add a
-    turn wherever it passes zero.
+    At index `reference` it lies within 180 degrees of zero. Unwrapping the noisy values directly would
+    add false turns near zero magnitude.
     """
     phase = np.unwrap(np.angle(smooth))
     phase -= 2 * np.pi * np.round(phase[reference] / (2 * np.pi))
@@ -170,13 +169,13 @@ def continuous_phase(values: ComplexArray, smooth: ComplexArray, reference: int)
 
 
 def unit_peak(signal: FloatArray) -> FloatArray:
-    """The signal over its largest magnitude; silence stays silence."""
+    """Scale a signal to unit peak magnitude; a zero signal stays zero."""
     peak = float(np.max(np.abs(signal), initial=0.0))
     return signal / peak if peak > 0 else signal
 
 
 def png(figure: Figure, dpi: int = 200) -> bytes:
-    """The figure as PNG bytes, the same for the same figure: no date and no program inside."""
+    """Encode a figure as PNG bytes, reproducibly: without a date or program name."""
     buffer = io.BytesIO()
     with style():
         figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})

@@ -1,4 +1,4 @@
-"""One press of a recording, drawn as in the paper's figure 6."""
+"""Figure of one press of a recording, like the paper's figure 6."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["recording_figure"]
 
 
 def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Figure:
-    """The press whose force at activation is the median, as in the paper's figure 6."""
+    """Draw the press with the median force at activation, like the paper's figure 6."""
     whole = [p for p in found if p.activation is not None and p.force_at_activation is not None]
     if not whole:
         raise DataError(

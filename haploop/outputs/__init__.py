@@ -1,4 +1,4 @@
-"""Files that a command writes: names refused before anything is measured, and pictures as new files.
+"""Output files of commands: names checked before anything is measured, and pictures as new files.
 
 Names are loaded when they are first used; `__init__.pyi` lists them.
 """

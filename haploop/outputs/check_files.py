@@ -14,7 +14,7 @@ __all__ = ["claim_check", "save_check"]
 
 
 def claim_check(out: Path, button: str) -> None:
-    """Raise ConfigurationError, before anything is played, if `save_check` could not write there."""
+    """Raise ConfigurationError, before anything is played, if `save_check` cannot write there."""
     for path in _names(out, button):
         check_destination(path)
 

@@ -1,4 +1,4 @@
-"""New files: refused before anything is measured, not after."""
+"""Checks of output files before anything is measured."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def check_new_file(path: Path) -> None:
 
 
 def check_new_picture(path: Path, suffix: str = ".png") -> None:
-    """As `check_new_file`, for a picture with this suffix."""
+    """Raise ConfigurationError if `path` cannot be written as a new picture with this suffix."""
     if path.suffix.lower() != suffix:
         raise ConfigurationError(f"{path} has the wrong file type: use a name that ends with {suffix}.")
     check_new_file(path)

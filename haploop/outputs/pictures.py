@@ -1,4 +1,4 @@
-"""Pictures as new files."""
+"""Save pictures as new files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HTML reports: one file each, which needs nothing beside it."""
+"""Self-contained HTML reports."""
 
 from haploop.report.html import CaptionedFigure, render
 from haploop.report.recalibration import write_recalibration

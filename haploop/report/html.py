@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs nothing beside it, the same whenever it is made from the same run."""
+"""Render a report as one self-contained HTML file, reproducibly for the same run."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CaptionedFigure:
 def render(
     summary: Mapping[str, Any], captioned: Sequence[CaptionedFigure], template: str = "report.html"
 ) -> str:
-    """A summary as HTML by a template of this package, with the figures embedded as PNG."""
+    """Render a summary as HTML with a template of this package; figures are embedded as PNG."""
     environment = Environment(
         loader=PackageLoader("haploop.report", ""),
         autoescape=True,

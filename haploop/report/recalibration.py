@@ -17,7 +17,7 @@ __all__ = ["write_recalibration"]
 
 
 def write_recalibration(history: History, outcome: Outcome) -> Path | None:
-    """Write the report of a table that had drifted into the history's `reports`; None for any other.
+    """Write the report of a drifted table into the history's `reports`; None for any other outcome.
 
     Raises DataError when it cannot be written.
     """

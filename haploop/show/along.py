@@ -1,4 +1,4 @@
-"""What was recorded besides the presses: extra channels, readings, files, and failures to read them."""
+"""Data recorded along with presses: extra channels, readings, files, and failures to read them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["along_rows", "along_values"]
 
 
 def along_values(recording: Recording) -> dict[str, Any]:
-    """JSON values; times are seconds from the first sample."""
+    """Return JSON values; times are seconds from the first sample."""
     rate_hz = recording.rate_hz
     return {
         "extra": {
@@ -55,7 +55,7 @@ def along_values(recording: Recording) -> dict[str, Any]:
 
 
 def along_rows(recording: Recording) -> Iterator[tuple[str, str]]:
-    """Headings and texts of a table's rows."""
+    """Yield the heading and the text of each table row."""
     for name, sensor in recording.sensors.extra.items():
         s = _spread(recording, name)
         text = f"{s['mean']:.5g} {sensor.unit}, from {s['min']:.5g} to {s['max']:.5g}" if s else "no samples"
@@ -77,7 +77,7 @@ def along_rows(recording: Recording) -> Iterator[tuple[str, str]]:
 
 
 def _spread(recording: Recording, name: str) -> dict[str, float]:
-    """Mean, least and largest value of an extra channel; nothing for a recording without samples."""
+    """Mean, smallest and largest value of an extra channel; empty for a recording without samples."""
     signal = recording.extra[name]
     if not signal.size:
         return {}

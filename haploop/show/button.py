@@ -14,7 +14,7 @@ __all__ = ["button_contents"]
 
 
 def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
-    """JSON values, and a table."""
+    """Return the contents as JSON values and as a table."""
     drive, check, learning = button.drive, button.check, button.learning
     response = button.calibration.response
     values: dict[str, Any] = {

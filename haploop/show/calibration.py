@@ -14,7 +14,7 @@ __all__ = ["calibration_contents", "drive_contents"]
 
 
 def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Table]:
-    """JSON values, and a table."""
+    """Return the contents as JSON values and as a table."""
     response, model = calibration.response, calibration.model
     values: dict[str, Any] = {
         "kind": "calibration",
@@ -62,7 +62,7 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
 
 
 def drive_contents(drive: Drive) -> tuple[dict[str, Any], Table]:
-    """JSON values, and a table."""
+    """Return the contents as JSON values and as a table."""
     peak_to_peak = float(np.ptp(drive.volts))
     values: dict[str, Any] = {
         "kind": "drive",

@@ -1,4 +1,4 @@
-"""The contents of a file that haploop wrote: as values, as a table, and as a picture."""
+"""Contents of a file written by haploop: as values, as a table, and as a picture."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ __all__ = ["FileContents", "file_contents", "show_file"]
 
 @dataclass(frozen=True, eq=False)
 class FileContents:
-    """What a file holds."""
+    """Contents of a file."""
 
     values: dict[str, Any]
-    """As JSON values; `kind` and `simulated` are always among them."""
+    """JSON values; `kind` and `simulated` are always present."""
     table: Table
     draw: Callable[[], Figure]
-    """Draws them. Raises DataError when there is nothing to draw."""
+    """Function that draws the contents. Raises DataError when there is nothing to draw."""
 
 
 def show_file(path: Path, as_json: bool, plot: Path | None = None) -> None:
@@ -61,7 +61,7 @@ def show_file(path: Path, as_json: bool, plot: Path | None = None) -> None:
 
 
 def file_contents(path: Path) -> FileContents:
-    """What a file, or the folder of a vibration map, holds.
+    """Read the contents of a file, or of the folder of a vibration map.
 
     Raises DataError for a file that is missing, damaged, or of another kind.
     """
@@ -93,7 +93,7 @@ def file_contents(path: Path) -> FileContents:
 
 
 def _kind(path: Path) -> str:
-    """The kind of a file: recording, representative, calibration, drive or button. Raises DataError."""
+    """Kind of a file: recording, representative, calibration, drive or button. Raises DataError."""
     kind = hdf5.kind_of(path)
     if kind not in ("recording", "representative", "calibration", "drive", "button"):
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")

@@ -25,7 +25,7 @@ Forces = Mapping[str, Mapping[str, FloatArray]]
 
 
 def forces_in(recordings: Sequence[Recording]) -> Forces:
-    """The force at activation of every accepted press. Raises DataError."""
+    """Collect the force at activation of every accepted press. Raises DataError."""
     found: dict[str, dict[str, list[float]]] = {}
     for recording in recordings:
         mine = found.setdefault(recording.button, {}).setdefault(recording.participant, [])
@@ -91,7 +91,7 @@ def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None
 
 
 def _recordings(path: Path) -> list[Recording]:
-    """A recording, or all recordings of a study."""
+    """Open a recording, or all recordings of a study."""
     if not path.is_dir() and path.suffix != ".toml":
         return [Recording.open(path)]
     study = load_study(path)

@@ -12,11 +12,11 @@ from rich.text import Text
 __all__ = ["SIMULATED", "fixed", "json_number", "percent", "property_table", "verdict"]
 
 SIMULATED = "Simulated: no real instrument measured this."
-"""Follows every result of a simulated rig."""
+"""Printed after every result of a simulated rig."""
 
 
 def property_table(title: str) -> Table:
-    """A table with two columns: property and value."""
+    """Create a table with two columns: property and value."""
     table = Table(box=SIMPLE, title=title, title_justify="left", show_header=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")

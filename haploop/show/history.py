@@ -26,7 +26,7 @@ _METRICS = (
 
 
 def listing(history: History) -> tuple[dict[str, Any], Table]:
-    """Every generation, and which one is active."""
+    """List every generation, and mark the active one."""
     activations = history.activations
     active = activations[-1].generation if activations else ""
     generations = history.generations
@@ -63,9 +63,9 @@ def listing(history: History) -> tuple[dict[str, Any], Table]:
 
 
 def describe(history: History, generation: Generation) -> tuple[dict[str, Any], Table]:
-    """One generation, verified: its places, its buttons, why it was made, and when it was active.
+    """Verify and describe a generation: places, buttons, reason, and periods of activity.
 
-    Raises DataError when it is not whole.
+    Raises DataError when it is incomplete or damaged.
     """
     generation.verify()
     calibrations, buttons = calibrations_of(generation), buttons_of(generation)
@@ -113,7 +113,7 @@ def describe(history: History, generation: Generation) -> tuple[dict[str, Any], 
 
 
 def difference(one: Generation, other: Generation) -> tuple[dict[str, Any], Table]:
-    """What changed from one generation to another. Raises DataError when one is not whole."""
+    """Compare two generations. Raises DataError when one is incomplete or damaged."""
     one.verify()
     other.verify()
     places = [{_place(c): PlaceMetrics.of(c) for c in calibrations_of(g)} for g in (one, other)]
@@ -145,7 +145,7 @@ def difference(one: Generation, other: Generation) -> tuple[dict[str, Any], Tabl
 
 
 def simulated(history: History) -> bool:
-    """Whether anything in a history was measured on a simulated rig."""
+    """True when anything in a history was measured on a simulated rig."""
     latest = history.generations[-1:]
     return any(c.response.simulated for generation in latest for c in calibrations_of(generation))
 

@@ -18,11 +18,11 @@ from haploop.progress import note, print_json, print_line, print_table
 __all__ = ["show_log"]
 
 _WHO = ("rig", "rig_sha256", "simulated", "user", "host", "pid", "command", "version")
-"""What every entry says of its program."""
+"""Fields of every entry that identify the program."""
 
 
 def show_log(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
-    """Print the last entries that programs have made for rigs of this name, and the lockout."""
+    """Print the last entries for rigs of this name, and the lockout."""
     folder = state_folder(file, mode is not None)
     found = deque(log_entries(file, mode), last)
     lockout = lockout_of(folder, hardware(file, mode))
@@ -58,7 +58,7 @@ def _how(entry: Mapping[str, Any]) -> str:
 
 
 def _plain(value: Any) -> str:
-    """A value of JSON as text for people."""
+    """Format a JSON value as plain text."""
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {_plain(one)}" for key, one in value.items() if one not in ("", None))
     if isinstance(value, list):
@@ -71,7 +71,7 @@ def _plain(value: Any) -> str:
 
 
 def _local(time: Any) -> str:
-    """An entry's time in the computer's time zone; as it stands where it is no time."""
+    """Format an entry's time in the local time zone; other values are returned as text."""
     try:
         return f"{datetime.fromisoformat(str(time)).astimezone():%Y-%m-%d %H:%M:%S}"
     except ValueError:

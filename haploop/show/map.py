@@ -16,7 +16,7 @@ _MICRO = 1e6
 
 
 def map_contents(found: VibrationMap) -> tuple[dict[str, Any], Table]:
-    """As JSON values, and as a table."""
+    """Return the contents as JSON values and as a table."""
     plan, best = found.plan, found.best()
     each = [found.best(patches=[name]) for name in found.configurations]
     values: dict[str, Any] = {

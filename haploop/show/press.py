@@ -18,7 +18,7 @@ __all__ = ["recording_contents", "representative_contents"]
 def recording_contents(
     recording: Recording, found: tuple[ButtonPress, ...], counted: tuple[ButtonPress, ...]
 ) -> tuple[dict[str, Any], Table]:
-    """JSON values, and a table."""
+    """Return the contents as JSON values and as a table."""
     forces = [p.force_at_activation for p in counted if p.force_at_activation is not None]
     bad = [press for press in recording.verdicts if not press.accepted]
     mean = float(np.mean(forces)) if forces else None
@@ -98,7 +98,7 @@ def recording_contents(
 
 
 def representative_contents(press: Representative) -> tuple[dict[str, Any], Table]:
-    """JSON values, and a table."""
+    """Return the contents as JSON values and as a table."""
     peak = float(np.max(np.abs(press.acceleration)))
     force = float(press.force[press.activation_index])
     values: dict[str, Any] = {

@@ -21,7 +21,7 @@ OUTCOME_TITLES = {
     "drifted": "The table has drifted; not every button could be brought within tolerance",
     "broken": "Something is broken; nothing was changed",
 }
-"""By the kind of outcome."""
+"""Title of each kind of outcome."""
 
 
 def show_outcome(outcome: Outcome, assumed: Sequence[str], report: Path | None, as_json: bool) -> None:

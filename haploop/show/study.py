@@ -1,4 +1,4 @@
-"""Console output for a study, while it is recorded and afterwards."""
+"""Console output of a study, during and after recording."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Counters(Bars):
         self._doing = ""
 
     def progress(self, doing: str, done: float, of: float, unit: str) -> None:
-        """See `run_study`."""
+        """Show the progress of a session; see `run_study`."""
         if doing != self._doing:
             self._doing, self._bad = doing, 0
             self._progress.reset(self._now, description=doing, total=of, visible=True, bad="")
@@ -53,7 +53,7 @@ class Counters(Bars):
             self._say(Text(f"{done:g} of {of:g}, {whole:g} of {self._of} in all.", style="green"))
 
     def on_verdict(self, participant: str, button: str, press: PressVerdict) -> None:
-        """See `run_study`."""
+        """Show the verdict on a press; see `run_study`."""
         if press.accepted:
             return
         self._bad += 1

@@ -29,7 +29,7 @@ class E413(Amplifier):
         model_config = ConfigDict(frozen=True, extra="forbid")
 
         input: str | dict[str, str]
-        """Name of the output that feeds it; of one amplifier for each patch, a name for each patch."""
+        """Name of the output that feeds it; names by patch when it has a channel for each patch."""
         gain: Positive = 50.0
         min: Annotated[float, Field(lt=0, allow_inf_nan=False)] = -100.0
         max: Positive = 400.0
@@ -44,12 +44,12 @@ class E413(Amplifier):
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: it is driven through the DAQ."""
+        """See `Driver.hardware`: none, because it is driven through the DAQ."""
         return ()
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
-        """There is nothing to connect to."""
+        """Return the amplifier; there is nothing to connect to."""
         return cls(settings)
 
     def limits(self, patches: int) -> Limits:

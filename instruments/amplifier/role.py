@@ -1,4 +1,4 @@
-"""The amplifier role: volts at the patch, volts at the input, and what the load may ask of it."""
+"""The amplifier role: its limits, and the conversion of volts at the patch to volts at its input."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Amplifier(ABC):
     input: str
     """Name of the output that feeds it: the DAQ's, a player's or a generator's. Empty with `inputs`."""
     inputs: Mapping[str, str] = MappingProxyType({})
-    """By patch, names of the DAQ's outputs that feed it, when it has a channel for each patch."""
+    """Names of the DAQ's outputs that feed it, by patch, when it has a channel for each patch."""
 
     @abstractmethod
     def limits(self, patches: int) -> Limits:
-        """What it can put out into `patches` patches in parallel."""
+        """Limits of its output into `patches` patches in parallel."""
 
     @abstractmethod
     def to_input(self, drive: FloatArray) -> FloatArray:
-        """Volts at its input for `drive`, (samples,) V at the patch."""
+        """Convert `drive`, (samples,) V at the patch, to volts at its input."""

@@ -1,7 +1,7 @@
-"""ATI's `.cal` file of a DAQ force sensor: its matrix in SI, so that nobody types 36 numbers.
+"""Read ATI's `.cal` file of a DAQ force sensor, and convert its matrix to SI.
 
-The file itself says which rows are for software of one's own: the UserAxis rows, which hold the
-tool transform already (docs/hardware.md, "Force sensor"). The Axis rows are not read.
+Only the UserAxis rows are read: the file itself names them for a user's own software, and they include
+the tool transform (docs/hardware.md, "Force sensor"). The Axis rows are not read.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": _INCH, "ft": 12 * _INCH}
 
 @dataclass(frozen=True)
 class AtiCalibration:
-    """What a `.cal` file says, in SI."""
+    """Content of a `.cal` file, in SI."""
 
     serial: str
     """Serial number of the transducer (FT12345): compare it with the one on the sensor."""
     part_number: str
-    """Which of the sensor's calibrations this is (SI-40-2)."""
+    """Name of this calibration among those of the sensor (SI-40-2)."""
     date: str
     matrix: tuple[tuple[float, ...], ...]
     """Rows Fx, Fy, Fz (N per V), Tx, Ty, Tz (N m per V); a column for each gauge."""
     ratings: tuple[float, ...]
     """Full scale of each axis (N, N m)."""
     gauge_range: float
-    """V at which a gauge's output ends."""
+    """Full scale of a gauge's output (V)."""
 
     def sensor(self, channels: tuple[str, ...]) -> ForceTorque:
-        """As a sensor whose gauges are wired to `channels`, in order. Raises ConfigurationError."""
+        """Return a sensor whose gauges are wired to `channels`, in order. Raises ConfigurationError."""
         if len(channels) != len(_AXES):
             raise ConfigurationError(
                 f"The force sensor {self.serial} has 6 gauges, but {len(channels)} channels are named."
@@ -56,12 +56,12 @@ class AtiCalibration:
 
 
 def load_ati_cal(path: str | Path, channels: tuple[str, ...]) -> ForceTorque:
-    """The sensor of a `.cal` file. Raises ConfigurationError, which names the file and what is wrong."""
+    """Load the sensor of a `.cal` file. Raises ConfigurationError, which names the file and the fault."""
     return read_ati_cal(path).sensor(tuple(channels))
 
 
 def read_ati_cal(path: str | Path) -> AtiCalibration:
-    """Read a `.cal` file. Raises ConfigurationError, which names the file and what is wrong."""
+    """Read a `.cal` file. Raises ConfigurationError, which names the file and the fault."""
     try:
         return _calibration(_parsed(Path(path)))
     except _FileError as wrong:
@@ -69,11 +69,11 @@ def read_ati_cal(path: str | Path) -> AtiCalibration:
 
 
 class _FileError(Exception):
-    """What is wrong with the file, and what to do."""
+    """Fault of the file, with its remedy."""
 
 
 class _Plain(Xml.TreeBuilder):
-    """No calibration file needs a document type, and an entity in one could read other files."""
+    """Refuses a document type: no calibration file needs one, and its entities could read other files."""
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
         raise _FileError("it declares a document type, which no file of ATI's does; get the original")
@@ -127,7 +127,7 @@ def _calibration(root: Xml.Element) -> AtiCalibration:
 
 
 def _torque(calibration: Xml.Element) -> float:
-    """N m per unit of torque: a force and a length, in either order (N-mm, in-lbf)."""
+    """Convert the unit of torque, a force and a length in either order (N-mm, in-lbf), to N m."""
     text = _attribute(calibration, "TorqueUnits")
     words = text.split("-")
     for first, second in (words, words[::-1]) if len(words) == 2 else ():

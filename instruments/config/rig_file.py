@@ -68,7 +68,7 @@ class Device(BaseModel):
 
 
 class TableSettings(_Section):
-    """The touch table: its grid of measuring points, row by row, and where the buttons are."""
+    """The touch table: its grid of measuring points, row by row, the button point, and its patches."""
 
     rows: Annotated[int, Field(ge=1)] = 7
     columns: Annotated[int, Field(ge=1)] = 12
@@ -81,8 +81,8 @@ class TableSettings(_Section):
     """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
     the drive lie far above the table's band."""
     patch_places: dict[str, tuple[Fraction, Fraction]] = {}
-    """Where patches are, as fractions of the table's width and height from its first grid point's
-    corner: with them `haploop doctor` can tell whether the relay's channels are swapped."""
+    """Places of the patches, as fractions of the table's width and height from the corner at its first
+    grid point: `haploop doctor` finds swapped relay channels by them."""
 
     @field_validator("patch_places")
     @classmethod
@@ -102,7 +102,10 @@ class TableSettings(_Section):
 
 
 class DriveLimits(_Section):
-    """The `[limits]` table: the rig's own limits, besides those of its parts (see `Limits`)."""
+    """The `[limits]` table: the rig's own limits, besides those of its parts (see `Limits`).
+
+    Where the defaults are from: docs/hardware.md, "Limits and loss of the host".
+    """
 
     peak_to_peak: Positive = 100.0
     min: Negative = -50.0
@@ -114,7 +117,7 @@ class DriveLimits(_Section):
     max_end: NotNegative = 0.5
 
     def limits(self) -> Limits:
-        """As a value that checks drives."""
+        """Convert to `Limits`, which checks drives."""
         return Limits(**self.model_dump())
 
 
@@ -122,22 +125,22 @@ class AbortLimits(_Section):
     """The `[abort]` table: measured values that stop a play, in any of its blocks, and lock the rig out."""
 
     drive: Positive | None = None
-    """V at the patch; None stops a tenth beyond what `rig.limits` allows."""
+    """Largest voltage at the patch (V); None: a tenth beyond `rig.limits`."""
     velocity: Positive | None = None
-    """m/s of the surface where the laser looks, within the vibrometer's range; None does not look."""
+    """Largest surface velocity at the laser (m/s), within the vibrometer's range; None: not tested."""
     force: Positive | None = None
-    """N that come on the force sensor during a play; None does not look. Its six gauges are then
-    sampled at the table's rate, which the card must be able to do."""
+    """Largest change of the normal force during a play (N); None: not tested. A limit needs the six
+    gauges sampled at the table's rate, which the card must support."""
 
 
 class SimulationSettings(_Section):
-    """The `[simulation]` table: which plant stands in for the world when the rig is simulated."""
+    """The `[simulation]` table: the plant of a simulated rig."""
 
     seed: Annotated[int, Field(ge=0)] = 0
     mode_drift: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     """Relative shift of every mode's frequency."""
     daily_drift: Annotated[float, Field(ge=0, lt=0.1)] = 0.0
-    """How far (relative) every mode's frequency wanders to either side in a day, with the temperature."""
+    """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
     damping_scale: Positive = 1.0
     vibrometer_noise_scale: NotNegative = 1.0
     hysteresis: Annotated[float, Field(ge=0, le=0.5)] = 0.12
@@ -145,18 +148,18 @@ class SimulationSettings(_Section):
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
     bad_press_rate: Fraction = 0.0
-    """Share of presses that go wrong: too soft, too hard, twice, or with a hand that rests on the button."""
+    """Fraction of presses that go wrong: too soft, too hard, double, or with a hand resting on the button."""
     faults: tuple[dict[str, Any], ...] = ()
-    """What goes wrong in the plant, a table each: its `kind`, and what that kind takes (docs/faults.md)."""
+    """Faults of the plant, one table each: its `kind`, and the settings of that kind (docs/faults.md)."""
 
 
 class Recalibration(_Section):
-    """The `[recalibration]` table: what `haploop recalibrate` calls drifted, and what broken.
+    """The `[recalibration]` table: thresholds of drifted and broken for `haploop recalibrate`.
 
     The first four let a button's error grow by about a tenth of its target, half of what a check
     accepts, so that a drift is found before a button fails (measured on the simulated table: 0.3 %
-    of resonance takes an error of 6.8 % to 12.0 %, 20 % of damping to 10.5 %). A table whose damping
-    is lower needs a smaller `resonance`: about a third of the damping ratio.
+    of resonance raises an error of 6.8 % to 12.0 %, 20 % of damping to 10.5 %). A table with less
+    damping needs a smaller `resonance`: about a third of the damping ratio.
     """
 
     resonance: Positive = 0.003
@@ -166,9 +169,9 @@ class Recalibration(_Section):
     gain: Positive = 0.1
     """Relative change of surface velocity per volt: an error of the same size."""
     shape: Positive = 0.1
-    """Rest, over the whole response, that no common shift, damping and gain explain."""
+    """Residual, relative to the whole response, that no common shift, damping and gain explain."""
     coherence: Fraction = 0.8
-    """Least median coherence: below it no drive can be computed, so that something is broken."""
+    """Lowest median coherence: below it no drive can be computed, and something is broken."""
 
 
 def roles() -> tuple[str, ...]:
@@ -191,7 +194,7 @@ class RigFile(_Section):
 
     name: str
     simulate: Literal["twin", "wire"] | None = None
-    """Set in a file that describes no hardware at all."""
+    """Mode of simulation, in a file that describes no hardware."""
     rate_hz: Positive = 5000.0
     """Sample rate of recordings (the paper's 5 kS/s)."""
     daq: Device
@@ -206,8 +209,8 @@ class RigFile(_Section):
     limits: DriveLimits = DriveLimits()
     abort: AbortLimits = AbortLimits()
     state: str | None = None
-    """Folder of the audit log and the lockouts, for a lab where several people use one rig; None takes
-    each user's own. The environment's HAPLOOP_STATE comes first."""
+    """Folder of the audit log and the lockouts, for a lab where several people use one rig; None: each
+    user's own. The environment variable HAPLOOP_STATE takes precedence."""
     recalibration: Recalibration = Recalibration()
     simulation: SimulationSettings = SimulationSettings()
 
@@ -231,14 +234,14 @@ class RigFile(_Section):
 
     @property
     def devices(self) -> dict[str, Device]:
-        """The table of each role that the rig has, in the order in which they are opened."""
+        """Table of each role of the rig, in the order of opening."""
         # Not attributes: another package may call its role like a table or a method of this class.
         tables = dict(self)
         return {role: tables[role] for role in roles() if isinstance(tables.get(role), Device)}
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what the file and its bases say, comments and order aside."""
+        """SHA-256 of the content of the file and its bases, without comments and order."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
 
 
@@ -265,7 +268,7 @@ def load_rig_file(path: str | Path) -> RigFile:
 
 
 def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Places]]:
-    """A file merged over its bases, and the positions of the keys in each of them, its own first."""
+    """Merge a file over its bases; also return the line numbers of the keys in each, its own first."""
     if path in above:
         raise ConfigurationError(
             f"{above[-1]}: the base {path} is itself based on this file: use another base."
@@ -337,7 +340,7 @@ def validate_kind(
     source: str | Callable[[Location], str],
     above: Location = (),
 ) -> Model:
-    """As `validate`, with the model that the key `kind` selects among `kinds`."""
+    """Validate `raw` as the model that its key `kind` selects among `kinds`; otherwise as `validate`."""
     kind = str(raw.get("kind"))
     if kind not in kinds:
         near = difflib.get_close_matches(kind, kinds, n=1)
@@ -348,7 +351,7 @@ def validate_kind(
 
 
 def fault_kinds() -> Mapping[str, type[BaseModel]]:
-    """The settings of each kind of fault of the installed plant."""
+    """Settings of each kind of fault of the installed plant."""
     kinds: Mapping[str, type[BaseModel]] = entry_points.load(entry_points.SIMULATION, "plant").fault_kinds
     return kinds
 
@@ -393,7 +396,7 @@ def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Lo
     if first["type"] == "missing":
         return f"{place}: the key {key!r} is missing."
     if first["type"] == "value_error":
-        # A validator of haploop, whose sentence is complete.
+        # Raised by a validator of haploop, whose message is complete.
         return f"{place}: {key or 'the file'}: {first['ctx']['error']}."
     message = first["msg"][:1].lower() + first["msg"][1:]
     return f"{place}: {key or 'the file'}: {message} (found {first['input']!r})."
@@ -406,6 +409,6 @@ def _keys_at(kind: Any, location: Location) -> list[str]:
             return list(kind.model_fields)
         field = kind.model_fields.get(str(location[0]))
         return _keys_at(field.annotation, location[1:]) if field else []
-    # A mapping or a sequence takes one step down, a union none.
+    # A mapping or a sequence is one level of the location, a union none.
     step = int(get_origin(kind) in (dict, tuple, list))
     return [key for inner in get_args(kind) for key in _keys_at(inner, location[step:])]

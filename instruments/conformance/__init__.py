@@ -1,4 +1,4 @@
-"""What every implementation of a role must do, as tests that a driver's author runs.
+"""Tests of the promises of each role, for a driver's author to run.
 
 Subclass the role's class in a test module, and give it one fixture, an open driver:
 
@@ -7,9 +7,9 @@ Subclass the role's class in a test module, and give it one fixture, an open dri
         def relay(self) -> Iterator[Relay]:
             ...
 
-What a rig can offer beyond that (a second connection, a look at the contacts, a fault) is named
-in `capabilities` and `faults`; a test that needs more than is offered is skipped and says so.
-docs/adding-an-instrument.md shows it whole. Only tests import this package: it needs pytest.
+Further capabilities of a rig (a second connection, a view of the contacts, a fault) are named in
+`capabilities` and `faults`; a test that needs a missing one is skipped, with the reason.
+docs/adding-an-instrument.md has a complete example. Only tests import this package: it needs pytest.
 """
 
 from haploop.instruments.conformance.amplifier import AmplifierConformance

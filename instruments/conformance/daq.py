@@ -31,15 +31,15 @@ class DaqConformance(Conformance):
     rate_hz: ClassVar[float] = 1000.0
     """A rate at which it samples all of `channels`."""
     output_range: ClassVar[float] = 10.0
-    """V: how far, + and -, each output reaches."""
+    """Range of each output (+- V)."""
     played: ClassVar[float] = 1.0
-    """V: the most that is ever played. Something may hang on the output."""
+    """Largest voltage played (V): something may be connected to the output."""
     loop: ClassVar[tuple[str, str]]
     """An output, and the channel that it is wired to."""
     loop_gain: ClassVar[float] = 1.0
-    """What of the output's volts arrives at the channel."""
+    """Volts at the channel per volt at the output."""
     tolerance: ClassVar[float] = 0.02
-    """V by which what is read may differ from what arrives."""
+    """Largest difference between the volts read and those at the channel (V)."""
     optional: ClassVar = {
         "outputs": "name its outputs and their output_range",
         "loop": "wire an output to a channel, and name both in loop (with outputs)",
@@ -47,7 +47,7 @@ class DaqConformance(Conformance):
     }
 
     def reopen(self) -> Daq:
-        """A second driver on the same cards, opened as the first one was."""
+        """Return a second driver on the same cards, opened as the first one was."""
         raise NotImplementedError
 
     @pytest.fixture(autouse=True)
@@ -114,7 +114,7 @@ class DaqConformance(Conformance):
         assert np.all(np.abs(block.volts) <= 1.1 * stream.full_scale[:, np.newaxis])
 
     def test_rows_keep_the_order_asked_for(self, daq: Daq) -> None:
-        """Channels, ranges and rows come in the order asked for, whatever the card prefers."""
+        """Channels, ranges and rows come in the requested order, whichever the card prefers."""
         ranges = []
         for names in (self.channels, self.channels[::-1]):
             with daq.stream(names, self.rate_hz, 50, 50) as stream:
@@ -124,7 +124,7 @@ class DaqConformance(Conformance):
 
     @pytest.mark.requires("loop")
     def test_a_row_is_its_channels(self, daq: Daq) -> None:
-        """What was played is found in the row of the channel that it is wired to, in any order."""
+        """A played waveform is found in the row of the channel that it is wired to, in any order."""
         output, channel = self.loop
         others = [name for name in self.channels if name != channel]
         wave = self._wave(100)
@@ -200,7 +200,7 @@ class DaqConformance(Conformance):
 
     @pytest.mark.requires("outputs", "loop")
     def test_zero_stops_what_plays(self, daq: Daq) -> None:
-        """`zero` writes zero volts whatever plays, and may be called again."""
+        """`zero` writes zero volts even during a play, and may be called again."""
         output, channel = self.loop
         wave = np.full(1000, self.played)
         with daq.stream([channel], self.rate_hz, 20, 1000, {output: wave}) as stream:
@@ -235,7 +235,7 @@ class DaqConformance(Conformance):
         self.in_time(daq.close)
 
     def test_a_fault_is_one_error_in_time(self, daq: Daq, kind: str) -> None:
-        """Cards that misbehave are an InstrumentError within the deadline, in one sentence.
+        """Misbehaving cards raise InstrumentError within the deadline, in one sentence.
 
         A lost sample is never silence, and never a shorter recording.
         """

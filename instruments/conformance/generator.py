@@ -19,11 +19,11 @@ class GeneratorConformance(Conformance):
     """Give a fixture `generator`: a driver that has just been opened, its output off."""
 
     sweep: ClassVar[Sweep] = Sweep(start_hz=1, stop_hz=625, duration=2, amplitude=0.5)
-    """One that the generator can play."""
+    """A sweep that the generator can play."""
     optional: ClassVar = {"reopen": "give reopen(), which opens a second driver on the same generator"}
 
     def reopen(self) -> Generator:
-        """A second driver on the same generator, opened as the first one was."""
+        """Return a second driver on the same generator, opened as the first one was."""
         raise NotImplementedError
 
     @pytest.fixture(autouse=True)
@@ -31,7 +31,7 @@ class GeneratorConformance(Conformance):
         bypass_interlock(request.getfixturevalue("generator"))
 
     def test_says_what_it_is(self, generator: Generator) -> None:
-        """Identity and the amplifier input it feeds are named, and its load is more than nothing."""
+        """Identity and the amplifier input it feeds are named, and its load is above zero."""
         assert generator.identity.strip() and "\n" not in generator.identity
         assert generator.output.strip()
         assert generator.load > 0
@@ -98,7 +98,7 @@ class GeneratorConformance(Conformance):
         generator.close()
 
     def test_a_fault_is_one_error_in_time(self, generator: Generator, kind: str) -> None:
-        """A generator that misbehaves is an InstrumentError within the deadline, in one sentence."""
+        """A misbehaving generator raises InstrumentError within the deadline, in one sentence."""
         with self.fault(kind) as fault, refused(InstrumentError):
             self.in_time(lambda: generator.configure(self.sweep))
         assert fault.fired, f"the fault {kind!r} never fired"

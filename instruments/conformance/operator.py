@@ -20,7 +20,7 @@ _REQUESTS = (
 
 
 class OperatorConformance(Conformance):
-    """Give a fixture `operator`: somebody, or a script in their place, who agrees to everything."""
+    """Give a fixture `operator`: a person, or a script in their place, who confirms everything."""
 
     @pytest.mark.parametrize("asked", _REQUESTS, ids=lambda request: type(request).__name__)
     def test_is_told_of_anything_and_returns(self, operator: Operator, asked: Request) -> None:
@@ -33,5 +33,5 @@ class OperatorConformance(Conformance):
         assert self.in_time(lambda: operator.confirm(asked)) is True
 
     def test_rejects_without_being_waited_for(self, operator: Operator) -> None:
-        """`rejects` returns at once; nobody has rejected anything here."""
+        """`rejects` returns at once, here False."""
         assert self.in_time(operator.rejects) is False

@@ -17,7 +17,7 @@ __all__ = ["PlayerConformance"]
 
 
 class _BodyError(Exception):
-    """What the body of a play raises."""
+    """Error raised in the body of a play."""
 
 
 class PlayerConformance(Conformance):
@@ -37,7 +37,7 @@ class PlayerConformance(Conformance):
         return RealClock()
 
     def playing(self) -> bool:
-        """Whether anything comes out at this moment, seen from outside of the driver."""
+        """True when the output plays now, measured independently of the driver."""
         raise NotImplementedError
 
     @pytest.fixture(autouse=True)
@@ -76,7 +76,7 @@ class PlayerConformance(Conformance):
 
     @pytest.mark.requires("ac")
     def test_a_mean_is_refused(self, player: Player) -> None:
-        """An AC-coupled output would take a mean away: LimitError."""
+        """A waveform with a mean raises LimitError on an AC-coupled output."""
         self._refused(player, self._burst() + 0.3 * self.peak)
 
     def test_response_passes_no_more_than_all(self, player: Player) -> None:
@@ -87,7 +87,7 @@ class PlayerConformance(Conformance):
         assert np.all(np.isfinite(response)) and np.abs(response).max() <= 1 + 1e-6
 
     def test_plays_whole_and_again(self, player: Player) -> None:
-        """A play whose time is waited for raises nothing; another one may follow."""
+        """A play that is left to finish raises nothing; another one may follow."""
         for _ in range(2):
             volts = self._burst()
 
@@ -127,7 +127,7 @@ class PlayerConformance(Conformance):
         self._silent()
 
     def test_a_fault_is_one_error_in_time(self, player: Player, kind: str) -> None:
-        """A player that misbehaves is an InstrumentError within the deadline, never a whole play."""
+        """A misbehaving player raises InstrumentError within the deadline; the play is never complete."""
         volts = self._burst()
 
         def play() -> None:

@@ -28,11 +28,11 @@ class RelayConformance(Conformance):
     }
 
     def reopen(self) -> Relay:
-        """A second driver on the same box, opened as the first one was."""
+        """Return a second driver on the same box, opened as the first one was."""
         raise NotImplementedError
 
     def contacts(self) -> Collection[str]:
-        """Patches whose contacts are closed now, whatever the driver says."""
+        """Patches whose contacts are closed now, measured independently of the driver."""
         raise NotImplementedError
 
     def clock(self) -> Clock:
@@ -40,7 +40,7 @@ class RelayConformance(Conformance):
         return RealClock()
 
     def test_says_what_it_is(self, relay: Relay) -> None:
-        """Identity, patches, rating and dead-man are there and mean something."""
+        """Identity, patches, rating and dead-man have valid values."""
         assert relay.identity.strip() and "\n" not in relay.identity
         assert relay.patches and len(set(relay.patches)) == len(relay.patches)
         assert 0 < relay.rating < math.inf
@@ -54,7 +54,7 @@ class RelayConformance(Conformance):
 
     @pytest.mark.requires("contacts")
     def test_contacts_have_settled_when_connect_returns(self, relay: Relay) -> None:
-        """When `connect` returns, the contacts themselves stand as they were told."""
+        """When `connect` returns, the contacts themselves are in the commanded state."""
         for patches in ({relay.patches[0]}, set(relay.patches), {relay.patches[-1]}, set[str]()):
             relay.connect(patches)
             assert set(self.contacts()) == patches
@@ -92,7 +92,7 @@ class RelayConformance(Conformance):
 
     @pytest.mark.requires("reopen")
     def test_closing_changes_no_channel(self, relay: Relay) -> None:
-        """`close` lets go of the box without changing a channel."""
+        """`close` disconnects from the box without changing a channel."""
         relay.connect({relay.patches[0]})
         relay.close()
         other = self.reopen()
@@ -100,7 +100,7 @@ class RelayConformance(Conformance):
         other.close()
 
     def test_close_may_be_called_again(self, relay: Relay) -> None:
-        """`close` is idempotent, and a closed driver does not pretend to connect anything."""
+        """`close` is idempotent, and a closed driver refuses to connect."""
         relay.close()
         relay.close()
         with refused(InstrumentError):
@@ -131,10 +131,10 @@ class RelayConformance(Conformance):
         relay.connect(())
 
     def test_a_fault_is_one_error_in_time(self, relay: Relay, kind: str) -> None:
-        """A box that misbehaves is an InstrumentError within the deadline, in one sentence.
+        """A misbehaving box raises InstrumentError within the deadline, in one sentence.
 
-        It is never taken for done. Afterwards the driver reaches the safe state, or says that it
-        cannot.
+        The command never counts as done. Afterwards the driver reaches the safe state, or raises
+        InstrumentError.
         """
         with self.fault(kind) as fault, refused(InstrumentError):
             self.in_time(lambda: relay.connect(relay.patches))

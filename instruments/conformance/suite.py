@@ -26,14 +26,14 @@ Value = TypeVar("Value")
 
 _KINDS = (ConfigurationError, DataError, InstrumentError, LimitError)
 _SHORTEST = 20
-"""Characters: less cannot name the thing, what is wrong, and what to do."""
+"""Shortest message (characters) that can name the thing, the fault and the remedy."""
 
 
 class Fired(Protocol):
     """A fault that counts how often it fired, as those of `haploop.mocks` do."""
 
     fired: int
-    """How often it has fired."""
+    """Number of times that it has fired."""
 
 
 class Conformance:
@@ -44,20 +44,20 @@ class Conformance:
     """
 
     optional: ClassVar[Mapping[str, str]] = {}
-    """What a rig may offer to the suite, and what its author gives for it."""
+    """Optional capabilities of a rig, each with what its author must provide."""
     capabilities: ClassVar[Collection[str]] = ()
-    """Which of `optional` this rig offers."""
+    """Capabilities among `optional` that this rig has."""
     faults: ClassVar[tuple[str, ...]] = ()
-    """Names of misbehaviours that `fault` can bring about: the driver must notice each of them."""
+    """Names of faults that `fault` can inject: the driver must detect each of them."""
     deadline: ClassVar[float] = 10.0
-    """Real seconds in which every call must have returned or raised, whatever the instrument does."""
+    """Time for every call to return or raise (real s), even when the instrument misbehaves."""
 
     def fault(self, kind: str) -> AbstractContextManager[Fired]:
-        """While its context lasts the instrument misbehaves as `faults` names it."""
+        """Inject the fault `kind` while the context lasts."""
         raise NotImplementedError(f"{type(self).__name__} names faults: give fault().")
 
     def in_time(self, action: Callable[[], Value]) -> Value:
-        """What `action()` returns or raises; a failed test when it does neither before the deadline."""
+        """Return or raise the outcome of `action()`; fail the test after the deadline."""
         outcome: Future[Value] = Future()
 
         def run() -> None:
@@ -75,7 +75,7 @@ class Conformance:
         return outcome.result()
 
     def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
-        """A test that takes `kind` runs once for each of `faults`."""
+        """Run a test that takes `kind` once for each of `faults`."""
         if "kind" in metafunc.fixturenames:
             none = pytest.param("", marks=pytest.mark.skip(reason="this rig brings no fault about"))
             metafunc.parametrize("kind", self.faults or [none])
@@ -110,14 +110,14 @@ def bypass_interlock(driver: Interlocked) -> None:
 
 
 def one_sentence(text: str) -> None:
-    """An error is for a person: a line that says what is wrong."""
+    """Assert that an error message is one line and a sentence."""
     assert "\n" not in text and text == text.strip(), f"not one line: {text!r}"
     assert len(text) >= _SHORTEST and text[-1] in ".?!", f"not a sentence: {text!r}"
 
 
 @contextmanager
 def refused(*kinds: type[HaploopError], naming: str = "") -> Iterator[None]:
-    """The body must raise one of `kinds`, in a sentence that contains `naming`."""
+    """Assert that the body raises one of `kinds`, in a sentence that contains `naming`."""
     try:
         yield
     except _KINDS as error:

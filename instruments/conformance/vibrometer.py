@@ -23,7 +23,7 @@ class VibrometerConformance(Conformance):
     }
 
     def reopen(self) -> Vibrometer:
-        """A second driver on the same instrument, opened as the first one was."""
+        """Return a second driver on the same instrument, opened as the first one was."""
         raise NotImplementedError
 
     def test_says_what_it_is(self, vibrometer: Vibrometer) -> None:
@@ -55,7 +55,7 @@ class VibrometerConformance(Conformance):
             assert np.all(volts == 0.25)
 
     def test_response_is_that_of_its_bandwidth_and_delay(self, vibrometer: Vibrometer) -> None:
-        """`response` is 1 at 0 Hz, 3 dB down at the bandwidth, never above 1, and as late as `delay` says."""
+        """`response` is 1 at 0 Hz, 3 dB down at the bandwidth, never above 1, and delayed by `delay`."""
         corner = vibrometer.bandwidth_hz
         frequencies = np.linspace(0, corner, 1001)
         response = vibrometer.response(frequencies)
@@ -74,26 +74,26 @@ class VibrometerConformance(Conformance):
 
     @pytest.mark.requires("level")
     def test_reports_its_signal_level(self, vibrometer: Vibrometer) -> None:
-        """An instrument that reports its signal level is asked for it."""
+        """An instrument with this capability reports its signal level."""
         assert self.in_time(vibrometer.signal_level) is not None
 
     @pytest.mark.requires("reopen")
     def test_opening_changes_no_setting(self, vibrometer: Vibrometer) -> None:
-        """Opening the driver changes nothing: what is read is what was read."""
+        """Opening the driver changes no setting: a second one reads the same values."""
         names = ("identity", "channel", "range", "scale", "bandwidth_hz", "delay", "declared")
         other = self.reopen()
         assert [getattr(other, n) for n in names] == [getattr(vibrometer, n) for n in names]
         other.close()
 
     def test_close_may_be_called_again(self, vibrometer: Vibrometer) -> None:
-        """`close` is idempotent; what was read stays known."""
+        """`close` is idempotent; values that were read stay available."""
         scale = vibrometer.scale
         vibrometer.close()
         vibrometer.close()
         assert vibrometer.scale == scale
 
     def test_a_fault_is_one_error_in_time(self, vibrometer: Vibrometer, kind: str) -> None:
-        """An instrument that misbehaves is an InstrumentError within the deadline, in one sentence.
+        """A misbehaving instrument raises InstrumentError within the deadline, in one sentence.
 
         Its answer is never taken for a signal level.
         """

@@ -1,4 +1,4 @@
-"""NI cards: what they say of themselves, and which of them has which part in a stream."""
+"""NI cards: the properties that they report, and the assignment of a stream's tasks to them."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ __all__ = ["Card", "Plan", "believed", "device_of", "find_cards"]
 
 @dataclass(frozen=True)
 class Card:
-    """What a card says of itself."""
+    """Properties that a card reports."""
 
     name: str
     product: str
     serial: int
     simulated: bool
     home: str
-    """Whose clocks its tasks run on: the card's own, or the chassis of a module."""
+    """Device whose clocks its tasks use: the card itself, or the chassis of a module."""
     simultaneous: bool
 
 
 def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: str | None) -> dict[str, Card]:
-    """The cards of these names; `products` says what each must be, where that is known.
+    """Find cards by name; `products` gives the required product of each, or None.
 
-    Raises InstrumentError when one is not there, and ConfigurationError when one is another product.
+    Raises InstrumentError when one is missing, and ConfigurationError when one is another product.
     """
     cards = {}
     for name, wanted in products.items():
@@ -55,7 +55,7 @@ def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: s
 
 @dataclass(frozen=True)
 class Plan:
-    """The tasks of a stream: (whose clock, channel names), the master's first."""
+    """The tasks of a stream: (device of the clock, channel names), the master's first."""
 
     inputs: tuple[tuple[str, tuple[str, ...]], ...]
     output: str | None
@@ -63,7 +63,7 @@ class Plan:
 
     @classmethod
     def of(cls, channels: Mapping[str, str], outputs: Mapping[str, str], cards: Mapping[str, Card]) -> Self:
-        """Which card is master, and which task has which of the channels and outputs, given by terminal.
+        """Choose the master, and assign the channels and outputs (terminals by name) to tasks.
 
         Raises ConfigurationError for outputs of several cards.
         """
@@ -82,11 +82,11 @@ class Plan:
 
     @property
     def master(self) -> str:
-        """Whose sample clock all run on."""
+        """Device whose sample clock all tasks use."""
         return self.inputs[0][0]
 
     def delays(self, task: Any) -> list[float]:
-        """When each channel of a task is converted after the clock's edge (s), in the task's order."""
+        """Delay of each channel's conversion after the clock edge (s), in the task's order."""
         before: dict[str, int] = {}
         delays = []
         for channel in task.ai_channels:
@@ -104,7 +104,7 @@ class Plan:
 
 
 def believed(device: str, what: str, value: float, low: float, high: float) -> float:
-    """A figure that a card gives of itself. Raises InstrumentError outside `low` to `high`."""
+    """Return a value that a card reports. Raises InstrumentError outside `low` to `high`."""
     if not low <= value <= high:
         raise InstrumentError(
             f"{device} says that its {what} is {value:g}, which cannot be: restart the driver or the device "

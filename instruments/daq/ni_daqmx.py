@@ -41,11 +41,11 @@ _CONFIGS = {
     "nrse": TerminalConfiguration.NRSE,
 }
 _LATE = 5.0
-"""Seconds that a block may be late before it counts as lost."""
+"""Delay beyond which a block counts as lost (s)."""
 _BEYOND = 2.0
-"""Times its range that no card reads; some read a twentieth beyond it."""
+"""Multiple of its range beyond which a reading is invalid; some cards read a twentieth beyond the range."""
 _APART = 0.5
-"""Seconds of samples by which two cards on one clock may seem apart: they hand over in portions."""
+"""Largest apparent lag between two cards on one clock (s): they transfer samples in chunks."""
 
 
 class _Section(BaseModel):
@@ -78,11 +78,11 @@ class NiDaq(Daq):
         channels: dict[str, Channel]
         outputs: dict[str, Output] = {}
         devices: dict[str, str] = {}
-        """Product of each device, to be checked against what the card says of itself."""
+        """Product of each device, to be checked against the one that the card reports."""
         server: str | None = None
         """NI device server as host:port; None takes the driver of this computer."""
         buffer_s: Positive = 10.0
-        """Seconds of samples that the host keeps for a reader that is late."""
+        """Length of the host's buffer for a late reader (s)."""
 
     def __init__(self, settings: Settings, sessions: Sessions) -> None:
         self._settings = settings
@@ -141,12 +141,12 @@ class NiDaq(Daq):
         self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in ("input", "output", "zero"))
 
     def zero(self) -> None:
-        """See `Daq.zero`. Stops what plays first: a task that plays holds its outputs reserved."""
-        outputs: dict[str, list[str]] = {}
+        """See `Daq.zero`. Stops every play first, because a playing task reserves its outputs."""
+        outputs: dict[str, list[Output]] = {}
         for output in self._settings.outputs.values():
-            outputs.setdefault(device_of(output.terminal), []).append(output.terminal)
+            outputs.setdefault(device_of(output.terminal), []).append(output)
         steps: list[Callable[[], None]] = [stream.stop_playing for stream in self._streams]
-        steps += [partial(self._write_zero, device, names) for device, names in outputs.items()]
+        steps += [partial(self._write_zero, device, own) for device, own in outputs.items()]
         failures = []
         # One card that fails must not keep another one from zero.
         for step in steps:
@@ -157,11 +157,14 @@ class NiDaq(Daq):
         if failures:
             raise InstrumentError(" ".join(str(error) for error in failures)) from failures[0]
 
-    def _write_zero(self, device: str, terminals: Sequence[str]) -> None:
+    def _write_zero(self, device: str, outputs: Sequence[Output]) -> None:
         with self.talking_to(device), self.task(f"{device} zero") as task:
-            for terminal in terminals:
-                task.ao_channels.add_ao_voltage_chan(terminal)
-            taken = task.write([0.0] * len(terminals) if len(terminals) > 1 else 0.0, auto_start=True)
+            for output in outputs:
+                # A card whose range is narrower than the library's default of +-10 V refuses that.
+                task.ao_channels.add_ao_voltage_chan(
+                    output.terminal, min_val=-output.range, max_val=output.range
+                )
+            taken = task.write([0.0] * len(outputs) if len(outputs) > 1 else 0.0, auto_start=True)
         if taken != 1:
             raise InstrumentError(f"{device} did not say that its outputs took zero: try again.")
 
@@ -178,18 +181,18 @@ class NiDaq(Daq):
         return self._sessions.task(purpose)
 
     def forget(self, stream: _NiStream) -> None:
-        """A stream has let go of its tasks."""
+        """Remove a stream that has released its tasks."""
         if stream in self._streams:
             self._streams.remove(stream)
 
     @property
     def settings(self) -> Settings:
-        """What the rig file says."""
+        """Settings of the rig file."""
         return self._settings
 
     @contextmanager
     def talking_to(self, device: str) -> Iterator[None]:
-        """Turns whatever NI's library raises into one sentence about `device`."""
+        """Turn any error of NI's library into one sentence about `device`."""
         with understood(device), translated(device, self._settings.server):
             yield
 
@@ -247,8 +250,10 @@ class _NiStream(Stream):
             for home, names in plan.inputs:
                 with daq.talking_to(home):
                     task = self._input(home, names, rate_hz)
-                    self.rate_hz = float(task.timing.samp_clk_rate)
-                    # Some cards have few rates, and take the one that is next.
+                    if home == plan.master:
+                        # The others sample on this card's clock, whatever rate their own would make of it.
+                        self.rate_hz = float(task.timing.samp_clk_rate)
+                    # Some cards have few rates, and choose the next one.
                     if not rate_hz / 2 < self.rate_hz < 2 * rate_hz:
                         raise ConfigurationError(
                             f"{home} would sample at {self.rate_hz:g} Hz, and {rate_hz:g} Hz were asked for: "
@@ -267,13 +272,13 @@ class _NiStream(Stream):
                         widths.append(2 * high / 2.0**bits)
             self.delays = np.array(delays)[self._rows]
             self.full_scale = np.array(ranges)[self._rows]
-            # One code from the end, in the middle between two codes.
+            # One code below full scale, midway between two codes.
             self._end = (np.array(ranges) - 1.5 * np.array(widths))[:, np.newaxis]
             self._beyond = _BEYOND * np.array(ranges)[:, np.newaxis]
             self._readers = []
             for task in self._inputs:
                 reader = AnalogMultiChannelReader(task.in_stream)
-                reader.verify_array_shape = False  # The shape is ours; asking costs a call per read.
+                reader.verify_array_shape = False  # The shape is known; a check costs a call per read.
                 self._readers.append(reader)
             if play:
                 self._arm_player(play)
@@ -306,11 +311,11 @@ class _NiStream(Stream):
             self._daq.zero()
 
     def release(self) -> None:
-        """Let go of the tasks; outputs keep their value."""
+        """Release the tasks; outputs keep their value."""
         self._open = False
         self._daq.forget(self)
         with ExitStack() as every:
-            # Each is let go of, even when another one cannot be reached.
+            # Release each, even when another one cannot be reached.
             for task in self._inputs:
                 every.enter_context(self._daq.talking_to(self._plan.master))
                 every.callback(task.close)
@@ -342,7 +347,7 @@ class _NiStream(Stream):
             task.timing.cfg_samp_clk_timing(
                 rate_hz, source, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=kept
             )
-            # NI's own choice at 5 kS/s is two seconds.
+            # NI's default at 5 kS/s is two seconds.
             task.in_stream.input_buf_size = kept
         else:
             task.timing.cfg_samp_clk_timing(
@@ -380,11 +385,11 @@ class _NiStream(Stream):
             task.start()
 
     def _read(self, first: int, count: int) -> FloatArray:
-        """The next `count` samples of every task, (channels in the tasks' order, samples)."""
+        """Read the next `count` samples of every task, (channels in the tasks' order, samples)."""
         volts = []
         timeout = count / self.rate_hz + _LATE
         for (home, names), reader in zip(self._plan.inputs, self._readers, strict=True):
-            # Whatever is not written, though it was counted, is seen not to be a voltage.
+            # NaN marks samples that were counted but not written.
             part = np.full((len(names), count), np.nan)
             with self._daq.talking_to(home):
                 got = reader.read_many_sample(part, count, timeout)
@@ -399,8 +404,8 @@ class _NiStream(Stream):
         return np.concatenate(volts)
 
     def _refuse_drift(self) -> None:
-        """Two cards on one clock have sampled equally often."""
-        # The master is asked before and after the others: the calls may lie a second apart.
+        """Check that cards on one clock have taken equally many samples."""
+        # The master is queried before and after the others: the calls may be a second apart.
         asked = [*self._inputs, self._inputs[0]]
         with self._daq.talking_to(self._plan.master):
             before, *counts, after = [int(task.in_stream.total_samp_per_chan_acquired) for task in asked]
@@ -414,7 +419,7 @@ class _NiStream(Stream):
 
 
 def _products(settings: NiDaq.Settings) -> dict[str, str | None]:
-    """Every card that a rig file names, and its product where the file says so."""
+    """Product of every card that a rig file names; None where the file gives none."""
     used = [channel.terminal for channel in settings.channels.values()]
     used += [output.terminal for output in settings.outputs.values()]
     names = dict.fromkeys([*(device_of(terminal) for terminal in used), *settings.devices])

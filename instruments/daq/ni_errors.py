@@ -1,4 +1,4 @@
-"""What NI-DAQmx errors mean to the person at the rig: one sentence each, with what to do."""
+"""Translate NI-DAQmx errors into one sentence each, with the remedy."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["translated", "understood"]
 
 @contextmanager
 def translated(device: str, server: str | None) -> Iterator[None]:
-    """Turn whatever NI's library raises into one sentence about `device`.
+    """Turn any error of NI's library into one sentence about `device`.
 
-    Raises InstrumentError, or ConfigurationError for what the rig file is the cause of. A device
-    server (host:port) that is gone is not an error of DAQmx's, and is told apart.
+    Raises InstrumentError, or ConfigurationError for a cause in the rig file. The loss of a device
+    server (host:port) is not a DAQmx error, and has its own sentence.
     """
     try:
         yield
@@ -38,11 +38,10 @@ def translated(device: str, server: str | None) -> Iterator[None]:
 
 @contextmanager
 def understood(device: str) -> Iterator[None]:
-    """Turn what NI's library stumbles over in an answer into one sentence about `device`.
+    """Turn an exception of NI's library at an invalid answer into one sentence about `device`.
 
-    An answer that is longer than was asked for, or that names what the library does not know, is no
-    error of NI's: it comes as whatever Python raises there. Raises InstrumentError. To be entered
-    before `translated`.
+    An answer that is too long, or that holds a value unknown to the library, is not an error of NI's
+    but any exception of Python. Raises InstrumentError. Must be entered before `translated`.
     """
     try:
         yield
@@ -78,7 +77,7 @@ _SENTENCES = {
     "these two products share no such route.",
     DAQmxErrors.WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE: "{device} was not done in time (-200560).",
 }
-"""What each failure means to the person at the rig, and what to do."""
+"""Meaning and remedy of each failure (trigger line: docs/hardware.md, "Two cards on one clock")."""
 
 _CONFIGURATION = {
     DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST: "does not have a terminal that the rig file names (-200170)",
@@ -87,7 +86,7 @@ _CONFIGURATION = {
     DAQmxErrors.INVALID_ATTRIBUTE_VALUE: "does not support what the rig file asks for (-200077)",
     DAQmxErrors.INVALID_AO_DATA_WRITE: "cannot put such voltages out (-200561)",
 }
-"""Failures that the rig file is the cause of; NI's own words follow, for they name the value."""
+"""Failures caused by the rig file; NI's own message follows, because it names the value."""
 
 
 def _sentence(error: DaqError, device: str) -> InstrumentError | ConfigurationError:

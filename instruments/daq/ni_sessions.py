@@ -1,8 +1,8 @@
-"""NI-DAQmx tasks of this computer's driver, or of a device server that outlives its clients.
+"""NI-DAQmx tasks on this computer's driver, or on a device server that outlives its clients.
 
 The driver clears the tasks of a program that ends, however it ends. A device server keeps them, and
 their cards reserved with them (-50103). So tasks on a server have names, by which the next program on
-the same computer finds and clears what a killed one has left: the rig's lock says that it has ended.
+the same computer finds and clears those of a killed one: the rig's lock proves that it has ended.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from haploop.instruments.errors import InstrumentError
 
 __all__ = ["Sessions"]
 
-# Of an answer that it cannot take apart grpc prints a traceback, besides raising what is caught here.
+# grpc prints a traceback for an answer that it cannot parse, besides raising the error caught here.
 logging.getLogger("grpc").addHandler(logging.NullHandler())
 
 _CONNECT = 10.0
-"""Seconds that a device server may take to answer."""
+"""Time for a device server to answer (s)."""
 _SILENCE = 15.0
-"""Seconds in which a device server must have answered a call; a read waits for its block as well."""
+"""Time for a device server to answer a call (s); a read includes the wait for its block."""
 
 
 class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
-    """nidaqmx sets no deadline on its calls: a server that falls silent would be waited for ever."""
+    """Sets a deadline on each call: nidaqmx sets none, and would wait for ever for a silent server."""
 
     def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
         return continuation(details._replace(timeout=_SILENCE), request)
@@ -50,7 +50,7 @@ class Sessions:
 
     @classmethod
     def at(cls, server: str | None) -> Self:
-        """Of the device server at host:port, or of this computer. Raises InstrumentError for silence."""
+        """Use the device server at host:port, or this computer. Raises InstrumentError without an answer."""
         if server is None:
             return cls(None)
         plain = grpc.insecure_channel(
@@ -67,11 +67,11 @@ class Sessions:
         return cls(channel)
 
     def system(self) -> System:
-        """What knows the devices."""
+        """The system, which lists the devices."""
         return System.local() if self._channel is None else System.remote(self._options(""))
 
     def task(self, purpose: str) -> Any:
-        """A new task; a context that clears it. Of one purpose there is one task at a time."""
+        """Create a task, a context that clears it. Each purpose has one task at a time."""
         if self._channel is None:
             return nidaqmx.Task()
         try:
@@ -79,7 +79,7 @@ class Sessions:
         except DaqError as error:
             if error.error_type is not DAQmxErrors.DUPLICATE_TASK:
                 raise
-        # The answer to an earlier call was lost, and so was the task that it had made.
+        # The answer to an earlier call was lost, and with it the handle of the created task.
         self.clear_left([purpose])
         return self._new(_name(purpose))
 
@@ -88,13 +88,13 @@ class Sessions:
         if self._channel is None:
             return
         for name in map(_name, purposes):
-            # Refused where there is none, as there should be.
+            # Refused where none is left, which is the normal case.
             with suppress(NiError):
                 behaviour = SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
                 nidaqmx.Task(name, grpc_options=self._options(name, behaviour)).close()
 
     def close(self) -> None:
-        """Let go of the server. May be called again."""
+        """Disconnect from the server. May be called again."""
         if self._channel is not None:
             self._channel.close()
 
@@ -109,5 +109,5 @@ class Sessions:
 
 
 def _name(purpose: str) -> str:
-    # Another computer's tasks are its own: its lock is not seen here.
+    # Tasks of another computer are left alone: its lock is not visible here.
     return f"haploop on {socket.gethostname()}: {purpose}"

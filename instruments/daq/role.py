@@ -21,8 +21,8 @@ class Block:
     """Consecutive samples of all streamed channels.
 
     `first` is the index of the first sample since the stream began: time is the sample index.
-    `volts` is (channels, samples). `overload` is (channels,): a sample stood at the end of the
-    converter's range, so that its true value is not known.
+    `volts` is (channels, samples). `overload` is (channels,): True when a sample was at the end of
+    the converter's range, so that its true value is not known.
     """
 
     first: int
@@ -37,7 +37,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A finite acquisition, whole.
+    """A complete finite acquisition.
 
     `volts` is (channels, samples), `delays` and `overload` are (channels,) as in `Stream` and `Block`.
     """
@@ -59,16 +59,16 @@ class Stream(ABC):
     channels: tuple[str, ...]
     """Names of the channels, in the order of a block's rows."""
     rate_hz: float
-    """The sample rate that the hardware really runs at."""
+    """Actual sample rate of the hardware (Hz)."""
     delays: FloatArray
-    """(channels,) s: when a channel is sampled after sample 0's clock edge (a multiplexed card
-    samples its channels one after the other)."""
+    """(channels,) delay of each channel's sampling after the clock edge (s): a multiplexed card samples
+    its channels one after the other."""
     full_scale: FloatArray
     """(channels,) V: the input range, as +- full scale."""
 
     @abstractmethod
     def __iter__(self) -> Iterator[Block]:
-        """Blocks in order, without a gap.
+        """Yield blocks in order, without a gap.
 
         Raises InstrumentError when a sample was lost or the card did not deliver in time: a lost
         sample is never silence.
@@ -79,7 +79,7 @@ class Stream(ABC):
         """Stop acquiring and playing, outputs to zero. May be called again."""
 
     def capture(self, each: Callable[[Block], object] = lambda _block: None) -> Capture:
-        """All blocks of a finite stream as one; `each` is called with every block as it comes.
+        """Read a finite stream to its end; `each` is called with every block as it arrives.
 
         Raises InstrumentError, as iterating does.
         """
@@ -108,13 +108,13 @@ class Daq(Interlocked, ABC):
     """One or several cards that share a sample clock.
 
     Safe state: nothing plays, every output holds zero volts. Opening a Daq changes no output. A
-    driver writes `_stream`; it is reached through `stream` alone, within what the rig's limiter authorises.
+    driver implements `_stream`, which only `stream` calls, once the rig's limiter has authorised the play.
     """
 
     identity: str
     """Product names and serial numbers, as the cards themselves report them."""
     simulated = False
-    """Whether a card says of itself that it is a simulated one."""
+    """True when a card reports that it is simulated."""
 
     @final
     def stream(
@@ -149,12 +149,12 @@ class Daq(Interlocked, ABC):
         samples: int | None,
         play: Mapping[str, FloatArray] | None,
     ) -> Stream:
-        """See `stream`: what the driver does for it."""
+        """Do the driver's part of `stream`."""
 
     def clear_left(self) -> None:
-        """Let go of what a program that was killed has left in the cards, if anything can stay there.
+        """Clear what a killed program has left in the cards, if anything can remain there.
 
-        For whoever holds the hardware's lock, and so knows that no living program uses it.
+        The caller must hold the hardware's lock, which proves that no running program uses it.
         """
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""The generator role: a source of its own that plays a linear sine sweep, as the paper's did."""
+"""The generator role: a separate source of a linear sine sweep, as in the paper."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["Generator", "Sweep"]
 class Generator(Interlocked, ABC):
     """A function generator. Safe state: output off. Opening the driver changes nothing.
 
-    A sweep is configured with the output off, armed, triggered, and after its duration switched
-    off: until then the output goes on at the start frequency. What really reaches the patches is
-    measured by the DAQ; no generator shares its clock. A driver writes `_configure` and `_trigger`;
-    they are reached through `configure` and `trigger` alone, within what the rig's limiter authorises.
+    A sweep is configured with the output off, armed, triggered, and switched off after its duration:
+    until then the output goes on at the start frequency. The DAQ measures the drive at the patches;
+    no generator shares its clock. A driver implements `_configure` and `_trigger`, which only
+    `configure` and `trigger` call, once the rig's limiter has authorised the sweep.
     """
 
     identity: str
@@ -28,7 +28,7 @@ class Generator(Interlocked, ABC):
     @property
     @abstractmethod
     def load(self) -> float:
-        """Ohms that the instrument takes for its load, read back; infinite for an open input.
+        """Load that the instrument assumes (ohm), read back; infinite for an open input.
 
         Its volts are volts at that load: an open input gets twice the volts that are set for 50 ohm.
         """
@@ -36,20 +36,20 @@ class Generator(Interlocked, ABC):
     @property
     @abstractmethod
     def amplitude(self) -> float:
-        """V peak at `load`, read back."""
+        """Amplitude at `load` (V peak), read back."""
 
     @property
     @abstractmethod
     def is_on(self) -> bool:
-        """Whether the output is on, read back."""
+        """True when the output is on, read back."""
 
     @final
     def configure(self, sweep: Sweep) -> None:
         """Switch the output off, set the sweep and the load, and read each back.
 
         Raises LimitError for more volts than the rig file allows, or a sweep that the rig's limiter
-        has not authorised (see `Rig.sweep`), InstrumentError with the instrument's own words for
-        what it refuses, or when it reads back something else.
+        has not authorised (see `Rig.sweep`), InstrumentError with the instrument's own message when
+        it refuses a setting, or when another value reads back.
         """
         self._interlock.authorise_sweep(self.output, sweep, starts=False)
         self._configured = sweep
@@ -57,7 +57,7 @@ class Generator(Interlocked, ABC):
 
     @abstractmethod
     def _configure(self, sweep: Sweep) -> None:
-        """See `configure`: what the driver does for it."""
+        """Do the driver's part of `configure`."""
 
     @abstractmethod
     def arm(self) -> None:
@@ -79,7 +79,7 @@ class Generator(Interlocked, ABC):
 
     @abstractmethod
     def _trigger(self) -> None:
-        """See `trigger`: what the driver does for it."""
+        """Do the driver's part of `trigger`."""
 
     @abstractmethod
     def off(self) -> None:
@@ -87,8 +87,8 @@ class Generator(Interlocked, ABC):
 
     @abstractmethod
     def errors(self) -> tuple[str, ...]:
-        """Take everything out of the instrument's own error queue, oldest first."""
+        """Empty the instrument's own error queue and return its entries, oldest first."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the instrument without changing it. May be called again."""
+        """Disconnect without changing the instrument. May be called again."""

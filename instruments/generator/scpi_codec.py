@@ -20,7 +20,7 @@ _NAN = 9.91e37
 
 
 def number_of(text: str) -> float:
-    """A number; infinity as `INF...` or 9.9E+37. Raises ValueError for all else, NaN included."""
+    """Parse a number; `INF...` and 9.9E+37 are infinity. Raises ValueError otherwise, NaN included."""
     if re.fullmatch(r"INF(INITY|INITE)?", text.upper()):
         return math.inf
     if not _NUMBER.fullmatch(text):
@@ -34,7 +34,7 @@ def number_of(text: str) -> float:
 
 
 def switch_of(text: str) -> bool:
-    """Whether a switch is on. Raises ValueError."""
+    """Parse the state of a switch: ON or OFF, 1 or 0. Raises ValueError."""
     states = {"0": False, "OFF": False, "1": True, "ON": True}
     if text.upper() not in states:
         raise ValueError("neither ON nor OFF")
@@ -42,7 +42,7 @@ def switch_of(text: str) -> bool:
 
 
 def error_of(text: str) -> tuple[int, str]:
-    """An entry of the error queue, whose number 0 says that it is empty. Raises ValueError."""
+    """Parse an entry of the error queue; number 0 means that the queue is empty. Raises ValueError."""
     entry = _ERROR.fullmatch(text)
     if entry is None:
         raise ValueError("no entry of an error queue")
@@ -50,7 +50,7 @@ def error_of(text: str) -> tuple[int, str]:
 
 
 def words_of(text: str) -> tuple[str, str, str, str]:
-    """Maker, model, serial number and firmware, as `*IDN?` is answered. Raises ValueError."""
+    """Parse the answer to `*IDN?`: maker, model, serial number and firmware. Raises ValueError."""
     words = [word.strip() for word in text.split(",")]
     if len(words) != 4 or not words[0] or not words[1]:
         raise ValueError("not maker, model, serial number and firmware")

@@ -1,8 +1,8 @@
 """Function generators by SCPI over VISA: Keysight's 33500 family and Rigol's DG1000Z.
 
-The Rigol's commands are its programming guide's. Of the Keysight's, trigger and output were found
-and the sweep is what the family is known for (docs/hardware.md, "Generators"). A generator that waits for
-its trigger puts out the start frequency, not zero: so the output comes on with the trigger.
+The Rigol's commands are from its programming guide. Of the Keysight's, trigger and output were found in
+sources, and the sweep's are those usual in the family (docs/hardware.md, "Generators"). A generator that
+waits for its trigger puts out the start frequency, not zero: so the trigger also switches the output on.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ Value = TypeVar("Value")
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _TOLERANCE = 1e-3
-"""Relative: instruments round to four digits and more."""
+"""Relative tolerance of a read-back: instruments round to four digits or more."""
 _QUEUE = 50
-"""Errors that a queue holds at most (20 in either family)."""
+"""Most errors read from a queue (either family's holds 20; docs/hardware.md, "Generators")."""
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one family says it; `{n}` is the channel."""
+    """SCPI commands of one family; `{n}` is the channel."""
 
     models: str
-    """Pattern of the model that the instrument names."""
+    """Pattern of the model names."""
     still: tuple[str, ...]
-    """No sweep, no burst, a sine: the ground on which settings cannot conflict."""
+    """Commands that stop sweep and burst and select a sine, so that no later settings conflict."""
     setup: tuple[str, ...]
     read: dict[str, str]
-    """Questions for what was set, by the name of the value."""
+    """Queries that read a value back, by its name."""
     arm: tuple[str, ...]
     armed: tuple[str, str]
-    """A question, and the answers (a pattern) that mean armed."""
+    """A query, and the pattern of the answers that mean armed."""
     fire: str
 
 
@@ -112,16 +112,16 @@ class ScpiGenerator(Generator):
         """Name of the amplifier input that its output is wired to."""
         channel: Annotated[int, Field(ge=1, le=2)] = 1
         load: Literal["inf", 50] = "inf"
-        """Ohms of what the output is wired to; an amplifier's input is as good as open."""
+        """Load at the output (ohm); an amplifier's input counts as open."""
         highest: Positive = 1.0
-        """V peak that the generator may ever be set to: 50 V at a patch behind a gain of 50."""
+        """Largest amplitude that may be set (V peak): 50 V at a patch behind a gain of 50."""
         visa: str = ""
-        """VISA library: empty for the vendor's, or pyvisa-py where there is none; "@py" for that one."""
+        """VISA library: empty for the vendor's, or pyvisa-py without one; "@py" always takes pyvisa-py."""
         timeout: Annotated[float, Field(gt=0, le=60)] = 2.0
-        """Seconds in which a question must have been answered completely."""
+        """Time for a query to be answered completely (s)."""
 
     def __init__(self, settings: Settings, clock: Clock, line: Line) -> None:
-        """Check who is at the other end of `line`. Raises InstrumentError."""
+        """Check the identity of the instrument on `line`. Raises InstrumentError."""
         self.output = settings.output
         self._settings = settings
         self._line = line
@@ -143,7 +143,7 @@ class ScpiGenerator(Generator):
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
-        """Connect and ask who it is; nothing is changed. Raises InstrumentError."""
+        """Connect and read the identity; no setting is changed. Raises InstrumentError."""
         line = VisaLine("The generator", settings.resource, settings.visa, settings.timeout)
         try:
             return cls(settings, clock, line)
@@ -176,7 +176,7 @@ class ScpiGenerator(Generator):
         self.off()
         for command in self.dialect.still:
             self._tell(command)
-        # What the settings before it provoked is nobody's error.
+        # Discard errors provoked by the settings before.
         self._tell("*CLS")
         wanted = {
             "load": float(self._settings.load),
@@ -217,7 +217,7 @@ class ScpiGenerator(Generator):
             raise ConfigurationError(f"{self.identity} is not armed: arm it before the trigger.")
         self._armed = False
         try:
-            # One message: a second one may wait 40 ms for the network's sake.
+            # One message: the network may delay a second one by 40 ms.
             self._tell("OUTP{n} ON;" + self.dialect.fire)
             self._complain("did not start the sweep")
             if not self.is_on:
@@ -283,12 +283,12 @@ class ScpiGenerator(Generator):
 
 
 class Keysight33500(ScpiGenerator):
-    """A 33500 or 33600 of Keysight's or Agilent's. See `Generator`."""
+    """Keysight or Agilent 33500 or 33600. See `Generator`."""
 
     dialect = KEYSIGHT
 
 
 class Dg1000z(ScpiGenerator):
-    """A DG1000Z of Rigol's. See `Generator`."""
+    """Rigol DG1000Z. See `Generator`."""
 
     dialect = RIGOL

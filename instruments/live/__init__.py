@@ -1,4 +1,4 @@
-"""Blocks for live views: of whatever streams on a rig, in the same program and in another one."""
+"""Live views of the blocks streamed on a rig, in the same program or in another one."""
 
 from haploop.instruments.live.levels import Level, levels
 from haploop.instruments.live.publisher import Publisher

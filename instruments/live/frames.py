@@ -1,7 +1,7 @@
-"""Frames: how a live block is written as bytes. Pure: no socket, no clock.
+"""Frames: the byte encoding of live blocks. Pure: no socket, no clock.
 
-A frame is magic, the lengths of its two parts, a JSON header, and the volts as little-endian float64,
-channel by channel. Whatever else comes, and whatever is larger than a block can be, is a DataError.
+A frame is a magic number, the lengths of its two parts, a JSON header, and the volts as little-endian
+float64, channel by channel. Other bytes, and frames larger than any block, raise DataError.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _LARGEST_HEADER = 1 << 20
 _LARGEST_VOLTS = 1 << 30
 
 PREFIX = _PREFIX.size
-"""Bytes that a frame begins with, for `lengths_of`."""
+"""Length of a frame's prefix (bytes), for `lengths_of`."""
 TOKEN = 64
-"""Bytes that a client sends before it is sent any frame."""
+"""Length of the token that a client sends before it receives any frame (bytes)."""
 
 
 def frame_of(block: LiveBlock, dropped: int) -> tuple[bytes, memoryview]:
-    """Prefix and header, and the volts, not copied. `dropped` blocks are missing before this one."""
+    """Encode prefix and header, and the volts, not copied. `dropped` blocks are missing before this one."""
     run = block.run
     header = {
         "rig": run.rig,
@@ -54,7 +54,7 @@ def frame_of(block: LiveBlock, dropped: int) -> tuple[bytes, memoryview]:
 
 
 def lengths_of(prefix: bytes) -> tuple[int, int]:
-    """Bytes of the header and of the volts. Raises DataError."""
+    """Lengths of the header and of the volts (bytes). Raises DataError."""
     magic, header, volts = _PREFIX.unpack(prefix)
     if magic != _MAGIC or header > _LARGEST_HEADER or volts > _LARGEST_VOLTS:
         raise DataError(_foreign("its prefix is not one of haploop's"))
@@ -62,7 +62,7 @@ def lengths_of(prefix: bytes) -> tuple[int, int]:
 
 
 def header_of(text: bytes) -> tuple[dict[str, Any], Run]:
-    """The header of a frame, and the run that it describes. Raises DataError."""
+    """Decode the header of a frame, and the run that it describes. Raises DataError."""
     try:
         header = json.loads(text)
         laser = header["laser"]
@@ -88,7 +88,7 @@ def header_of(text: bytes) -> tuple[dict[str, Any], Run]:
 
 
 def volts_of(header: dict[str, Any], run: Run, volts: bytes | npt.NDArray[np.uint8]) -> LiveBlock:
-    """The block of a frame. Raises DataError when the volts are not as many as the header says."""
+    """Decode the block of a frame. Raises DataError when the number of volts is not the header's."""
     shape = (len(run.channels), int(header["samples"]))
     size = len(volts)
     if size != 8 * shape[0] * shape[1]:

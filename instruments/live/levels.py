@@ -15,7 +15,7 @@ __all__ = ["Level", "levels"]
 
 @dataclass(frozen=True)
 class Level:
-    """One quantity within one block.
+    """Levels of one quantity within one block.
 
     `rms` is about `mean`, and `peak` is the largest distance from it, so that neither contains a sensor's
     offset: a force sensor's gauges, for one, are not zeroed in a live block.
@@ -27,11 +27,11 @@ class Level:
     rms: float
     peak: float
     overload: bool
-    """Whether a channel that it is computed from stood at the end of its range."""
+    """True when a channel that it is computed from was at the end of its range."""
 
 
 def levels(block: LiveBlock) -> tuple[Level, ...]:
-    """The levels of every quantity that the rig's sensors and laser give, then of channels left, in volts."""
+    """Compute the levels of all quantities of sensors and laser, then of the other channels, in volts."""
     found = []
     run, used = block.run, set[str]()
     for names, units, channels, values in _quantities(run, block.volts):
@@ -49,7 +49,7 @@ def levels(block: LiveBlock) -> tuple[Level, ...]:
 def _quantities(
     run: Run, volts: FloatArray
 ) -> list[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], FloatArray]]:
-    """Names, units, channels and (quantities, samples) SI values of each sensor that is streamed whole."""
+    """Names, units, channels and (quantities, samples) SI values of each completely streamed sensor."""
     found = []
     for name, sensor in run.sensors:
         if isinstance(sensor, Sensor) and set(sensor.channels) <= set(run.channels):
@@ -69,7 +69,7 @@ def _quantities(
 
 
 def _labels(name: str, sensor: Sensor) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Names and units of a sensor's quantities; None for a kind that is not known here."""
+    """Names and units of a sensor's quantities; None for an unknown kind."""
     if isinstance(sensor, ForceTorque):
         return ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"), ("N", "N", "N", "N m", "N m", "N m")
     if isinstance(sensor, Accelerometer):

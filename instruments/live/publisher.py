@@ -1,9 +1,9 @@
-"""Publishing a rig's blocks to other programs of the same user, on a loopback socket.
+"""Publish a rig's blocks to other programs of the same user, on a loopback socket.
 
 A thread accepts connections, and each connection has a thread and a tap of its own. A client that reads
-slowly, stops or dies keeps its own thread waiting, and its tap drops blocks; a recording shares nothing with
-either but the tap's queue. Where the socket is, and the token that a client must send, stand in a file of the
-rig's state folder that only its owner can read.
+slowly, stops or dies delays only its own thread, and its tap drops blocks; a recording shares only the tap's
+queue with it. The socket's port and the token that a client must send are in a file of the rig's state folder
+that only its owner can read.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ ADDRESS_FILES = "live-*.json"
 
 _MOST_CLIENTS = 8
 _IDLE = 0.25
-"""Seconds after which a connection without blocks is looked at: has its client gone?"""
+"""Interval at which a connection without blocks is tested for a client that has gone (s)."""
 _TOKEN_DEADLINE = 2.0
-"""Seconds for a client to send its token."""
+"""Time for a client to send its token (s)."""
 _CAPACITY = 16
-"""Blocks that wait for one client."""
+"""Most blocks that wait for one client."""
 
 
 class Publisher:
@@ -70,7 +70,7 @@ class Publisher:
         self._closing.set()
         with suppress(OSError):
             self.path.unlink()
-        # A connection of our own ends the wait for one: closing a listener does not, everywhere.
+        # Connecting ends the wait in `accept`; closing the listener does not do so on every system.
         with suppress(OSError):
             socket.create_connection(("127.0.0.1", self.port), timeout=0.1).close()
         self._thread.join(1.0)
@@ -91,7 +91,7 @@ class Publisher:
     def _write_address(self, rig: str) -> None:
         content = {"rig": rig, "pid": os.getpid(), "port": self.port, "token": self._token}
         draft = self.path.with_suffix(".new")
-        # Created for the owner alone; renamed when it is whole.
+        # Readable by the owner only; renamed when complete.
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         try:
             os.write(descriptor, json.dumps(content).encode())
@@ -104,7 +104,7 @@ class Publisher:
             try:
                 link, _ = self._listener.accept()
             except OSError:
-                # Out of file descriptors, say: the wait keeps this from spinning.
+                # For example out of file descriptors: the wait keeps the loop from spinning.
                 self._closing.wait(_IDLE)
                 continue
             with self._changing:
@@ -122,7 +122,7 @@ class Publisher:
                 self._forget(link)
 
     def _serve(self, link: socket.socket) -> None:
-        """Send one client its blocks until either end has had enough."""
+        """Send one client its blocks until either end closes."""
         try:
             if self._admitted(link):
                 self._send(link)
@@ -153,7 +153,7 @@ class Publisher:
             while not self._closing.is_set():
                 block = tap.take(_IDLE)
                 if block is None:
-                    # A client that says more than its token, or has gone, is done with.
+                    # End when the client has gone or has sent more than its token.
                     if tap.closed or select.select([link], [], [], 0)[0]:
                         return
                     continue

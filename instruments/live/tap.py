@@ -1,7 +1,7 @@
 """Taps: the blocks of a running recording or play, for a viewer that can never slow it down.
 
-Why no callback: a viewer's code would then run in the thread that reads or writes samples. A tap is a
-bounded queue instead. Publishing appends a reference and returns, whatever the viewer does.
+A callback would run the viewer's code in the thread that reads or writes samples, so a tap is a bounded
+queue: publishing appends a reference and returns.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ __all__ = ["Feed", "LiveBlock", "Run", "Tap"]
 Array = TypeVar("Array", FloatArray, BoolArray)
 
 _POLL = 0.1
-"""Seconds of one wait: on Windows a wait without an end does not see Ctrl-C."""
+"""Longest single wait (s): on Windows, Ctrl-C does not interrupt a wait without a time-out."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One recording or play: what its blocks have in common."""
+    """Properties common to the blocks of one recording or play."""
 
     rig: str
     simulated: bool
@@ -43,15 +43,14 @@ class Run:
     laser: tuple[str, float] | None
     """Channel of the vibrometer and its scale (m/s per V)."""
     number: int = 0
-    """Counts the recordings and plays of an open rig, from 1."""
+    """Number of the recording or play since the rig was opened, from 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class LiveBlock:
     """Consecutive samples of a run: (channels, samples) V, read-only, and (channels,) overload flags.
 
-    `first` is the index of the first sample since the run began. A block that was dropped is missing from
-    the indices.
+    `first` is the index of the first sample since the run began. A dropped block leaves a gap in the indices.
     """
 
     run: Run
@@ -66,7 +65,7 @@ class LiveBlock:
 
 
 class Tap:
-    """The newest blocks, at most `capacity` of them. When it is full, each new block replaces the oldest.
+    """Queue of the newest blocks, at most `capacity`. When it is full, a new block replaces the oldest.
 
     One thread takes blocks; make a tap for each viewer. Time-outs count on `clock`. A context, whose exit
     closes the tap.
@@ -93,20 +92,20 @@ class Tap:
 
     @property
     def closed(self) -> bool:
-        """Whether no further block will come; those that wait can still be taken."""
+        """True when no further block will come; waiting ones can still be taken."""
         return self._closed
 
     def offer(self, block: LiveBlock, missed: int = 0) -> None:
-        """Put a block in, before which `missed` others were dropped elsewhere. Never waits."""
-        # Counted afterwards: for a moment, `dropped` may be one too few and never one too many.
+        """Add a block; `missed` others before it were dropped elsewhere. Never waits."""
+        # Counted after the append: for a moment, `dropped` may be one too low, but never too high.
         self._queue.append(block)
         self._offered += 1 + missed
         self._available.set()
 
     def take(self, timeout: float | None = None) -> LiveBlock | None:
-        """The oldest block that waits; None after `timeout` seconds without one, or when the tap is closed.
+        """Take the oldest waiting block; None after `timeout` seconds without one, or when the tap is closed.
 
-        None as the time-out waits until the tap is closed. Raises the error that the tap was ended with.
+        Without `timeout`, wait until the tap is closed. Raises the error that the tap was closed with.
         """
         until = None if timeout is None else self._clock.now() + timeout
         while True:
@@ -127,7 +126,7 @@ class Tap:
             self._available.wait(left)
 
     def latest(self) -> LiveBlock | None:
-        """The newest block, without waiting; older ones are dropped. None when none has come since."""
+        """Take the newest block without waiting, and drop older ones; None without a new block."""
         newest = None
         for _ in range(len(self._queue)):
             try:
@@ -141,12 +140,12 @@ class Tap:
         return newest
 
     def __iter__(self) -> Iterator[LiveBlock]:
-        """Each block that is not dropped, until the tap is closed."""
+        """Yield each block that is not dropped, until the tap is closed."""
         while (block := self.take()) is not None:
             yield block
 
     def close(self, error: Exception | None = None) -> None:
-        """Take no further blocks; `error` is raised to the viewer once it has taken those that wait."""
+        """Accept no further blocks; `error` is raised to the viewer after it has taken the waiting ones."""
         if not self._closed:
             self._error = error
             self._closed = True
@@ -173,7 +172,7 @@ class Feed:
         self._closed = False
 
     def tap(self, capacity: int = 16) -> Tap:
-        """A new tap on all further blocks. Once the feed is closed, it is a closed one."""
+        """Return a new tap on all further blocks; a closed one once the feed is closed."""
         tap = Tap(capacity, on_close=lambda: self._remove(tap))
         with self._changing:
             self._taps = (*self._taps, tap)
@@ -207,7 +206,7 @@ class Feed:
 
 
 def _read_only(values: Array) -> Array:
-    """A view through which no viewer can change what others look at."""
+    """Return a read-only view, so that no viewer can change the values of others."""
     view: Array = values.view()
     view.flags.writeable = False
     return view

@@ -1,4 +1,4 @@
-"""Watching a rig that another program runs: find it, connect, and take its blocks from a tap."""
+"""Watch a rig that another program runs: find it, connect, and take its blocks from a tap."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["watch_live"]
 ByteArray = npt.NDArray[np.uint8]
 
 _CONNECT_DEADLINE = 2.0
-"""Seconds for a program on the same computer to accept a connection."""
+"""Time for a program on the same computer to accept a connection (s)."""
 
 
 def watch_live(
@@ -36,14 +36,15 @@ def watch_live(
     capacity: int = 16,
     address: str | Path | None = None,
 ) -> Tap:
-    """A tap on the blocks of a rig that another program of the same user is running.
+    """Return a tap on the blocks of a rig that another program of the same user is running.
 
-    `rig` and `simulate` are as in `open_rig`. `address` names an address file, where several programs run
-    rigs of one name; without it the newest is taken. The tap is closed when that program closes the rig.
+    `rig` and `simulate` are as in `open_rig`. `address` names an address file, for the case of several
+    programs with rigs of one name; without it the newest is taken.
+    The tap is closed when that program closes the rig.
     Its `dropped` counts blocks that were dropped in either program.
 
-    Raises ConfigurationError when no program publishes the rig. Taking a block raises DataError when what
-    came is not a block.
+    Raises ConfigurationError when no program publishes the rig. Taking a block raises DataError for
+    invalid data.
     """
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
     folder = state_folder(file, (simulate or file.simulate) is not None)
@@ -65,7 +66,7 @@ def watch_live(
             ).start()
             return tap
         if found.dead:
-            # Left by a program that was killed: nobody listens there.
+            # Left by a killed program: its port has no listener.
             with suppress(OSError):
                 path.unlink()
     where = f"at {address}" if address else f"in {folder}"
@@ -93,7 +94,7 @@ def _newest(folder: Path) -> list[Path]:
 
 
 def _read(path: Path) -> _Address | None:
-    """An address file's content; None when it is gone or not one. Raises PermissionError."""
+    """Read an address file; None when it is gone or invalid. Raises PermissionError."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         found = _Address(str(content["rig"]), int(content["port"]), str(content["token"]).encode("ascii"))
@@ -152,7 +153,7 @@ def _blocks(link: socket.socket) -> Iterator[tuple[LiveBlock, int]]:
 
 
 def _exactly(link: socket.socket, count: int) -> ByteArray | None:
-    """`count` bytes; None when the connection ends before them."""
+    """Receive `count` bytes; None when the connection ends first."""
     buffer = np.empty(count, dtype=np.uint8)
     view, have = buffer.data, 0
     while have < count:

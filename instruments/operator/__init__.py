@@ -1,4 +1,4 @@
-"""The person at the rig: the role, a console, and nobody."""
+"""The operator of the rig: the role, a console, and unattended operation."""
 
 from haploop.instruments.operator.role import (
     Aim,

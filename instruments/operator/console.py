@@ -29,7 +29,7 @@ class Console(Operator):
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
-        """A console is always there."""
+        """Return a console; there is nothing to connect to."""
         return cls()
 
     def tell(self, request: Request) -> None:
@@ -37,11 +37,11 @@ class Console(Operator):
         print(request, file=sys.stderr, flush=True)
 
     def rejects(self) -> bool:
-        """See `Operator.rejects`: the operator has typed r and Enter."""
+        """See `Operator.rejects`: True when the operator has typed r and Enter."""
         return _typed().strip().lower() == "r"
 
     def confirm(self, request: Request) -> bool:
-        """See `Operator.confirm`. Raises InstrumentError when there is nobody to ask."""
+        """See `Operator.confirm`. Raises InstrumentError when standard input has ended."""
         print(f"{request} [Y/n] ", end="", file=sys.stderr, flush=True)
         answer = sys.stdin.readline()
         if not answer:
@@ -53,15 +53,15 @@ if sys.platform == "win32":
     import msvcrt
 
     def _typed() -> str:
-        """The line that has been typed since, if any, without waiting for one."""
+        """Return a line that has been typed; "" without one. Does not wait."""
         return sys.stdin.readline() if sys.stdin.isatty() and msvcrt.kbhit() else ""
 
 else:
     import select
 
     def _typed() -> str:
-        """The line that has been typed since, if any, without waiting for one."""
-        # A pipe or a file is not somebody who watches presses, and has answers to keep.
+        """Return a line that has been typed; "" without one. Does not wait."""
+        # A pipe or a file cannot watch presses, and its lines are the answers to later questions.
         if not sys.stdin.isatty() or not select.select([sys.stdin], [], [], 0)[0]:
             return ""
         return sys.stdin.readline()

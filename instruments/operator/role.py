@@ -1,4 +1,4 @@
-"""The operator role: what only a person can do, asked for in values that a person's twin can read."""
+"""The operator role: requests to a person, as values that a simulated person can read."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Press:
     of: int
     attempt: int = 1
     because: str = ""
-    """Why it is asked for again."""
+    """Reason for the repetition."""
     words: str = ""
-    """What to say instead of this class's own words."""
+    """Prompt that replaces this class's own."""
 
     def __str__(self) -> str:
         again = " again" if self.attempt > 1 else ""
@@ -51,11 +51,11 @@ class Rest:
 
 @dataclass(frozen=True)
 class Consent:
-    """Whether a participant has consented to being recorded."""
+    """Ask whether a participant has consented to being recorded."""
 
     participant: str
     words: str = ""
-    """As in `Press`."""
+    """Prompt that replaces the default, as in `Press`."""
 
     def __str__(self) -> str:
         return self.words or f"Has {self.participant} read and signed the consent form?"
@@ -63,13 +63,13 @@ class Consent:
 
 @dataclass(frozen=True)
 class Ready:
-    """Whether a participant sits at a button and can begin."""
+    """Ask whether a participant sits at a button and can begin."""
 
     participant: str
     button: str
     presses: int
     words: str = ""
-    """As in `Press`."""
+    """Prompt that replaces the default, as in `Press`."""
 
     def __str__(self) -> str:
         return self.words or (
@@ -110,7 +110,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Remove:
-    """Take away what `Place` asked for."""
+    """Take the mass of `Place` off the force sensor."""
 
     def __str__(self) -> str:
         return "Take the mass off the force sensor."
@@ -124,12 +124,12 @@ class Operator(ABC):
 
     @abstractmethod
     def tell(self, request: Request) -> None:
-        """Say what is to be done now, and return at once: what follows is measured meanwhile."""
+        """Show a request and return at once: the person's response is measured meanwhile."""
 
     @abstractmethod
     def confirm(self, request: Request) -> bool:
-        """Ask, and wait for the answer: True when it is done or so."""
+        """Ask, and wait for the answer: True when the request is done or the answer is yes."""
 
     def rejects(self) -> bool:
-        """Whether the operator has, since this was last asked, rejected the press before. Never waits."""
+        """True when the operator has rejected the previous press since the last call. Never waits."""
         return False

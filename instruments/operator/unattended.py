@@ -1,4 +1,4 @@
-"""The operator when nobody is there: at night, for a scheduler."""
+"""The operator role without a person: at night, under a scheduler."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ __all__ = ["Unattended"]
 
 
 class Unattended(Operator):
-    """Answers at once for the person who left: nothing was moved since, and nothing can be moved now.
+    """Answers at once, on the assumption that nothing was moved since the person left.
 
-    The laser is still aimed at `aimed_at`, settings are as they were declared, hands are off;
-    whatever needs a hand is refused. `assumed` holds what was confirmed in that manner, as sentences.
+    The laser is still aimed at `aimed_at`, settings are as declared, and hands are off; a request
+    that needs a person is refused. `assumed` holds the confirmed requests, as sentences.
     """
 
     def __init__(self, aimed_at: str = "button") -> None:
@@ -19,7 +19,7 @@ class Unattended(Operator):
         self.assumed: dict[str, None] = {}
 
     def tell(self, request: Request) -> None:
-        """See `Operator.tell`. There is nobody to tell."""
+        """Do nothing (see `Operator.tell`)."""
 
     def confirm(self, request: Request) -> bool:
         """See `Operator.confirm`."""

@@ -1,4 +1,4 @@
-"""The player role: plays a waveform on a clock of its own, where a DAQ's output shares the DAQ's."""
+"""The player role: plays waveforms on its own clock, unlike a DAQ's output."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["Player"]
 
 
 class Player(Interlocked, ABC):
-    """Plays waveforms into the amplifier, begun when it likes and on its own clock.
+    """Plays waveforms into the amplifier, from an unknown start time and on its own clock.
 
     Safe state: nothing plays, and its output rests at zero volts. Opening it changes no output.
-    Neither its volts nor its time are to be believed: what reaches the patches is measured by the
-    DAQ, and `Rig.excite` finds there when a waveform began and how fast its clock runs. A driver
-    writes `_play`; it is reached through `play` alone, within what the rig's limiter authorises.
+    Its volts and its timing are not trusted: the DAQ measures the drive at the patches, from which
+    `Rig.excite` finds when a waveform began and how fast the player's clock runs. A driver implements
+    `_play`, which only `play` calls, once the rig's limiter has authorised the waveform.
     """
 
     identity: str
@@ -27,17 +27,17 @@ class Player(Interlocked, ABC):
     declared: str | None
     """Settings that only a person can check, as a sentence to confirm; None when they are read back."""
     room: float
-    """Seconds at most from the call of `play` to the waveform's first sample."""
+    """Longest time from the call of `play` to the waveform's first sample (s)."""
 
     @final
     def play(self, volts: FloatArray, rate_hz: float) -> AbstractContextManager[None]:
-        """Start to play `volts` ((samples,) at the output, at `rate_hz`) once, and let it run.
+        """Start to play `volts` ((samples,) V at the output, at `rate_hz`) once, in the background.
 
-        Leave the context after `room` and the waveform's length have passed: its exit stops what
-        still plays, and raises InstrumentError when the waveform was not played whole and without
-        a gap. When the body raises, it stops at once, and the body's error is the one that counts.
+        Leave the context after `room` and the waveform's length have passed: its exit stops the
+        play, and raises InstrumentError when the waveform was not played completely and without a
+        gap. When the body raises, the play stops at once, and the body's error is raised.
 
-        Raises LimitError for a waveform that cannot be played as it is (too large, not finite, a
+        Raises LimitError for a waveform that cannot be played unchanged (too large, not finite, a
         mean that an AC-coupled output loses), or that the rig's limiter has not authorised: it is
         never clipped. Raises InstrumentError.
         """
@@ -46,18 +46,18 @@ class Player(Interlocked, ABC):
 
     @abstractmethod
     def _play(self, volts: FloatArray, rate_hz: float) -> AbstractContextManager[None]:
-        """See `play`: what the driver does for it."""
+        """Do the driver's part of `play`."""
 
     @abstractmethod
     def rendered(self, volts: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
-        """What it will put out for a waveform: (samples,) V, and the rate at which it steps through them.
+        """Compute the output for a waveform: (samples,) V, and its sample rate (Hz).
 
-        Resampling overshoots, and the limits hold for what comes out. Raises LimitError, as `play`.
+        The limits apply to this output, because resampling overshoots. Raises LimitError, as `play`.
         """
 
     @abstractmethod
     def response(self, frequencies: FloatArray) -> ComplexArray:
-        """What the output passes at `frequencies` (Hz), as far as it is known; its delay left out."""
+        """Frequency response of the output at `frequencies` (Hz), as far as known, without its delay."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -65,4 +65,4 @@ class Player(Interlocked, ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Stop, and let go of the device. May be called again."""
+        """Stop, and close the device. May be called again."""

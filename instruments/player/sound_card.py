@@ -1,6 +1,6 @@
-"""A sound card's line output by PortAudio, the paper's own way to the amplifier (optional: sounddevice).
+"""A sound card's line output through PortAudio, the paper's signal path (optional: sounddevice).
 
-Its output is AC-coupled, and its volume is the operating system's, which nothing here can read
+The output is AC-coupled, and its volume is the operating system's, which cannot be read here
 (docs/hardware.md, "Sound card"). So volts at full scale are declared, from a loop-back calibration; a
 waveform is refused rather than clipped; and an underflow is a failed play, never a silent gap.
 """
@@ -27,25 +27,26 @@ __all__ = ["Audio", "AudioStream", "SoundCard", "at_rate"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _MEAN = 0.01
-"""Largest mean over the peak: an AC-coupled output takes the mean away, as a slow sag."""
+"""Largest mean over the peak: an AC-coupled output removes the mean, as a slow sag."""
 _LEAD = 0.05
-"""Seconds of silence first, in which a card that was asleep lets go of its mute (estimate)."""
+"""Silence before a waveform (s), in which a sleeping card unmutes (estimate; docs/hardware.md,
+"Sound card")."""
 _GUARD = 0.02
-"""Seconds of silence after a waveform, so that resampling rings there and not into its begin."""
+"""Silence after a waveform (s), so that resampling rings there and not into the start."""
 
 
 class AudioStream(Protocol):
-    """What is used of `sounddevice.OutputStream`."""
+    """The used part of `sounddevice.OutputStream`."""
 
     def start(self) -> object:
-        """Begin to call back for samples."""
+        """Start calling back for samples."""
 
     def close(self, ignore_errors: bool) -> object:
-        """Stop at once, drop samples that wait, and let go of the device."""
+        """Stop at once, drop waiting samples, and release the device."""
 
 
 class Audio(Protocol):
-    """What is used of the module `sounddevice`: the seam at which the twin stands in."""
+    """The used part of the module `sounddevice`, which the twin replaces."""
 
     CallbackStop: type[Exception]
     CallbackAbort: type[Exception]
@@ -56,11 +57,11 @@ class Audio(Protocol):
         """Opens a device; its keyword arguments are the driver's own."""
 
     def query_devices(self, device: int | str | None, kind: str) -> Any:
-        """The device's name and abilities, as a mapping."""
+        """Return the device's name and capabilities, as a mapping."""
 
 
 class SoundCard(Player):
-    """See `Player`. Resamples to the card's rate by FFT, which is exact for what is band-limited."""
+    """See `Player`. Resamples to the card's rate by FFT, which is exact for band-limited drives."""
 
     class Settings(BaseModel):
         """The `[player]` table of a rig file."""
@@ -70,9 +71,9 @@ class SoundCard(Player):
         output: str
         """Name of the amplifier input that its output is wired to."""
         volts_per_full_scale: Positive
-        """V peak at the output for digital full scale: measure it, at the volume that is then kept."""
+        """Output at digital full scale (V peak): measure it, and then keep the volume."""
         highest: Positive = 1.0
-        """V peak that it may ever put out: 50 V at a patch behind a gain of 50."""
+        """Largest output allowed (V peak): 50 V at a patch behind a gain of 50."""
         device: int | str = ""
         """Number or part of the name, as sounddevice lists it; empty for the system's default."""
         channel: Literal[1, 2] = 1
@@ -82,10 +83,10 @@ class SoundCard(Player):
         high_pass_hz: Annotated[float, Field(ge=0, le=20)] = 5.0
         """Corner of its AC coupling; an estimate (docs/hardware.md, "Sound card")."""
         room: Annotated[float, Field(gt=0, le=5)] = 0.5
-        """Seconds at most until the first sample comes out."""
+        """Longest time until the first sample comes out (s)."""
 
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
-        """Ask what device this is; nothing is opened. Raises InstrumentError."""
+        """Query the device's name; nothing is opened. Raises InstrumentError."""
         self.audio = audio
         self.output = settings.output
         self.room = settings.room + _LEAD
@@ -153,7 +154,7 @@ class SoundCard(Player):
             raise InstrumentError(f"{self.identity} {problem}; what was measured is not used.")
 
     def rendered(self, volts: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
-        """See `Player.rendered`; before the coupling, whose sag the drive's monitor is there to see."""
+        """See `Player.rendered`; without the AC coupling, whose sag the drive monitor measures."""
         full_scale, own_hz = self._settings.volts_per_full_scale, self._settings.rate_hz
         return full_scale * self._samples(volts, rate_hz), own_hz
 
@@ -179,14 +180,14 @@ class SoundCard(Player):
         self.stop()
 
     def _samples(self, volts: FloatArray, rate_hz: float) -> FloatArray:
-        """(samples,) of full scale at the card's rate."""
+        """Resample to the card's rate and scale to full scale, (samples,)."""
         settings = self._settings
         if not len(volts) or not np.all(np.isfinite(volts)):
             raise LimitError(f"A waveform for {self.identity} must have samples, and each must be finite.")
         most = min(settings.highest, settings.volts_per_full_scale)
         resampled = at_rate(volts, rate_hz, settings.rate_hz)
         peak = max(float(np.abs(volts).max()), float(np.abs(resampled).max()))
-        # One part in 10^6 is what resampling rounds.
+        # One part in 10^6 allows for rounding in the resampling.
         if peak > most * (1 + 1e-6):
             raise LimitError(
                 f"A waveform of {peak:.4g} V peak was refused: {self.identity} may put out {most:g} V "
@@ -204,7 +205,7 @@ class SoundCard(Player):
 
 
 class _Playing:
-    """One waveform on its way out; PortAudio's thread calls `fill` and `finish`."""
+    """State of one play; PortAudio's thread calls `fill` and `finish`."""
 
     def __init__(self, samples: FloatArray, channel: int, audio: Audio) -> None:
         self._samples = samples.astype(np.float32)
@@ -216,7 +217,7 @@ class _Playing:
 
     @property
     def problem(self) -> str | None:
-        """Why this was not a whole play; None when it was."""
+        """Reason why the play was not complete; None when it was."""
         if self._underflow:
             return "ran out of samples (an underflow): close other programs, and try again"
         if self._next < len(self._samples) or not self._finished:
@@ -228,7 +229,7 @@ class _Playing:
         return None
 
     def fill(self, outdata: Any, frames: int, time: object, status: Any) -> None:
-        """PortAudio wants `frames` more samples: outdata is (frames, channels)."""
+        """Fill `outdata`, (frames, channels), with the next samples for PortAudio."""
         outdata[:] = 0
         if status.output_underflow:
             self._underflow = True
@@ -240,12 +241,12 @@ class _Playing:
             raise self._audio.CallbackStop
 
     def finish(self) -> None:
-        """PortAudio has put the last sample out."""
+        """Note that PortAudio has put the last sample out."""
         self._finished = True
 
 
 def at_rate(volts: FloatArray, rate_hz: float, wanted_hz: float) -> FloatArray:
-    """A waveform ((samples,), at rest at both ends) at another rate, by FFT; `_GUARD` s longer."""
+    """Resample a waveform ((samples,), at rest at both ends) by FFT; the result is `_GUARD` s longer."""
     ratio = Fraction(wanted_hz / rate_hz).limit_denominator(10_000)
     blocks = -(-(len(volts) + round(_GUARD * rate_hz)) // ratio.denominator)
     blocks = next_fast_len(blocks, real=True)

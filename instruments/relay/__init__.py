@@ -1,4 +1,4 @@
-"""Relay boxes: the role, what all boards have in common, and the drivers."""
+"""Relay boxes: the role, the logic common to all boards, and the drivers."""
 
 from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState
 from haploop.instruments.relay.role import Relay

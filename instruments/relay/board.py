@@ -22,24 +22,24 @@ __all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "RelayBoard", "read_
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _PATIENCE = 0.1
-"""Seconds in which a command must show in the read-back: ten times what USB takes (docs/hardware.md,
+"""Time for a command to show in the read-back (s): ten times that of USB (docs/hardware.md,
 "Relay box")."""
 
 _MILLISECOND = 1e-3
 
 
 class BoardSettings(BaseModel):
-    """Keys of the `[relay]` table that every board has."""
+    """Keys of the `[relay]` table common to all boards."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     patches: Annotated[dict[str, int], Field(min_length=1)]
-    """The channel that each patch is wired to."""
+    """Channel of each patch."""
     rating: Positive
-    """V peak that a channel may switch."""
+    """Highest voltage that a channel may switch (V peak)."""
     settle: Positive = 0.02
-    """Seconds that the contacts need after the box has reported the change, and the pause between
-    two read-backs. The whole chain takes less than 10 ms (paper)."""
+    """Settling time of the contacts after the box has reported a change, and interval of read-backs (s).
+    The whole chain takes less than 10 ms (paper; docs/hardware.md, "Relay box")."""
 
     @field_validator("patches")
     @classmethod
@@ -57,7 +57,7 @@ class ChannelState:
 
     closed: bool
     remaining: float = math.inf
-    """Seconds until the board opens it by itself; infinite when nothing will."""
+    """Time until the board opens it by itself (s); infinite without a timer."""
 
 
 class RelayBoard(Protocol):
@@ -68,13 +68,13 @@ class RelayBoard(Protocol):
     """Seconds that `close_channel` lasts; infinite for a board that cannot open by itself."""
 
     def states(self) -> Mapping[int, ChannelState]:
-        """Every channel as the board itself reports it."""
+        """State of every channel, as the board itself reports it."""
 
     def open_channel(self, channel: int) -> None:
-        """Tell a channel to open."""
+        """Command a channel to open."""
 
     def close_channel(self, channel: int) -> None:
-        """Tell a channel to close, or to stay closed, for `dead_man` seconds from now on."""
+        """Command a channel to close, or to stay closed, for `dead_man` seconds from now on."""
 
     def release(self) -> None:
         """Close the connection, if there is one. May be called again."""
@@ -84,7 +84,7 @@ class ChannelRelay(Relay):
     """See `Relay`. Break before make; a state counts only once it is read back.
 
     Channels that no patch is wired to are left alone. After an error nothing is renewed, so that
-    the board's dead-man opens whatever had been closed.
+    the board's dead-man opens all closed channels.
     """
 
     def __init__(self, settings: BoardSettings, clock: Clock, board: RelayBoard) -> None:
@@ -150,7 +150,7 @@ class ChannelRelay(Relay):
         self._board.release()
 
     def _open(self, patches: Iterable[str]) -> None:
-        """Tell every one of them to open, whatever the others' replies were, then raise the first error."""
+        """Command every patch to open, even after an error, then raise the first error."""
         failures = []
         for patch in patches:
             try:
@@ -161,7 +161,7 @@ class ChannelRelay(Relay):
             raise failures[0]
 
     def _expect(self, patches: Collection[str], held: Collection[str]) -> None:
-        """Of these patches exactly `held` must read closed, each with its dead-man running; settle."""
+        """Check that of these patches exactly `held` read closed, their dead-man running; then settle."""
 
         def complaint() -> str:
             states = self._states(patches)
@@ -181,7 +181,7 @@ class ChannelRelay(Relay):
 
         if patches:
             read_back(complaint, self._clock, self._settle)
-            # What was read is the board's own state; its contacts follow.
+            # The board reports its own state; the contacts follow.
             self._clock.sleep(self._settle)
 
     def _states(self, patches: Iterable[str]) -> dict[str, ChannelState]:
@@ -200,10 +200,9 @@ class ChannelRelay(Relay):
 
 
 def read_back(complaint: Callable[[], str], clock: Clock, pause: float) -> None:
-    """Ask every `pause` seconds until there is no complaint about what a command should have done.
+    """Poll every `pause` seconds until `complaint` reports no fault of a command's effect.
 
-    Raises InstrumentError with the complaint when it still stands after the time that a command
-    may take.
+    Raises InstrumentError with the complaint when it persists beyond the time for a command.
     """
     deadline = clock.now() + max(_PATIENCE, 2 * pause)
     while sentence := complaint():

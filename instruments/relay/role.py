@@ -1,4 +1,4 @@
-"""The relay role: which patches the amplifier's output reaches."""
+"""The relay role: connects the amplifier's output to patches."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Relay(Interlocked, ABC):
     """A relay box between the amplifier and the patches.
 
     Safe state: every channel open. Opening the driver changes no channel. Switch only while the
-    drive is at zero: a charged patch that is switched clicks. A driver writes `_connect`; it is
-    reached through `connect` alone, and while a drive is played it only opens.
+    drive is at zero: a charged patch that is switched clicks. A driver implements `_connect`, which
+    only `connect` calls; while a drive is played it only opens.
     """
 
     identity: str
@@ -40,7 +40,7 @@ class Relay(Interlocked, ABC):
 
     @abstractmethod
     def _connect(self, patches: Collection[str]) -> None:
-        """See `connect`: what the driver does for it."""
+        """Do the driver's part of `connect`."""
 
     @abstractmethod
     def connected(self) -> frozenset[str]:
@@ -48,8 +48,8 @@ class Relay(Interlocked, ABC):
 
     @abstractmethod
     def renew(self) -> None:
-        """Put the dead-man time off again; does nothing when no patch is connected."""
+        """Restart the dead-man time; does nothing when no patch is connected."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the box without changing a channel. May be called again."""
+        """Disconnect from the box without changing a channel. May be called again."""

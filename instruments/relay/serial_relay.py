@@ -2,8 +2,8 @@
 
 A command ends with a carriage return; the board echoes it, answers on a line of its own, and ends
 with the prompt `>`. `relay on X` and `relay off X` answer nothing, `relay read X` answers `on` or
-`off`, `ver` the firmware; X is 0 to 9, then A to V. (Found in public programs for these modules;
-the 2- and 4-channel ones lack `readall` and `writeall`, so neither is used.)
+`off`, `ver` the firmware; X is 0 to 9, then A to V. (Found in public programs for these modules:
+docs/hardware.md, "Relay box". The 2- and 4-channel ones lack `readall` and `writeall`, so neither is used.)
 
 Such a board cannot open by itself: its `dead_man` is infinite, and a program that is killed leaves
 its channels as they are. Prefer a box with a pulse timer where a patch may not stay connected.
@@ -28,13 +28,13 @@ from haploop.instruments.relay.board import BoardSettings, ChannelRelay, Channel
 __all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
 
 DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUV"
-"""How the board numbers its channels."""
+"""Channel numbers in the board's notation."""
 PROMPT = b">"
 _LONGEST_ANSWER = 256
 
 
 def answer_in(received: bytes, command: str) -> str:
-    """The answer to `command` in what has been received since it was sent, up to the prompt.
+    """Extract the answer to `command` from the bytes received since it was sent, up to the prompt.
 
     Raises ValueError for anything but the echo of the command, at most one line, and the prompt.
     """
@@ -52,13 +52,13 @@ class SerialRelay(ChannelRelay):
         """The `[relay]` table of a rig file."""
 
         patches: Annotated[dict[str, Annotated[int, Field(ge=0, lt=len(DIGITS))]], Field(min_length=1)]
-        """The channel, from 0 on as the board counts, that each patch is wired to."""
+        """Channel of each patch, counted from 0 as on the board."""
         port: str
-        """Serial port (`COM5`), or the address of one that is served elsewhere (`socket://HOST:PORT`)."""
+        """Serial port (`COM5`), or the URL of a remote one (`socket://HOST:PORT`)."""
         baud: Annotated[int, Field(gt=0)] = 19200
-        """A board with USB of its own takes any."""
+        """Baud rate; a board with its own USB port accepts any."""
         timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
-        """Seconds in which the board must have answered a command completely."""
+        """Time for the board to answer a command completely (s)."""
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:
@@ -69,8 +69,8 @@ class SerialRelay(ChannelRelay):
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Open the port and ask for the firmware and the state of each channel; none is changed.
 
-        Raises ConfigurationError for what cannot be a port, InstrumentError when there is no such
-        port or it does not answer as such a board does.
+        Raises ConfigurationError for an invalid port name, InstrumentError when the port does not exist
+        or does not answer as such a board does.
         """
         board = _Board(settings)
         try:
@@ -82,7 +82,7 @@ class SerialRelay(ChannelRelay):
 
 
 class _Board:
-    """A `RelayBoard`. The port is opened anew after an error, so that no late answer is mistaken."""
+    """A `RelayBoard`. The port is reopened after an error, so that a late answer is discarded."""
 
     dead_man = math.inf
 
@@ -109,7 +109,7 @@ class _Board:
         port, self._port = self._port, None
         if port is None:
             return
-        # pyserial forgets to close a socket whose far end has already gone.
+        # pyserial does not close a socket whose far end has already closed.
         link = getattr(port, "_socket", None)
         with suppress(OSError):
             port.close()
@@ -132,7 +132,7 @@ class _Board:
         try:
             if self._port is None:
                 self._port = self._opened()
-                # An empty command ends whatever another program has left half sent.
+                # An empty command terminates one that another program has sent in part.
                 self._exchange(self._port, "")
             return answer_in(self._exchange(self._port, command), command)
         except TimeoutError:
@@ -141,7 +141,7 @@ class _Board:
                 f"{self.identity} did not answer {command!r} within {self._settings.timeout:g} s: "
                 "is it switched on, and is that its port?"
             ) from None
-        except OSError as error:  # what pyserial raises is one
+        except OSError as error:  # the base of pyserial's errors
             self.release()
             raise InstrumentError(
                 f"{self.identity} cannot be talked to ({error}): plug it in, or correct 'port' in [relay]."
@@ -158,7 +158,7 @@ class _Board:
             raise ConfigurationError(f"'port' in [relay] cannot be {s.port!r}: {error}.") from None
 
     def _exchange(self, port: serial.SerialBase, command: str) -> bytes:
-        """What comes back up to the prompt. However it drips in, at most two time-outs pass."""
+        """Send a command and return the reply up to the prompt, within two time-outs."""
         port.reset_input_buffer()
         port.write(f"{command}\r".encode("ascii"))
         received: bytes = port.read_until(PROMPT, _LONGEST_ANSWER)

@@ -1,12 +1,12 @@
 """Yocto-MaxiCoupler behind a VirtualHub or YoctoHub, over the hub's REST interface.
 
 The vendor's libraries report success for a command that the hub answered with 404, and one of them
-hangs for ever when the hub dies (docs/hardware.md, "Relay box"), so this is a client of our own: each
-request has a hard deadline, and no reply is believed until the state has been read back. A hub
+hangs for ever when the hub dies (docs/hardware.md, "Relay box"), so haploop has its own client: each
+request has a hard deadline, and no reply is trusted until the state has been read back. A hub
 that asks for a password is not supported.
 
-The dead-man is the box's own pulse timer, which each renewal starts again; `maxTimeOnStateB` is
-the second, outer bound, which no renewal is relied on to put off (docs/hardware.md, "Relay box").
+The dead-man is the box's own pulse timer, restarted by each renewal; `maxTimeOnStateB` is a second,
+outer bound, which a renewal is not assumed to extend (docs/hardware.md, "Relay box").
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ from haploop.instruments.relay.board import BoardSettings, ChannelRelay, Channel
 __all__ = ["Yocto"]
 
 CHANNELS = 8
+"""Channels of a box (docs/hardware.md, "Relay box")."""
 _PRODUCT = "Yocto-MaxiCoupler"
 _PORT = 4444
 _SERIAL = r"^[A-Za-z0-9]{1,12}-[A-Za-z0-9]{1,12}$"
 _LONGEST_REPLY = 1 << 20
-"""Bytes; a module describes itself in a few thousand."""
+"""Longest reply (bytes); the description of a module has a few thousand."""
 
 
 def _address(hub: str) -> str:
@@ -56,18 +57,19 @@ class Yocto(ChannelRelay):
         patches: Annotated[
             dict[str, Annotated[int, Field(ge=1, le=CHANNELS)]], Field(min_length=1, max_length=CHANNELS)
         ]
-        """The channel, 1 to 8, that each patch is wired to."""
+        """Channel of each patch, 1 to 8."""
         hub: Annotated[str, AfterValidator(_address)] = f"http://127.0.0.1:{_PORT}"
         serial: Annotated[str, Field(pattern=_SERIAL)] | None = None
         """Serial number; without it, the only Yocto-MaxiCoupler that the hub has."""
         rating: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 48.0
-        """V, DC, of the V2; the V1's was not found (docs/hardware.md, "Relay box")."""
+        """DC rating of the V2 (V); its 30 V AC rms is not checked, and the V1's rating was not found
+        (docs/hardware.md, "Relay box")."""
         dead_man: Annotated[float, Field(ge=0.1, le=60)] = 2.0
-        """Seconds after which the box opens by itself unless renewed."""
+        """Time after which the box opens by itself unless renewed (s)."""
         longest: Annotated[float, Field(gt=0, le=3600)] = 120.0
-        """Seconds after which the box opens a channel even when it is renewed."""
+        """Time after which the box opens a channel even when it is renewed (s)."""
         timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
-        """Seconds in which the hub must have answered a request completely."""
+        """Time for the hub to answer a request completely (s)."""
 
         @model_validator(mode="after")
         def _ordered(self) -> Self:
@@ -130,7 +132,7 @@ class _Board:
             self._set(channel, "maxTimeOnStateB", _ms(longest))
 
     def limit_complaint(self, channels: Collection[int], longest: float) -> str:
-        """A sentence about a channel that has not taken its time limit; empty when all have."""
+        """Describe a channel that has not taken its time limit; empty when all have."""
         relays = self._relays()
         for channel in channels:
             if channel not in relays:
@@ -143,7 +145,7 @@ class _Board:
         return ""
 
     def release(self) -> None:
-        """Each request has a connection of its own: there is none to let go of."""
+        """Do nothing: each request has its own connection."""
 
     def _only_one(self) -> str:
         tree = self._hub.json("/api.json")
@@ -215,7 +217,7 @@ class _Hub:
         self._host = urlsplit(url).netloc
 
     def json(self, path: str) -> dict[str, Any]:
-        """The JSON object at a path. Raises InstrumentError."""
+        """Get the JSON object at a path. Raises InstrumentError."""
         body = self.get(path)
         try:
             tree = json.loads(body)
@@ -229,7 +231,7 @@ class _Hub:
         return tree
 
     def get(self, path: str) -> bytes:
-        """The body of the answer, complete within the deadline. Raises InstrumentError."""
+        """Get the body at a path, complete within the deadline. Raises InstrumentError."""
         parts = urlsplit(self.url)
         request = f"GET {path} HTTP/1.1\r\nHost: {self._host}\r\nConnection: close\r\n\r\n"
         clock = RealClock()
@@ -246,7 +248,7 @@ class _Hub:
                 f"The hub {self.url} did not answer within {self._timeout:g} s: is it running?"
             ) from None
         except (OSError, HTTPException, ValueError) as error:
-            # What the hub said may stand in it, whatever that is.
+            # The error may quote the hub's reply, which can be anything.
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise InstrumentError(
                 f"The hub {self.url} cannot be talked to ({reason}): "
@@ -264,7 +266,7 @@ class _Hub:
 
 
 class _Deadlined(RawIOBase):
-    """Bytes from a socket until a deadline, however slowly they drip in."""
+    """Reads a socket until a deadline, even when bytes arrive slowly."""
 
     def __init__(self, link: socket.socket, clock: Clock, deadline: float) -> None:
         self._link = link
@@ -282,5 +284,5 @@ class _Deadlined(RawIOBase):
         return self._link.recv_into(buffer)
 
     def makefile(self, mode: str) -> BufferedReader:
-        """All that HTTPResponse asks of a socket."""
+        """Return a reader: the only method of a socket that HTTPResponse calls."""
         return BufferedReader(self)

@@ -1,9 +1,9 @@
-"""A recording brought to the clock of the drive that a free-running player played during it.
+"""Align a recording to the clock of the drive that a free-running player played during it.
 
-Where player and DAQ share no clock, the measured drive tells when the play began and how fast the
-player's clock runs. Both are fitted to the commanded drive, together with what may bias them: its
-gain and the corner of the player's AC coupling. Then every channel is evaluated at the drive's own
-instants, by a Fourier series, so that whatever shifts a fraction of a sample loses nothing.
+Where player and DAQ share no clock, the measured drive shows when the play began and how fast the
+player's clock runs. Both are fitted to the commanded drive, together with two parameters that may
+bias them: the gain and the corner of the player's AC coupling. Every channel is then evaluated at
+the drive's own sample times by a Fourier series, so that a shift by a fraction of a sample is exact.
 """
 
 from __future__ import annotations
@@ -22,36 +22,36 @@ from haploop.instruments.errors import InstrumentError
 __all__ = ["Aligned", "Timing", "align", "find"]
 
 _LEAST = 0.5
-"""Correlation of measured and commanded drive below which the one does not show the other."""
+"""Correlation of measured and commanded drive below which the drive counts as not found."""
 _MOST_DRIFT = 500e-6
 """Crystals differ by 10 to 100 ppm (estimate; docs/hardware.md, "Sound card"): more is a wrong rate."""
 _GOOD = 0.3
-"""Misfit of a drive that has been found: no other clock is tried."""
+"""Misfit below which the drive counts as found: no other clock drift is tried."""
 _PART = 0.5
-"""Seconds of drive whose place is found by themselves, to start with."""
+"""Length of the part of the drive that is located first (s)."""
 _NEAR = 0.02
-"""Seconds by which such a part may be displaced."""
+"""Largest displacement of such a part (s)."""
 _DRIFT = 1e-4
 _CORNER = 5.0
-"""What a drift may well be, and the coupling's corner (Hz) be wrong by: a drive of one tone can tell
-neither from a delay."""
+"""Prior widths of the drift and of the coupling's corner (Hz): with a drive of one tone neither can be told
+from a delay."""
 _MODEL = 1e-3
-"""Share of the drive by which the measured one may differ for reasons that the fit does not know."""
+"""Fraction of the drive by which the measured one may differ for causes outside the model."""
 _STEPS = 3
 
 
 @dataclass(frozen=True)
 class Timing:
-    """When a drive was played, seen from the DAQ's clock."""
+    """Timing of a played drive on the DAQ's clock."""
 
     begin: float
     """Seconds from the DAQ's first sample to the drive's first at the patch."""
     drift: float
-    """By how much the player's clock is faster than the DAQ's."""
+    """Relative excess of the player's clock rate over the DAQ's."""
     gain: float
     """Measured volts per commanded volt."""
     misfit: float
-    """Rms of what the measured drive has beside the commanded one, over its own rms."""
+    """Rms of the fit's residual over the rms of the measured drive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Aligned(Capture):
 
 
 def align(capture: Capture, timing: Timing, samples: int) -> Aligned:
-    """The first `samples` of every channel on the drive's clock. Delays of channels stay as they are."""
+    """Resample the first `samples` of every channel to the drive's clock; channel delays do not change."""
     start, step = timing.begin * capture.rate_hz, 1 / (1 + timing.drift)
     volts = np.array([_at(row, start, step, samples) for row in capture.volts])
     return Aligned(capture.channels, capture.rate_hz, volts, capture.delays, capture.overload, timing)
@@ -75,18 +75,18 @@ def find(
     delay: float,
     response: Callable[[FloatArray], ComplexArray],
 ) -> Timing:
-    """When and how fast `drive` was played, from what was `measured` of it, both (samples,) V.
+    """Estimate when and how fast `drive` was played from its measurement, both (samples,) V.
 
-    `delay` is the monitor channel's (see `Stream.delays`), `response` what the player passes at
-    given frequencies (Hz), as far as it is known. Raises InstrumentError when the drive is not to
-    be seen, stands upside down, or the clocks differ by more than crystals do.
+    `delay` is the monitor channel's (see `Stream.delays`), `response` the player's frequency response
+    (at frequencies in Hz), as far as it is known. Raises InstrumentError when the drive is not found,
+    is inverted, or the clocks differ by more than crystals do.
     """
     length = next_fast_len(len(measured) + len(drive), real=True)
     measured = measured - measured.mean()
     D = rfft(drive, length) * response(np.asarray(rfftfreq(length, 1 / rate_hz)))
     expected = np.asarray(irfft(D, length)[: len(drive)])
 
-    # Only the drive's band is fitted, at as few samples as hold it.
+    # Fit only the drive's band, with as few samples as represent it.
     power = np.cumsum(np.abs(D) ** 2)
     band = int(np.searchsorted(power, 0.9999 * power[-1]))
     short = min(next_fast_len(max(4 * band, 256), real=True), length)
@@ -119,8 +119,8 @@ def find(
         misfit = float(np.linalg.norm(seen - basis @ found)) / size if size else 1.0
         return Timing(begin + delay, drift, gain, misfit)
 
-    # A clock that drifts much smears the correlation by which the begin is found: then others are tried,
-    # half a period apart at the drive's highest frequency and end.
+    # A large drift smears the correlation that locates the begin. Other drifts are then tried, in steps of
+    # half a period of the drive's highest frequency at its end.
     finest = length / (2 * band * len(drive))
     fits = []
     for number in range(2 * int(_MOST_DRIFT / finest) + 3):
@@ -154,20 +154,20 @@ def _refuse(timing: Timing) -> None:
 
 
 def _place(measured: FloatArray, expected: FloatArray) -> float:
-    """The sample at which the drive, or its mirror image, is most likely to begin."""
+    """Most likely first sample of the drive or of its inverse, with a resolution below one sample."""
     found = np.abs(correlate(measured, expected, mode="valid", method="fft"))
     before, peak, after = found[:-2], found[1:-1], found[2:]
     tops = np.flatnonzero((peak >= before) & (peak > after) & (peak > 0.9 * found.max(initial=0.0)))
     if not len(tops):
         return float(found.argmax())
-    # A tone's tops are nearly alike: how high they are is seen between the samples only.
+    # The peaks of a tone's correlation are nearly equal: compare them interpolated between samples.
     slope, bend = (after - before)[tops] / 2, (after - 2 * peak + before)[tops]
     best = int((peak[tops] - slope**2 / (2 * bend)).argmax())
     return float(tops[best] + 1 - slope[best] / bend[best])
 
 
 def _at(signal: FloatArray, start: float, step: float, count: int) -> FloatArray:
-    """A periodic band-limited signal at `start + k * step` (samples), k < count.
+    """Evaluate a periodic band-limited signal at `start + k * step` (samples), k < count.
 
     Its Fourier series is summed by Bluestein's convolution (IEEE Trans. Audio Electroacoust. 18,
     1970, p. 451), with n k = (n^2 + k^2 - (k - n)^2) / 2.

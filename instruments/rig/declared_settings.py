@@ -10,7 +10,7 @@ __all__ = ["DeclaredSettings"]
 
 
 class DeclaredSettings:
-    """Which of the declared settings of a rig's instruments were confirmed already."""
+    """The declared settings of a rig's instruments that are already confirmed."""
 
     def __init__(self) -> None:
         self._confirmed: set[str] = set()

@@ -1,4 +1,4 @@
-"""What is kept of a rig between programs: its audit log, and its lockout."""
+"""State of a rig that outlasts a program: its audit log and its lockout."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["log_entries", "reset_lockout"]
 def log_entries(rig: str | Path | RigFile, simulate: Mode | None = None) -> Iterator[Mapping[str, Any]]:
     """Read the audit log of rigs of this name, oldest entry first.
 
-    `rig` and `simulate` are as in `open_rig`: the log of a simulated rig is a log of its own. Raises
+    `rig` and `simulate` are as in `open_rig`: a simulated rig has a separate log. Raises
     ConfigurationError.
     """
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
@@ -28,7 +28,7 @@ def log_entries(rig: str | Path | RigFile, simulate: Mode | None = None) -> Iter
 
 
 def reset_lockout(rig: str | Path | RigFile, reason: str, simulate: Mode | None = None) -> None:
-    """Clear the lockout of a rig that someone has inspected, once their reason is in its audit log.
+    """Clear the lockout of an inspected rig, once the reason is in its audit log.
 
     `rig` and `simulate` are as in `open_rig`. Raises ConfigurationError without a reason and for a rig that
     is not locked out, InstrumentError when another program has the rig.

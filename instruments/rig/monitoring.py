@@ -1,4 +1,4 @@
-"""A play while it lasts: each block is tested, and the block that trips ends it and locks out the rig."""
+"""Monitor a play: each block is tested, and a block that trips stops the play and locks out the rig."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Monitoring"]
 
 
 class Monitoring:
-    """The abort monitor of each play of a rig. `hardware` is what a trip locks out.
+    """Runs the abort monitor in each play of a rig. A trip locks out `hardware`.
 
     `live_run` begins a run for live views, as `Rig.live_run`.
     """
@@ -39,11 +39,11 @@ class Monitoring:
     def monitored(
         self, patches: Collection[str], channels: Sequence[str], samples: int, progress: Progress
     ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
-        """The channels to record, the monitored ones among them, and the function to call on every block.
+        """Yield the channels to record, with the monitored ones, and the function to call on every block.
 
-        The function renews the relay's dead man, tests the block, reports progress and delivers signals,
-        which are otherwise held back from before the first volt until the safe state. A block that trips
-        is an InstrumentError; the rig is locked out once the safe state has been tried.
+        The function renews the relay's dead-man, tests the block, reports progress and delivers stop
+        signals, which are otherwise held back from before the first volt until the safe state. A block
+        that trips raises InstrumentError; the rig is locked out once the safe state has been tried.
         """
         rig = self._rig
         laser = rig.vibrometer if rig.has("vibrometer") else None

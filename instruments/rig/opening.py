@@ -1,4 +1,4 @@
-"""Opening a rig: its file's drivers, their twins, or the drivers at their wires."""
+"""Open a rig: the drivers of its file, their twins, or the drivers connected to their wires."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def open_rig(
     """Open every instrument of a rig; use it as a context.
 
     `rig` is a rig file's path, the bare name of a rig that haploop ships, or a loaded file.
-    `simulate` replaces every driver by its twin, or keeps the drivers and points them at their
-    wires; None takes what the file says, which for a lab's rig is the hardware. `simulation`
+    `simulate` replaces every driver by its twin, or connects the drivers to their wires; None: as
+    the file says, which for a lab's rig is the hardware. `simulation`
     overrides keys of the file's `[simulation]` table. Connecting changes no output. Hardware is
     locked while it is open: no other program, and no other rig of this one, can open it.
 
-    Raises ConfigurationError, and InstrumentError when an instrument is not there or in use.
+    Raises ConfigurationError, and InstrumentError when an instrument is missing or in use.
     """
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
     mode = simulate or file.simulate
@@ -51,7 +51,7 @@ def open_rig(
 
 
 def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
-    """Names of a rig's hardware, for its lock and its lockouts. A simulated world is one piece."""
+    """Names of a rig's hardware, for its lock and its lockouts. A simulated rig is one piece."""
     if mode is not None:
         return frozenset({f"the simulated rig {file.name}, {file.digest}"})
     return frozenset().union(
@@ -65,7 +65,7 @@ def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
 
 
 def simulated_file(file: RigFile, changes: Mapping[str, Any]) -> RigFile:
-    """A rig file with keys of its `[simulation]` table changed."""
+    """Return a rig file with keys of its `[simulation]` table changed."""
     plant = {**file.simulation.model_dump(), **changes}
     settings = validate(SimulationSettings, plant, f"[simulation] of {file.name}")
     return file.model_copy(update={"simulation": settings})
@@ -86,13 +86,13 @@ def _connect(rig: Rig) -> None:
             )
         rig.adopt(role, instrument)
         if isinstance(instrument, Daq) and not rig.simulation:
-            # The lock says that no living program of this computer's has it.
+            # The lock proves that no running program on this computer uses it.
             instrument.clear_left()
     rig.complete()
 
 
 def _drivers(file: RigFile) -> Iterator[tuple[str, Device, Driver]]:
-    """Each role that a rig file has, its table, and the driver that the table names."""
+    """Yield each role of a rig file, its table, and the driver that the table names."""
     drivers = entry_points.installed(entry_points.DRIVERS)
     for role, device in file.devices.items():
         if device.driver not in drivers:

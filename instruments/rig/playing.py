@@ -1,7 +1,7 @@
-"""Playing: a drive by the DAQ's outputs or by a player, and a sweep by a generator.
+"""Play a drive on the DAQ's outputs or on a player, or a sweep on a generator.
 
-The order is always the same: the limiter authorises, signals are held back, the block monitor stands ready,
-the output is zero, the relay connects; and after, whatever happened, the safe state.
+The order is always the same: the limiter authorises, stop signals are held back, the abort monitor is set
+up, the output goes to zero, the relay connects, the drive plays. The safe state follows in every case.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from haploop.instruments.signals import uninterrupted
 __all__ = ["Playing"]
 
 _SLACK = 0.5
-"""Seconds within which a generator has answered its trigger, and a block has come."""
+"""Time for a generator to answer its trigger and for a block to arrive (s)."""
 
 
 class Playing:
-    """What plays on a rig: nothing but what its limiter authorises, and `make_safe` after it."""
+    """Plays on a rig what its limiter authorises, and calls `make_safe` after each play."""
 
     def __init__(
         self,
@@ -126,7 +126,7 @@ class Playing:
         tail: float,
         progress: Progress,
     ) -> Capture:
-        """Drives (V at the patch) played on the DAQ's outputs."""
+        """Play drives (V at the patch) on the DAQ's outputs."""
         rig = self._rig
         rate_hz = rig.table.rate_hz
         permitted = self._limiter.permit(drives, rate_hz, frozenset(patches), rig.amplifier, self._ratings)
@@ -175,7 +175,7 @@ class Playing:
         tail: float,
         progress: Progress,
     ) -> Capture:
-        """`sweep` is V at the generator's output."""
+        """Play a sweep, whose amplitude is V at the generator's output."""
         rig = self._rig
         triggered: list[float] = []
         ended = False
@@ -209,7 +209,7 @@ class Playing:
     def _streamed(
         self, channels: Sequence[str], samples: int, play: Mapping[str, FloatArray] | None = None
     ) -> AbstractContextManager[Stream]:
-        """A stream at the table's rate, in blocks of a tenth of a second."""
+        """Open a stream at the table's rate, in blocks of 0.1 s."""
         rig = self._rig
         rate_hz = rig.table.rate_hz
         stream = rig.daq.stream(channels, rate_hz, round(rate_hz / 10), samples, play)
@@ -217,7 +217,7 @@ class Playing:
 
     @contextmanager
     def _connected(self, patches: Collection[str]) -> Iterator[None]:
-        """Exactly these patches, with nothing played before, and the safe state after."""
+        """Zero the outputs, connect exactly these patches, and reach the safe state on exit."""
         rig = self._rig
         try:
             rig.daq.zero()
@@ -232,7 +232,7 @@ class Playing:
 
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:
-    """The channels that were asked for, and no more than `samples`."""
+    """Reduce a capture to the requested channels and at most `samples` samples."""
     rows = [capture.channels.index(channel) for channel in channels]
     return replace(
         capture,

@@ -1,4 +1,4 @@
-"""Everybody's limits of what a patch may get: amplifier, relay, patch and rig file."""
+"""Limits of the drive at a patch, from the amplifier, the relay, the patch and the rig file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["ratings"]
 
 
 def ratings(rig: Instruments, patches: int) -> dict[str, Limits]:
-    """Collect everybody's limits, with `patches` patches in parallel, by whose they are."""
+    """Collect the limits for `patches` patches in parallel, by owner."""
     table = rig.table
     patch = Limits(min=table.patch_min, max=table.patch_max, capacitance=patches * table.patch_capacitance)
     relay = Limits(min=-rig.relay.rating, max=rig.relay.rating)

@@ -45,7 +45,7 @@ class Rig(Instruments):
         self.simulation = simulation
         self.mode = mode
         self.hardware = frozenset(hardware)
-        """Hardware that no second rig may use at once, and that a lockout is set on."""
+        """Pieces of hardware that one rig may use at a time, and on which a lockout is set."""
         self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
         self._limiter = Limiter(clock, self.audit, self.hardware)
         self._safe = SafeState(self._roles, clock, self.audit)
@@ -55,11 +55,11 @@ class Rig(Instruments):
         self._signals = ExitStack()
 
     def holding(self, context: AbstractContextManager[object]) -> None:
-        """Enter what must outlast the instruments: a lock on them, or the world that they are in."""
+        """Enter a context that must outlast the instruments: a lock on them, or their simulation."""
         self._stack.enter_context(context)
 
     def adopt(self, role: str, instrument: Any) -> None:
-        """Own an open instrument, and close it with the rig; its interlock is the rig's limiter."""
+        """Take over an open instrument: close it with the rig, and make the limiter its interlock."""
         if isinstance(instrument, Interlocked):
             instrument._interlock = self._limiter
         self._roles[role] = instrument
@@ -68,7 +68,7 @@ class Rig(Instruments):
         self._safe.adopt(role)
 
     def complete(self) -> None:
-        """Every instrument is here: from now on, whatever ends the program reaches the safe state first."""
+        """Finish opening: from now on, the safe state is reached before the program ends in any way."""
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
         self._stack.callback(self.audit.note_at_last, "closed")
         self._stack.callback(self.make_safe)
@@ -78,7 +78,7 @@ class Rig(Instruments):
 
     @property
     def simulated(self) -> bool:
-        """Whether anything that this rig measures is simulated, as far as its cards tell."""
+        """True when any measurement of this rig is simulated, as far as its cards report it."""
         return self.simulation is not None or self.daq.simulated
 
     @property
@@ -87,7 +87,7 @@ class Rig(Instruments):
         return self.limits_for(1)
 
     def limits_for(self, patches: int) -> Limits:
-        """As `limits`, with `patches` patches in parallel."""
+        """The strictest limits, as `limits`, for `patches` patches in parallel."""
         return combined(ratings(self, patches))
 
     @property
@@ -97,13 +97,13 @@ class Rig(Instruments):
 
     @property
     def _playing(self) -> Playing:
-        # Made for each play: kept, it would hold the rig that holds it, and a closed rig would keep its
-        # simulated world until Python looks for cycles.
+        # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
+        # would keep its simulated world until the garbage collector runs.
         monitoring = Monitoring(self, self.audit, self.hardware, self._limiter, self.live_run)
         return Playing(self, self.clock, self._limiter, monitoring, self.make_safe)
 
     def tap(self, capacity: int = 16) -> Tap:
-        """The newest blocks of every recording and play from now on, for a live view. See `Tap`."""
+        """Return a tap on the newest blocks of all further recordings and plays. See `Tap`."""
         return self._feed.tap(capacity)
 
     def publish_live(self) -> Publisher:
@@ -122,7 +122,7 @@ class Rig(Instruments):
         return self._feed.begin(Run(self.name, simulated, doing, about, names, rate_hz, self.sensors, laser))
 
     def confirm_settings(self) -> None:
-        """Have the operator confirm, once, what no software can read. Raises InstrumentError."""
+        """Have the operator confirm, once, the settings that no software reads. Raises InstrumentError."""
         self._settings.confirm(self)
 
     def excite(
@@ -138,12 +138,12 @@ class Rig(Instruments):
         `drive` is (samples,) V at the patch at the table's rate; recording goes on for `tail`
         seconds of zero drive. The drive is checked against every limit before anything is
         written; the relay connects exactly `patches` while the output rests at zero, and opens
-        again before this returns or raises. `progress` is told the seconds recorded, after each block.
+        again before this returns or raises. `progress` receives the seconds recorded, after each block.
 
-        Whatever is wired to the amplifier's input plays: one of the DAQ's outputs, on the DAQ's
-        clock, or the player. A player begins when it likes, on a clock of its own; the capture is
-        then an `Aligned` one, moved to the drive's clock by what the drive monitor shows, and
-        stopped when that shows more volts than the limits allow.
+        The source is wired to the amplifier's input: one of the DAQ's outputs, on the DAQ's clock,
+        or the player. A player starts at an unknown time, on its own clock; the capture is then an
+        `Aligned` one, resampled to the drive's clock by means of the drive monitor. The play is
+        stopped when the drive monitor shows more volts than the limits allow.
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
@@ -156,7 +156,7 @@ class Rig(Instruments):
         tail: float = 0.0,
         progress: Progress = silent,
     ) -> Capture:
-        """Play a drive of its own into each of several patches at once; otherwise as `excite`.
+        """Play a separate drive into each of several patches at once; otherwise as `excite`.
 
         `drives` are (samples,) V at each patch, all of one length. Each is checked as the drive of
         one patch. Raises ConfigurationError for an amplifier without a channel for each patch, and
@@ -172,28 +172,28 @@ class Rig(Instruments):
         tail: float = 0.0,
         progress: Progress = silent,
     ) -> Capture:
-        """Let the generator sweep patches, as the paper's did, and record channels meanwhile.
+        """Play a sweep of the generator into patches, as in the paper, and record channels meanwhile.
 
-        `sweep.amplitude` is V peak at the patch here; the generator gets what that is at the
-        amplifier's input. Recording begins before the sweep and goes on for `tail` seconds after
-        it, in which the output is off. No clock is shared and nothing is aligned: the capture has
-        the sweep somewhere in it, and the drive monitor shows where. No generator fades its sweep out:
-        of the limits, the offset, the ends and the step with which it is switched off are not held.
+        `sweep.amplitude` is V peak at the patch, and is converted to the amplifier's input for the
+        generator. Recording begins before the sweep and goes on for `tail` seconds after it, with the
+        output off. No clock is shared and nothing is aligned: the drive monitor shows where the sweep
+        is in the capture. No generator fades its sweep out: the limits of the offset, of the ends, and
+        of the step at switch-off are not applied.
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
         return self._playing.sweep(sweep, patches, channels, tail, progress)
 
     def make_safe(self) -> None:
-        """Nothing plays, outputs at zero, then every relay channel open, read back. Idempotent.
+        """Stop all plays, set outputs to zero, then open every relay channel and read it back. Idempotent.
 
-        Everything is tried whatever the others do, and nothing is waited for without end. Raises
-        InstrumentError when any failed.
+        Every step is tried, even when another fails, and each has a deadline. Raises InstrumentError
+        when any failed.
         """
         self._safe.reach()
 
     def close(self) -> None:
-        """Safe state first, then let go of the instruments in reverse order. May be called again."""
+        """Reach the safe state, then close the instruments in reverse order. May be called again."""
         try:
             with uninterrupted():
                 self._stack.close()
@@ -213,7 +213,7 @@ class Rig(Instruments):
             try:
                 self.close()
             except KeyboardInterrupt as stop:
-                # It may have come before signals were held back, with everything still to be done.
+                # It may have come before signals were held back, with nothing closed yet.
                 interrupted = stop
             else:
                 break

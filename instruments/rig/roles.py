@@ -24,7 +24,7 @@ Role = TypeVar("Role")
 
 
 class Instruments:
-    """What a rig file describes, opened. A part that the rig has not is a ConfigurationError."""
+    """The open instruments of a rig file. Access to one that the rig lacks raises ConfigurationError."""
 
     def __init__(self, file: RigFile) -> None:
         self.file = file
@@ -49,7 +49,7 @@ class Instruments:
 
     @property
     def instruments(self) -> Mapping[str, Any]:
-        """Every open instrument, by its role, in the order in which they were opened."""
+        """Every open instrument by its role, in the order of opening."""
         return MappingProxyType(self._roles)
 
     def role(self, kind: type[Role]) -> Role:
@@ -57,7 +57,7 @@ class Instruments:
         name = kind.__name__.lower()
         instrument = self._roles.get(name)
         if not isinstance(instrument, kind):
-            # The role of another package need not be called like its class.
+            # A role of another package may have another name than its class.
             name = next((role for role in self._roles if role_class(role) is kind), name)
             instrument = self._roles.get(name)
         if not isinstance(instrument, kind):
@@ -117,18 +117,18 @@ class Instruments:
         return divider.channels[patches.index(patch)]
 
     def has(self, role: str) -> bool:
-        """Whether an instrument of this role is open."""
+        """True when an instrument of this role is open."""
         return role in self._roles
 
     def drive_monitor(self) -> Divider:
-        """The divider that shows what a player plays. Raises ConfigurationError without one."""
+        """The divider that measures a player's drive. Raises ConfigurationError without one."""
         if self.file.sensors.drive is None:
             raise ConfigurationError(
-                f"The rig {self.name!r} has a player and no [sensors.drive]: what a player plays is known "
-                "only by what is measured of it, so wire the drive to a channel of the DAQ."
+                f"The rig {self.name!r} has a player and no [sensors.drive]: a player's drive must be "
+                "measured, so wire it to a channel of the DAQ."
             )
         return self.file.sensors.drive
 
     def feeds_amplifier(self, role: Literal["player", "generator"]) -> bool:
-        """Whether that is what feeds the amplifier."""
+        """True when this role's output feeds the amplifier."""
         return role in self._roles and self._roles[role].output == self.amplifier.input

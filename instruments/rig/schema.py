@@ -16,10 +16,10 @@ __all__ = ["rig_schema"]
 
 
 def rig_schema() -> dict[str, Any]:
-    """The schema of rig files, with the drivers and the faults that are installed here.
+    """Build the schema of rig files, with the installed drivers and faults.
 
-    No key is required: a file with a base says only what differs, and haploop itself says what is
-    missing in the end.
+    No key is required, because a file with a base states only its differences; haploop reports a
+    missing key when it loads the file.
     """
     schema = RigFile.model_json_schema()
     definitions: dict[str, Any] = schema["$defs"]
@@ -33,7 +33,7 @@ def rig_schema() -> dict[str, Any]:
         schema["$comment"] = " ".join(broken)
     schema["properties"]["base"] = {
         "type": "string",
-        "description": "Another rig file, of which this one says only how it differs.",
+        "description": "Another rig file; this one states only its differences from it.",
     }
     del definitions["Device"]
     _soften(schema)
@@ -41,7 +41,7 @@ def rig_schema() -> dict[str, Any]:
 
 
 def _settings_of(role: str, broken: list[str]) -> dict[str, type[BaseModel]]:
-    """Settings of each driver of a role. What cannot be loaded is left out, and added to `broken`."""
+    """Settings of each driver of a role. One that cannot be loaded is left out; its error is in `broken`."""
     settings: dict[str, type[BaseModel]] = {}
     try:
         kind = entry_points.role_class(role)
@@ -60,7 +60,7 @@ def _settings_of(role: str, broken: list[str]) -> dict[str, type[BaseModel]]:
 
 
 def _usable(kinds: Mapping[str, type[BaseModel]], broken: list[str]) -> dict[str, type[BaseModel]]:
-    """Settings of each kind of fault that can be loaded; what cannot is added to `broken`."""
+    """Settings of each kind of fault that can be loaded; errors of the others are added to `broken`."""
     usable: dict[str, type[BaseModel]] = {}
     for kind in kinds:
         try:
@@ -74,7 +74,7 @@ def _chosen(key: str, choices: Mapping[str, type[BaseModel]], definitions: dict[
     """A table whose other keys are those of the model that `key` chooses."""
     rules = []
     for name, model in choices.items():
-        # Definitions of two models may share a name: each model's get its own in front.
+        # Definitions of two models may share a name, so each is prefixed by its model's.
         own = model.model_json_schema(ref_template=f"#/$defs/{name}.{{model}}")
         definitions |= {f"{name}.{inner}": value for inner, value in own.pop("$defs", {}).items()}
         own["properties"] = {**own["properties"], key: {"const": name}}
@@ -84,7 +84,7 @@ def _chosen(key: str, choices: Mapping[str, type[BaseModel]], definitions: dict[
 
 
 def _soften(schema: Any) -> None:
-    """Take out what a file need not have, and infinite defaults, for which JSON has no word."""
+    """Remove lists of required keys, and infinite defaults, which JSON cannot express."""
     if isinstance(schema, list):
         for value in schema:
             _soften(value)

@@ -1,4 +1,4 @@
-"""What keeps volts within limits and brings a rig to its safe state."""
+"""Keep volts within limits and bring a rig to its safe state."""
 
 from haploop.instruments.safety.abort_monitor import AbortMonitor, trip
 from haploop.instruments.safety.audit import Audit, entries, now_utc, state_folder, who

@@ -44,7 +44,7 @@ class _Quantity:
 
 
 class AbortMonitor:
-    """Tests every block of one play. `tripped` is why the play was stopped; None when it was not."""
+    """Tests every block of one play. `tripped` is the reason for stopping the play, or None."""
 
     def __init__(
         self, abort: AbortLimits, sensors: Sensors, vibrometer: Vibrometer | None, limits: Limits

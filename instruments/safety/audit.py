@@ -1,7 +1,7 @@
-"""The audit log: what was connected, played, tripped and activated, by whom, one JSON object a line.
+"""The audit log of connections, plays, trips and activations with their users: one JSON object per line.
 
-A log is a file a month that is only ever appended to. A line is one write to the operating system,
-which keeps it when the program is killed; on hardware it is on the disk before anything is played.
+There is one append-only file per month. A line is one write to the operating system, and so survives
+a killed program; on hardware it is synced to the disk before anything is played.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LONGEST = 200
 
 
 def now_utc() -> datetime:
-    """The wall clock: for people, never for a measurement."""
+    """Wall-clock time: for people, never for a measurement."""
     return datetime.now(UTC)
 
 
@@ -54,7 +54,7 @@ class Audit:
         }
 
     def note(self, kind: str, **fields: Any) -> None:
-        """Append a line. `fields` are JSON's own types. Raises DataError when it cannot be kept."""
+        """Append a line. `fields` are of JSON's types. Raises DataError when it cannot be written."""
         now = self._wall()
         time = now.isoformat(timespec="milliseconds")
         line = json.dumps({"time": time, "kind": kind, **fields, **self._about})
@@ -75,7 +75,7 @@ class Audit:
             ) from None
 
     def note_at_last(self, kind: str, **fields: Any) -> None:
-        """As `note`, but ignore a failure to write: for the way to the safe state."""
+        """Append a line as `note`, but ignore a failure to write: for the way to the safe state."""
         with suppress(DataError):
             self.note(kind, **fields)
 
@@ -92,7 +92,7 @@ def entries(folder: Path) -> Iterator[Mapping[str, Any]]:
 
 
 def who() -> dict[str, object]:
-    """Who runs this program: user, host, process and command."""
+    """Identify this program: user, host, process and command."""
     try:
         user = getpass.getuser()
     except (OSError, KeyError, ImportError):
@@ -102,10 +102,10 @@ def who() -> dict[str, object]:
 
 
 def state_folder(file: RigFile, simulated: bool) -> Path:
-    """Where a rig's log and lockouts are: HAPLOOP_STATE, else `state` of its file, else the user's own.
+    """Folder of a rig's log and lockouts: HAPLOOP_STATE, else `state` of its file, else the user's own.
 
-    Simulated rigs have a folder of their own; where the user's cannot be written (on a build machine,
-    say), theirs is in the folder for temporary files. Raises ConfigurationError.
+    Simulated rigs have a separate folder; when the user's cannot be written (on a build machine, for
+    example), it is in the folder for temporary files. Raises ConfigurationError.
     """
     given = os.environ.get("HAPLOOP_STATE") or file.state
     try:

@@ -15,7 +15,7 @@ __all__ = ["exit_within", "run_within"]
 Value = TypeVar("Value")
 
 DEADLINE = 5.0
-"""Real seconds that one step may take: by then a relay box that cannot be reached has opened by itself."""
+"""Time for one step (real s): by then a relay box that cannot be reached has opened by itself."""
 
 
 def run_within(what: str, action: Callable[[], object]) -> None:

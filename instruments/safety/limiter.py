@@ -1,4 +1,4 @@
-"""The one limiter of a rig: between every waveform and every output, in volts at the patch.
+"""The limiter of a rig: checks every waveform for every output, in volts at the patch.
 
 It is the interlock of every instrument of the rig. A drive is checked once, whole, before anything is
 written; then exactly that drive, and nothing else, is authorised while its permit lasts.
@@ -28,19 +28,19 @@ from haploop.instruments.safety.lockout import Lockout, lockout_of
 __all__ = ["Limiter", "Ratings", "combined"]
 
 Ratings = Mapping[str, Limits]
-"""Limits by whose they are: the amplifier's, the relay's, a patch's, the rig file's own."""
+"""Limits by owner: the amplifier's, the relay's, a patch's, the rig file's own."""
 
 Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
 """See `Player.rendered`."""
 _MINUTE = 60.0
-"""Seconds over which a duty is taken."""
+"""Window of the duty (s)."""
 _FINE = 64
-"""Samples per period at which a sweep is looked at: its extremes are then seen to 0.2 %."""
+"""Samples per period in the check of a sweep: finds its extremes to 0.2 %."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Permit:
-    """The drives authorised now. `volts` is (samples,) V at each output; a sweep's are V there too."""
+    """The drives authorised now. `volts` is (samples,) V at each output; `sweeps` are in V there too."""
 
     patches: frozenset[str]
     rate_hz: float
@@ -54,10 +54,10 @@ def combined(ratings: Ratings) -> Limits:
 
 
 class Limiter:
-    """See `haploop.instruments.interlock.Interlock`. Safe to ask from any thread; one permit lasts at a time.
+    """See `haploop.instruments.interlock.Interlock`. Thread-safe; there is one permit at a time.
 
-    It knows no rig: every instrument of the rig knows it, and a rig that is closed would otherwise stay
-    in memory with all that was in it.
+    It holds no reference to the rig: every instrument refers to it, and the reference cycle would keep
+    a closed rig in memory.
     """
 
     def __init__(self, clock: Clock, audit: Audit, hardware: Collection[str]) -> None:
@@ -69,7 +69,7 @@ class Limiter:
         self._lock = threading.Lock()
         self._permit: _Permit | None = None
         self._playing: set[str] = set()
-        """Outputs that have begun: each begins once, for to begin again is to break off."""
+        """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
 
     @property
@@ -89,11 +89,11 @@ class Limiter:
         ratings: Callable[[int], Ratings],
         rendered: Rendered | None = None,
     ) -> Iterator[dict[str, FloatArray]]:
-        """While the context lasts each drive ((samples,) V at the patch) may be played on its output.
+        """Permit each drive ((samples,) V at the patch) on its output while the context lasts.
 
-        One drive is for all patches in parallel; several are for a patch each. `ratings` gives the
-        limits for a number of patches in parallel. `rendered` gives the waveform that an output makes
-        of a drive when it does not play it sample by sample. Yields each drive as (samples,) V at its
+        One drive is for all patches in parallel; several are for one patch each. `ratings` returns
+        the limits for a number of patches in parallel. `rendered` returns the waveform of an output
+        that does not play a drive sample by sample. Yields each drive as (samples,) V at its
         output. Raises LimitError before anything is written.
         """
         held_to = ratings(len(patches) if len(drives) == 1 else 1)
@@ -131,10 +131,10 @@ class Limiter:
         amplifier: Amplifier,
         ratings: Callable[[int], Ratings],
     ) -> Iterator[Sweep]:
-        """While the context lasts a generator at `output` may sweep; V peak at the patch in `sweep`.
+        """Permit a generator at `output` to sweep while the context lasts; `sweep` is V peak at the patch.
 
-        Gives it with the volts at that output. `rest` seconds after the sweep it goes on at most
-        until it is switched off. Raises LimitError, and then nothing was set.
+        Yields the sweep in volts at that output. The generator is switched off within `rest` seconds
+        after the sweep. Raises LimitError before anything is set.
         """
         held_to = ratings(len(patches))
         with self._refusals_noted():
@@ -163,7 +163,7 @@ class Limiter:
     # Called by the instruments
 
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
-        """See `Interlock.authorise`: the permitted waveform, with silence after it, once, and no other."""
+        """See `Interlock.authorise`: the permitted waveform, with zeros after it, once, and no other."""
         permit = self._current(output)
         allowed = permit.volts.get(output)
         if (

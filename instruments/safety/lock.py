@@ -1,4 +1,4 @@
-"""One program at a time on a piece of hardware: a lock that dies with its holder."""
+"""Lock a piece of hardware for one program at a time; a lock ends with its holder."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from haploop.instruments.safety.audit import who
 __all__ = ["InUse", "hold", "is_marked", "marked", "reserve"]
 
 _BEYOND = 1 << 30
-"""The byte that is locked: past the holder's name, which others must be able to read."""
+"""Offset of the locked byte: past the holder's name, which other programs must be able to read."""
 
 _TRIES = 1000
-"""Attempts at a mark: somebody who looks whether it is taken has it for an instant."""
+"""Attempts to take a mark: a program that tests it holds it for an instant."""
 
 _reserved: set[str] = set()
 _held: set[str] = set()
@@ -46,7 +46,7 @@ def reserve(hardware: Collection[str], what: str) -> Iterator[None]:
 
 @contextmanager
 def hold(hardware: Collection[str], what: str) -> Iterator[None]:
-    """Keep everybody else off these pieces of hardware: other programs, and this one's other rigs.
+    """Lock these pieces of hardware against other programs and this program's other rigs.
 
     The operating system releases a lock when its holder ends, however it ends; a crash leaves only
     an unlocked file. Raises InUse, which names the holder.
@@ -65,8 +65,8 @@ def hold(hardware: Collection[str], what: str) -> Iterator[None]:
 def marked(path: Path) -> Iterator[None]:
     """Mark a file as being written by this program, by a lock on `.NAME.lock` beside it.
 
-    Beside it, and not among the temporary files: whoever sees the file sees the mark, with whatever
-    TMPDIR and on whatever computer. Raises InUse when another program has marked it.
+    The lock is not among the temporary files, so that every program that sees the file sees its mark,
+    with any TMPDIR and on any computer. Raises InUse when another program has marked it.
     """
     mark = _mark_of(path)
     descriptor = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
@@ -87,7 +87,7 @@ def marked(path: Path) -> Iterator[None]:
 
 
 def is_marked(path: Path) -> bool:
-    """Whether a living program has `path` marked; the operating system takes the mark off a dead one's."""
+    """True when a running program has `path` marked; the operating system releases a dead one's mark."""
     try:
         descriptor = os.open(_mark_of(path), os.O_RDONLY)
     except OSError:
@@ -134,13 +134,13 @@ def _locked(piece: str, what: str) -> Iterator[None]:
         os.write(descriptor, holder.encode())
         yield
     finally:
-        # Closing lets go of the lock. The file stays: removing it would let a third program lock
-        # a new one while a second one waits for this one.
+        # Closing releases the lock. The file stays: removing it would let a third program lock a
+        # new file while a second one waits for this one.
         os.close(descriptor)
 
 
 def _opened(path: Path) -> int:
-    # Linux lets nobody create what another user has created in a shared folder, not even to open it.
+    # In a shared folder, Linux refuses O_CREAT for another user's file, even if it exists.
     try:
         return os.open(path, os.O_RDWR)
     except FileNotFoundError:
@@ -173,7 +173,7 @@ else:
     import fcntl
 
     def _taken(descriptor: int, shared: bool = False) -> bool:
-        # Not lockf: that one is let go of when any file of the same name is closed.
+        # Not lockf: its lock is released when any descriptor of the file is closed.
         try:
             fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except OSError:

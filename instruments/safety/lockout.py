@@ -21,7 +21,7 @@ __all__ = ["Lockout", "clear_lockout", "lockout_of", "set_lockout"]
 
 @dataclass(frozen=True)
 class Lockout:
-    """Why, when and by whom a rig was locked out."""
+    """Record of a lockout: its time, its reason, and the user of the play that was stopped."""
 
     when: str
     """ISO 8601, UTC."""
@@ -33,7 +33,7 @@ class Lockout:
 
     @property
     def sentence(self) -> str:
-        """The message to whoever wants to play."""
+        """Error message that refuses a play."""
         return (
             f"The rig is locked out: a play was stopped at {self.when} ({self.why.rstrip('.')}). "
             "Find the cause, and then run `haploop reset --reason '...'` with this rig."

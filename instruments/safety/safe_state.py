@@ -1,4 +1,4 @@
-"""The safe state of a rig, reached whatever fails or hangs; and the closing of its instruments."""
+"""Reach a rig's safe state, even when a step fails or hangs, and close its instruments."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from haploop.instruments.safety.deadline import run_within
 __all__ = ["SafeState"]
 
 _REST = 0.05
-"""Seconds of zero drive before the relay switches: several time constants of the amplifier."""
+"""Zero drive before the relay switches (s): several time constants of the amplifier (docs/hardware.md,
+"Amplifier")."""
 
 
 class SafeState:
-    """The safe state of these instruments, by role. One that has hung is not waited for again."""
+    """Brings instruments, by role, to their safe state. One that has hung is not tried again."""
 
     def __init__(self, instruments: Mapping[str, Any], clock: Clock, audit: Audit) -> None:
         self._instruments = instruments
@@ -66,7 +67,7 @@ class SafeState:
         ]
 
     def let_go(self, role: str) -> None:
-        """Close an instrument. Raises InstrumentError when it hangs, and what its `close` raises."""
+        """Close an instrument. Raises InstrumentError when it hangs, and any error of its `close`."""
         if role not in self._hung:
             self._run_within(role, lambda instrument: instrument.close())
 

@@ -12,7 +12,7 @@ from haploop.instruments.transport.text_line import Port, TextLine
 __all__ = ["SerialLine"]
 
 _POLL = 0.02
-"""Seconds of one wait of pyserial's, which cannot be given another while it is open."""
+"""Time-out of one read (s): pyserial's is fixed while the port is open."""
 
 
 class SerialLine(TextLine):
@@ -50,7 +50,7 @@ class _SerialPort(Port):
             raise ConnectionError(str(error)) from None
 
     def close(self) -> None:
-        # pyserial waits 0.3 s after closing a socket, and leaves it open when the far end went first.
+        # pyserial waits 0.3 s after closing a socket, and leaves it open when the far end closed first.
         link = getattr(self._port, "_socket", None)
         if link is not None:
             self._port.is_open = False

@@ -1,4 +1,4 @@
-"""Lines of text to and from an instrument, each with a hard deadline, whatever carries the bytes."""
+"""Lines of text to and from an instrument over any transport, each with a hard deadline."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from haploop.instruments.errors import InstrumentError
 __all__ = ["Line", "Port", "TextLine"]
 
 _LONGEST = 4096
-"""Bytes of a reply before it is no reply any more."""
+"""Longest reply (bytes)."""
 
 
 class Line(Protocol):
@@ -22,13 +22,13 @@ class Line(Protocol):
         """Send one line. Raises InstrumentError."""
 
     def receive(self, asked: str) -> str:
-        """The next line without its end; `asked` is the command that it answers, for the sentence.
+        """Receive the next line without its end; `asked` is its command, for the error message.
 
-        Raises InstrumentError when no whole line of ASCII has come within the deadline.
+        Raises InstrumentError when no complete line of ASCII arrives within the deadline.
         """
 
     def close(self) -> None:
-        """Let go of the connection. May be called again."""
+        """Close the connection. May be called again."""
 
 
 class Port(ABC):
@@ -36,23 +36,23 @@ class Port(ABC):
 
     @abstractmethod
     def send(self, data: bytes) -> None:
-        """Drop what has come and was not asked for, then send."""
+        """Discard unread input, then send."""
 
     @abstractmethod
     def receive(self, wait: float) -> bytes:
-        """One byte or more, or nothing when nothing has come within `wait` seconds."""
+        """Receive one byte or more; nothing when none arrives within `wait` seconds."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go, whatever state it is in; raises nothing."""
+        """Close the port, in any state; raises nothing."""
 
 
 class TextLine:
     """See `Line`. `connect` opens the port when it is first needed.
 
     After a failure the port is closed and the next line opens it again, so that a late reply is
-    not taken for the answer to a later question, and an instrument that comes back is found.
-    `settings` names what may be set wrong at either end ("'port' and 'baud'"), for the sentence.
+    not taken for the answer to a later query, and a reconnected instrument is found. `settings` names
+    the settings to check ("'port' and 'baud'"), for error messages.
     """
 
     def __init__(self, name: str, connect: Callable[[], Port], settings: str, timeout: float) -> None:

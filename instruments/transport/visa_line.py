@@ -14,7 +14,7 @@ __all__ = ["VisaLine"]
 
 
 class VisaLine(TextLine):
-    """See `TextLine`. `resource` is a VISA name, `library` the VISA library: empty for the machine's own."""
+    """See `TextLine`. `resource` is a VISA name, `library` the VISA library: empty for the default."""
 
     def __init__(self, name: str, resource: str, library: str, timeout: float) -> None:
         def connect() -> Port:
@@ -49,7 +49,7 @@ class _Session(Port):
         try:
             self._session.timeout = max(1.0, 1e3 * wait)
             if self._session.resource_class == "SOCKET":
-                # Byte by byte, so that a wrong terminator shows what has come.
+                # Byte by byte, so that with a wrong terminator the received bytes can be quoted.
                 return bytes(self._session.read_bytes(1))
             return bytes(self._session.read_raw())
         except pyvisa.VisaIOError as error:

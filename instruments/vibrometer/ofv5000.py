@@ -1,7 +1,7 @@
 """Polytec OFV-5000 vibrometer controller over its serial port.
 
-Its range is read, never assumed: the data's scale depends on it. Commands are those that public
-code drives (docs/hardware.md, "OFV-5000"); which decoder has which index differs from site to site.
+Its range is read back, because the data's scale depends on it. The commands are those of public code
+(docs/hardware.md, "OFV-5000"); the indices of the decoders differ from site to site.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ Value = TypeVar("Value")
 
 _NAME = "OFV-5000"
 _ECHOES = 8
-"""Commands that may come back before the answer, when the interface's echo is on."""
+"""Most echoed commands before the answer, when the interface's echo is on."""
 _LOOK = 0.5
-"""Seconds between two looks at a search for the focus."""
+"""Polling interval of a focus search (s)."""
 
 
 class Ofv5000(Vibrometer):
@@ -52,21 +52,21 @@ class Ofv5000(Vibrometer):
         channel: str
         """Name of the DAQ channel that its output is wired to."""
         scale: Positive
-        """m/s per V that the decoder is set to: 0.005 is its range `5mm/s/V`."""
+        """Scale that the decoder is set to (m/s per V): 0.005 is its range `5mm/s/V`."""
         decoder: Annotated[str, Field(pattern=r"^VeloDec,\d$")] = "VeloDec,0"
         """The velocity decoder whose output is wired (VD-08 is often VeloDec,0 and VD-09 VeloDec,1)."""
         full_scale: Positive = 10.0
-        """V at the output at full range (estimate)."""
+        """Output at full range (V; estimate; docs/hardware.md, "OFV-5000")."""
         bandwidth_hz: Positive | None = None
-        """For a decoder that reports no highest frequency; else the lower of both holds."""
+        """Bandwidth (Hz) for a decoder that reports none; otherwise the lower of both holds."""
         baud: Annotated[int, Field(gt=0)] = 115200
         timeout: Annotated[float, Field(gt=0, le=60)] = 2.0
-        """Seconds in which a command must have been answered completely."""
+        """Time for a command to be answered completely (s)."""
         focus_timeout: Positive = 30.0
-        """Seconds that a search for the focus may take."""
+        """Time for a focus search (s)."""
 
     def __init__(self, settings: Settings, clock: Clock, line: Line) -> None:
-        """Read what the controller at the other end of `line` is set to. Raises as `open` does."""
+        """Read the settings of the controller on `line`. Raises as `open` does."""
         self._settings = settings
         self._clock = clock
         self._line = line
@@ -79,7 +79,7 @@ class Ofv5000(Vibrometer):
 
     @classmethod
     def connect(cls, settings: Settings, clock: Clock) -> Self:
-        """As `open`, but take the range that the controller is set to, whatever the rig file says."""
+        """Connect as `open`, but accept any range that the controller is set to."""
         line = SerialLine(_NAME, settings.port, settings.baud, settings.timeout)
         try:
             return cls(settings, clock, line)
@@ -121,7 +121,7 @@ class Ofv5000(Vibrometer):
     def set_range(self, scale: float) -> None:
         """Switch the decoder to the range of `scale` (m/s per V), and read that back.
 
-        Raises InstrumentError when it reads back another: the decoder has no such range.
+        Raises InstrumentError when another range reads back: the decoder lacks this one.
         """
         self._send(Command("Set", self._settings.decoder, "Range", scale_text(scale)))
         self._take(self._get("Range", scale_of))
@@ -139,7 +139,7 @@ class Ofv5000(Vibrometer):
     def autofocus(self) -> None:
         """Search the whole span for the focus, and return when it is found.
 
-        Raises InstrumentError when it is not found within the time that the settings allow.
+        Raises InstrumentError when it is not found within `focus_timeout`.
         """
         head = "SensorHead,0"
         self._send(Command("Set", head, "AutoFocusSpan", "Full"))

@@ -1,8 +1,8 @@
 r"""The lines of Polytec's OFV-5000: text in, values out, no I/O. Driver and wire share it.
 
 A command is `Get,DEVICE,INDEX,ATTRIBUTE`, `GetDevInfo,...` alike, or `Set,...,VALUE`; each line ends
-with `\n`, and a Set is not answered (docs/hardware.md, "OFV-5000": what public code really sends). The
-forms of the replies were found there too, except where a function says that it is an estimate.
+with `\n`, and a Set is not answered (docs/hardware.md, "OFV-5000": as public code sends them). The forms
+of the replies are from the same code, except where a function says that its form is an estimate.
 """
 
 from __future__ import annotations
@@ -25,28 +25,29 @@ __all__ = [
 Verb = Literal["Get", "Set", "GetDevInfo"]
 
 LEVEL_FULL = 512
-"""Signal level of full light (found for VibroFlex, Polytec's newer controller)."""
+"""Signal level of full light (found for VibroFlex, Polytec's newer controller; docs/hardware.md,
+"OFV-5000")."""
 
 _NUMBER = r"(?P<number>\d+(?:\.\d*)?|\.\d+)"
 _VELOCITY = {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "m": 1.0}
 _TIME = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "": 1e-6}
 _FREQUENCY = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
 _SENSITIVITIES = (1e-6, 10.0)
-"""m/s per V; like the two below, wider than anything that is built: beyond it is a garbled line."""
+"""Valid scales (m/s per V); like the two below, wider than any product's: beyond is a garbled line."""
 _DELAYS = (0.0, 0.1)
 _FREQUENCIES = (1.0, 1e9)
 
 
 @dataclass(frozen=True)
 class Command:
-    """One line to the controller. `str(command)` is what travels."""
+    """One line to the controller. `str(command)` is the text that is sent."""
 
     verb: Verb
     device: str
     """The device and its index: `VeloDec,0`."""
     attribute: str
     value: str | None = None
-    """What is set; None in a question. May hold commas."""
+    """Value to set; None in a query. May contain commas."""
 
     def __str__(self) -> str:
         parts = [self.verb, self.device, self.attribute]
@@ -54,7 +55,7 @@ class Command:
 
     @classmethod
     def parse(cls, text: str) -> Command | None:
-        """The command that a line holds; None when it holds none."""
+        """Parse a line as a command; None for any other line."""
         words = text.strip().split(",", 4)
         verb, wanted = words[0], 5 if words[0] == "Set" else 4
         if verb not in ("Get", "Set", "GetDevInfo") or len(words) != wanted or not words[2].isdigit():
@@ -64,37 +65,37 @@ class Command:
 
 
 def is_command(text: str) -> bool:
-    """Whether a line that came back is the interface's echo of a command, not an answer."""
+    """True when a received line is the interface's echo of a command, not an answer."""
     return text.startswith(("Get,", "Set,", "GetDevInfo,"))
 
 
 def scale_of(text: str) -> float:
-    """A velocity decoder's range, `5mm/s/V`, as m/s per V. Raises ValueError."""
+    """Parse a velocity decoder's range, `5mm/s/V`, to m/s per V. Raises ValueError."""
     return _quantity(text, r"(?P<unit>[uµ]m|mm|m)/s/V", _VELOCITY, _SENSITIVITIES)
 
 
 def scale_text(scale: float) -> str:
-    """m/s per V as the controller names its ranges, in mm/s."""
+    """Format a scale (m/s per V) as the controller names its ranges, in mm/s/V."""
     return f"{scale * 1e3:.6g}mm/s/V"
 
 
 def duration_of(text: str) -> float:
-    """A signal delay, `12.3 us`, as seconds. Raises ValueError.
+    """Parse a signal delay, `12.3 us`, to seconds. Raises ValueError.
 
-    Public code only takes the number; that a bare number is in microseconds is an estimate.
+    Public code reads only the number; microseconds for a bare number are an estimate.
     """
     return _quantity(text, r"(?P<unit>[nuµm]?s)?", _TIME, _DELAYS)
 
 
 def frequency_of(text: str) -> float | None:
-    """A highest frequency, `20 kHz`, in Hz; None for `Not Available`. Raises ValueError."""
+    """Parse a highest frequency, `20 kHz`, to Hz; None for `Not Available`. Raises ValueError."""
     if text.strip().lower() == "not available":
         return None
     return _quantity(text, r"(?P<unit>[kKmM]?[hH][zZ])", _FREQUENCY, _FREQUENCIES)
 
 
 def level_of(text: str) -> float:
-    """A signal level, 0 to 512, as a share of full light. Raises ValueError."""
+    """Parse a signal level, 0 to 512, to a fraction of full light. Raises ValueError."""
     if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > LEVEL_FULL:
         raise ValueError(f"no level of 0 to {LEVEL_FULL}")
     return int(text) / LEVEL_FULL

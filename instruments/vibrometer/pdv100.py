@@ -27,8 +27,9 @@ def _known(value: float) -> float:
 Range = Annotated[float, AfterValidator(_known)]
 
 _FULL_SCALE = 4.0
-"""V at the output at full range (20 mm/s at 5 mm/s/V)."""
+"""Output at full range (V): 20 mm/s at 5 mm/s/V (docs/hardware.md, "PDV-100")."""
 _DELAY = 1.1e-3
+"""Delay of the output (s; docs/hardware.md, "PDV-100")."""
 
 
 class Pdv100(Vibrometer):
@@ -58,17 +59,17 @@ class Pdv100(Vibrometer):
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: it is measured through the DAQ."""
+        """See `Driver.hardware`: none, because it is measured through the DAQ."""
         return ()
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
-        """There is nothing to connect to."""
+        """Return the vibrometer; there is nothing to connect to."""
         return cls(settings)
 
     def signal_level(self) -> float | None:
-        """Shown on its display only."""
+        """Return None: the level is shown only on its display."""
         return None
 
     def close(self) -> None:
-        """There is nothing to let go of."""
+        """Do nothing: there is no connection."""

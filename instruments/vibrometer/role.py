@@ -1,4 +1,4 @@
-"""The vibrometer role: a laser's velocity output, and what it does to the signal."""
+"""The vibrometer role: a laser's velocity output, with its scale, bandwidth and delay."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ class Vibrometer(ABC):
     range: float
     """Full scale (m/s)."""
     scale: float
-    """m/s per V at its output."""
+    """Scale of its output (m/s per V)."""
     bandwidth_hz: float
     delay: float
-    """Seconds by which the output is late."""
+    """Delay of the output (s)."""
     declared: str | None
     """Settings that only a person can check, as a sentence to confirm; None when they are read back."""
 
     @abstractmethod
     def signal_level(self) -> float | None:
-        """How much light comes back, 0 to 1; None where the product does not report it."""
+        """Fraction of full light that returns, 0 to 1; None where the product does not report it."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the instrument. May be called again."""
+        """Disconnect from the instrument. May be called again."""
 
     def to_velocity(self, volts: FloatArray) -> FloatArray:
-        """Volts at the output to m/s, of any shape."""
+        """Convert volts at the output to m/s, in any shape."""
         return volts * self.scale
 
     def response(self, frequencies: FloatArray) -> ComplexArray:
-        """The output's pole and delay at `frequencies` (Hz)."""
+        """Frequency response of the output's pole and delay at `frequencies` (Hz)."""
         late = np.exp(-2j * np.pi * frequencies * self.delay)
         return np.asarray(low_pass(frequencies, self.bandwidth_hz) * late)

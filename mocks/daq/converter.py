@@ -1,4 +1,4 @@
-"""The converters that twin and wire share, so that both give the same samples, and lose them alike."""
+"""Converters shared by twin and wire, so that both give, and lose, the same samples."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ LOST = {
     "overrun": DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
     "overflow": DAQmxErrors.INPUT_FIFO_OVERFLOW,
 }
-"""NI's error for the two ways of `haploop.mocks.plant.SamplesLost`."""
+"""NI's error for each `how` of `haploop.mocks.plant.SamplesLost`."""
 
 
 def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:
-    """The noise of a device's `acquisition`-th start (from 0) on a plant with `seed`.
+    """Create the noise generator of a device's `acquisition`-th start (from 0) on a plant with `seed`.
 
-    A generator per acquisition: what was read, or left unread, before does not change it.
+    Each acquisition has its own generator, so that earlier reads do not change its noise.
     """
     return np.random.default_rng([seed, zlib.crc32(device.encode()), acquisition])
 
@@ -30,16 +30,16 @@ def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:
 def convert(
     volts: FloatArray, full_scale: FloatArray, product: Product, noise: np.random.Generator
 ) -> tuple[FloatArray, BoolArray]:
-    """The volts that a card reports for true `volts` at its terminals, and which channels were overloaded.
+    """Convert the true `volts` at a card's terminals to the volts that it reports, and find overloads.
 
-    `volts` is (channels, samples), at each channel's own times of conversion and in the order in
-    which the card converts them; `full_scale` is (channels,), +- V. Returns volts of the same
-    shape, and (channels,): a sample stood at an end of the range. The noise is drawn sample by
-    sample, so that it does not depend on how the samples are cut into blocks.
+    `volts` is (channels, samples), at each channel's own conversion times and in the card's order of
+    conversion; `full_scale` is (channels,), +- V. Returns volts of the same shape, and (channels,) True
+    where a sample reached an end of the range. The noise is drawn sample by sample, so that it does not
+    depend on the division of the samples into blocks.
     """
     channels, samples = volts.shape
     width = code_width(product, full_scale)[:, np.newaxis]
-    # In units of codes; noise is proportional to the range, so it is the same in every channel.
+    # In units of codes. Noise is proportional to the range, so it is equal in every channel.
     codes = noise.standard_normal((samples, channels)).T
     codes *= product.ai_noise / 10.0 * 2.0 ** (product.ai_bits - 1)
     codes += volts / width
@@ -52,7 +52,7 @@ def convert(
 
 
 def put_out(volts: FloatArray, product: Product) -> FloatArray:
-    """`volts` (of any shape) as a card's output puts them out: rounded to its codes, and clipped."""
+    """Round `volts` (of any shape) to the codes of a card's output, and clip them to its range."""
     end = 2.0 ** (product.ao_bits - 1)
     width = product.ao_range / end
     return np.asarray(np.clip(np.rint(volts / width), -end, end - 1) * width)

@@ -1,7 +1,7 @@
-"""Facts of the NI cards and modules that can be simulated, and how fast they convert.
+"""Data of the NI cards and modules that can be simulated, and their conversion timing.
 
 Each figure is from docs/hardware.md, "NI cards" and "Conversion timing", unless it is marked as an
-estimate: then it is what such a card usually does, to be replaced by the data sheet of the lab's own.
+estimate: an estimate is typical of such a card, to be replaced by the data sheet of the lab's own card.
 """
 
 from __future__ import annotations
@@ -16,47 +16,48 @@ __all__ = ["PRODUCTS", "Product", "code_width", "convert_interval", "input_range
 Family = Literal["E Series", "X Series", "C Series", "Digital I/O", "CompactDAQ Chassis"]
 
 _PADDING = 10e-6
-"""Seconds that the driver adds between two channels of a multiplexed card (docs/hardware.md, "Conversion
+"""Padding that the driver adds between two channels of a multiplexed card (s; docs/hardware.md, "Conversion
 timing")."""
 
 
 @dataclass(frozen=True)
 class Product:
-    """One product: what its terminals are and what its converters do. Zero means there is none."""
+    """Terminals and converters of one product. Zero means that it has none."""
 
     name: str
     family: Family
     number: int = 0
-    """Product number that the driver reports; 0 where it is not known."""
+    """Product number that the driver reports; 0 if unknown."""
     ai_single_ended: int = 0
-    """Analog inputs, each against ground."""
+    """Number of single-ended analog inputs."""
     ai_differential: int = 0
-    """Analog inputs in pairs; input i is paired with i + 8 in each bank of 16 on a multiplexed card."""
+    """Number of differential inputs; on a multiplexed card i is paired with i + 8 in each bank of 16."""
     ai_ranges: tuple[float, ...] = ()
     """Input ranges as +- full scale (V), widest first."""
     ai_bits: int = 16
     ai_rate_hz: float = 0.0
-    """Conversions per second: of all channels together on a multiplexed card, else of each."""
+    """Conversions per second: of all channels together on a multiplexed card, else of each channel."""
     ai_rate_single_hz: float = 0.0
     """Conversions per second when only one channel is read."""
     ai_simultaneous: bool = False
-    """Each channel has a converter of its own."""
+    """True when each channel has its own converter."""
     ai_noise: float = 0.0
-    """Noise (V rms) in a range of +-10 V; it is taken to scale with the range."""
+    """Noise in a range of +-10 V (V rms), scaled with the range (docs/hardware.md, "All NI cards")."""
     ai_fifo: int = 0
-    """Samples that the card holds until the host takes them."""
+    """Size of the card's own input buffer (samples)."""
     ao_channels: int = 0
     ao_range: float = 0.0
     """Output range as +- full scale (V)."""
     ao_bits: int = 16
     ao_rate_hz: float = 0.0
     ao_fifo: int = 8191
+    """Size of the card's own output buffer (samples; docs/hardware.md, "PCIe-6321 (X Series)")."""
     ports: tuple[int, ...] = ()
-    """Digital lines of each port; port 0 alone can be clocked."""
+    """Number of digital lines of each port; only port 0 can be clocked."""
     counters: int = 0
     counter_bits: int = 32
     slots: int = 0
-    """Slots for modules, of a chassis."""
+    """Number of module slots of a chassis."""
 
 
 PRODUCTS: dict[str, Product] = {
@@ -68,7 +69,7 @@ PRODUCTS: dict[str, Product] = {
             number=0x2CA0,
             ai_single_ended=16,
             ai_differential=8,
-            ai_ranges=(10.0, 5.0, 0.5, 0.05),  # the gain table is known, the ranges are estimates
+            ai_ranges=(10.0, 5.0, 0.5, 0.05),  # The gain table is known; the ranges are estimates.
             ai_rate_hz=200e3,
             ai_rate_single_hz=200e3,
             ai_noise=0.24e-3,  # estimate
@@ -93,7 +94,7 @@ PRODUCTS: dict[str, Product] = {
             ports=(8, 8, 8),  # estimate
             counters=4,
         ),
-        Product(  # all estimates, but for the family's timing rules
+        Product(  # all estimates except the family's timing rules (docs/hardware.md, "Other NI products")
             name="PCIe-6363",
             family="X Series",
             ai_single_ended=32,
@@ -150,7 +151,8 @@ PRODUCTS: dict[str, Product] = {
             ao_range=10.0,
             ao_rate_hz=100e3,
         ),
-        Product(name="NI 9401", family="C Series", ports=(8,), counters=4),  # counters of its chassis
+        # From here on: docs/hardware.md, "Other NI products". The counters of an NI 9401 are its chassis's.
+        Product(name="NI 9401", family="C Series", ports=(8,), counters=4),
         Product(name="PCIe-6535", family="Digital I/O", ports=(8, 8, 8, 8)),
         Product(name="cDAQ-9174", family="CompactDAQ Chassis", slots=4, counters=4),
         Product(name="cDAQ-9178", family="CompactDAQ Chassis", slots=8, counters=4),
@@ -158,15 +160,15 @@ PRODUCTS: dict[str, Product] = {
         Product(name="cDAQ-9189", family="CompactDAQ Chassis", slots=8, counters=4),
     )
 }
-"""Every product that twin and wire know, by the name that the driver gives it."""
+"""Products that twin and wire simulate, by the driver's names."""
 
 
 def convert_interval(product: Product, rate_hz: float, channels: int) -> float:
-    """Seconds between the conversions of two neighbouring channels of one scan.
+    """Return the interval between the conversions of two neighbouring channels of one scan (s).
 
-    A multiplexed card converts as fast as it can plus 10 us of padding, or evenly over the sample
-    period where that is shorter (docs/hardware.md, "Conversion timing"); a single channel has no padding; a
-    simultaneous card converts all channels at once.
+    On a multiplexed card it is the shortest conversion time plus 10 us of padding, or an even division of
+    the sample period if that is shorter (docs/hardware.md, "Conversion timing"). A single channel has no
+    padding; a simultaneous card converts all channels at once.
     """
     if product.ai_simultaneous:
         return 0.0
@@ -177,10 +179,10 @@ def convert_interval(product: Product, rate_hz: float, channels: int) -> float:
 
 
 def input_range(product: Product, full_scale: float) -> float | None:
-    """The narrowest input range (+- V) that holds +-`full_scale`; None when no range does."""
+    """Return the narrowest input range (+- V) that contains +-`full_scale`, or None."""
     return min((r for r in product.ai_ranges if r >= full_scale * (1 - 1e-9)), default=None)
 
 
 def code_width(product: Product, full_scale: FloatArray) -> FloatArray:
-    """Volts per code in input ranges of +-`full_scale` (of any shape)."""
+    """Return the volts per code of input ranges of +-`full_scale` (V, any shape)."""
     return full_scale / 2.0 ** (product.ai_bits - 1)

@@ -1,4 +1,4 @@
-"""The DAQ's twin: converters and outputs of the rig's cards, on the plant's clock."""
+"""Twin of the DAQ: converters and outputs of the rig's cards, on the plant's clock."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ __all__ = ["DaqTwin"]
 
 
 _APART = 0.5
-"""Seconds of samples by which the driver lets two cards seem apart."""
+"""Largest difference between two cards' sample counts that the driver accepts, as time (s)."""
 _HELD = 1.0
-"""Period (s) of a run of one value: any, for the value is held until the next run."""
+"""Period of a run of one value (s): arbitrary, because the value is held until the next run."""
 
 
 class _Output:
@@ -43,7 +43,7 @@ class _Output:
         run = self._run
         if run is None or run.start > until:
             return []
-        # A step on the very edge of `until` has happened, whatever rounding says.
+        # The tolerance counts a step at `until` itself as past, in spite of rounding.
         past = len(run.values)
         if past > 1:
             past = min(past, int((until - run.start) / run.period + 1e-3) + 1)
@@ -53,7 +53,7 @@ class _Output:
 
 
 class DaqTwin(Daq):
-    """See `Daq`. One twin stands for all cards of the rig: they share a sample clock."""
+    """See `Daq`. One twin simulates all cards of the rig, which share a sample clock."""
 
     def __init__(self, settings: NiDaq.Settings, plant: Plant) -> None:
         self._settings = settings
@@ -95,7 +95,7 @@ class DaqTwin(Daq):
     def zero(self) -> None:
         """See `Daq.zero`."""
         now = self._plant.clock.now()
-        # What was played until now has happened.
+        # The plant takes the output played until now before it is set to zero.
         self._plant.advance(now)
         for output in self._outputs.values():
             output.play(Run(now, _HELD, np.zeros(1)))
@@ -129,7 +129,7 @@ class DaqTwin(Daq):
                 )
 
     def _refuse_apart(self, channels: Sequence[str]) -> None:
-        """Cards are joined by a cable, or they are not sampled together."""
+        """Raise the driver's error when the channels are on two cards without a cable between them."""
         used = {_card(self._settings.channels[channel].terminal) for channel in channels}
         if len(used) > 1 and not self._plant.has_rtsi():
             first = next(device for device in self._products if device in used)
@@ -200,7 +200,7 @@ class _TwinStream(Stream):
             first += count
 
     def _refuse_drift(self, now: float) -> None:
-        """As the driver does: cards on one clock have sampled equally often."""
+        """Raise InstrumentError, as the driver does, when the cards' sample counts differ too much."""
         counts = {}
         for device in self._devices:
             begin, end = self._plant.lateness(device.name, np.array([self._start, now]))
@@ -221,7 +221,7 @@ class _TwinStream(Stream):
 
 @contextmanager
 def _as_driver() -> Iterator[None]:
-    """Raise what the plant says of a card as NI's library would raise it."""
+    """Convert the plant's SamplesLost to the error that NI's library raises."""
     try:
         yield
     except SamplesLost as lost:
@@ -233,7 +233,7 @@ def _card(terminal: str) -> str:
 
 
 def _full_scale(product: Product, channel: str, wanted: float) -> float:
-    """The card's next wider range, as the driver would choose it."""
+    """Return the card's next wider range (+- V), as the driver chooses it."""
     full_scale = input_range(product, wanted)
     if full_scale is None:
         raise ConfigurationError(

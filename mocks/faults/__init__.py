@@ -1,1 +1,1 @@
-"""haploop's own kinds of fault, a file for each place where they act. Rig files name them by entry point."""
+"""haploop's own kinds of fault, one module for each place of action. Rig files name them by entry point."""

@@ -11,7 +11,7 @@ __all__ = ["AmplifierGain", "AmplifierTrip"]
 
 
 class AmplifierGain(Fault):
-    """The amplifier's gain is another than the rig file says."""
+    """The amplifier's gain differs from the rig file's."""
 
     class Settings(FaultSettings):
         """See `FaultSettings`."""
@@ -33,5 +33,5 @@ class AmplifierTrip(TimedFault):
 
     def output(self, volts: FloatArray, times: FloatArray) -> FloatArray:
         """See `Fault.output`."""
-        # A trip at zero output has no effect, so it does not fire.
+        # A trip at zero output has no effect, so it is not recorded as fired.
         return np.asarray(volts * ~self.active(times)) if volts.any() else volts

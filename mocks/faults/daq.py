@@ -15,7 +15,7 @@ __all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "RtsiMissing"]
 
 
 class RtsiMissing(Fault):
-    """There is no RTSI cable between the cards."""
+    """The RTSI cable between the cards is missing."""
 
     def rtsi(self, now: float) -> bool:
         """See `Fault.rtsi`."""
@@ -24,16 +24,16 @@ class RtsiMissing(Fault):
 
 
 class ClockDrift(ScheduledFault):
-    """A card samples on a clock of its own, which is slower than the other card's."""
+    """One card samples on its own clock, which is slower than the other card's."""
 
     class Settings(ScheduledFault.Settings):
         """See `FaultSettings`."""
 
         drift: Annotated[float, Field(gt=0, le=0.5)] = 500e-6
-        """How much slower, as a fraction. Two free clocks differ by 5 to 50e-6 (estimate; docs/hardware.md,
-        "Two cards on one clock"); an input that counts noise instead of clock edges, by any amount."""
+        """Relative slowness of the clock. Two free clocks differ by 5 to 50e-6 (estimate; docs/hardware.md,
+        "Two cards on one clock"); an input that counts noise instead of clock edges differs by any amount."""
         device: str | None = None
-        """None takes the first card that has no output."""
+        """Name of the card; None selects the first card without an output."""
 
     settings: Settings
 
@@ -61,7 +61,7 @@ class _OfCard(PerEventFault):
     class Settings(PerEventFault.Settings):
         times: Annotated[int, Field(ge=1)] | None = 1
         device: str | None = None
-        """None takes every card."""
+        """Name of the card; None selects every card."""
 
     settings: Settings
 
@@ -70,7 +70,7 @@ class _OfCard(PerEventFault):
 
 
 class DaqOverrun(_OfCard):
-    """Samples are not read in time, and the host's buffer runs over (NI's -200279)."""
+    """The host reads too late, and its buffer overflows (NI's error -200279)."""
 
     def samples(self, device: str, now: float) -> None:
         """See `Fault.samples`."""
@@ -79,7 +79,7 @@ class DaqOverrun(_OfCard):
 
 
 class DaqOverflow(_OfCard):
-    """A card's own memory runs over (NI's -200010)."""
+    """A card's own memory overflows (NI's error -200010)."""
 
     def samples(self, device: str, now: float) -> None:
         """See `Fault.samples`."""

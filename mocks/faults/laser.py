@@ -1,4 +1,4 @@
-"""Faults of the vibrometer and of the laser's path."""
+"""Faults of the vibrometer and of the laser's light path."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["LaserBlocked", "LaserDropout", "VibrometerRange"]
 
 
 class VibrometerRange(Fault):
-    """The vibrometer is set to another range than the rig file says."""
+    """The vibrometer's range differs from the rig file's."""
 
     class Settings(FaultSettings):
         """See `FaultSettings`."""
 
         range: Positive = 0.1
-        """m/s, full scale."""
+        """Actual full scale (m/s)."""
 
     settings: Settings
 
@@ -35,7 +35,7 @@ class VibrometerRange(Fault):
 
 
 class LaserDropout(TimedFault):
-    """Too little light returns for a short time, and the vibrometer's output jumps from end to end."""
+    """Too little light returns for a short time, and the output jumps between both ends of its range."""
 
     class Settings(TimedFault.Settings):
         """See `FaultSettings`."""
@@ -52,7 +52,7 @@ class LaserDropout(TimedFault):
 
 
 class LaserBlocked(TimedFault):
-    """The laser's path is blocked: no velocity, and ten times the noise."""
+    """The laser beam is blocked: the velocity is lost, and the noise is ten times as large."""
 
     def light(self, level: FloatArray, times: FloatArray) -> FloatArray:
         """See `Fault.light`."""

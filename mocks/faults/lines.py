@@ -1,4 +1,4 @@
-"""Faults of the lines to instruments."""
+"""Faults of the communication lines to instruments."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["Reply"]
 
 
 class Reply(PerEventFault):
-    """An instrument's answers are disturbed on their way. On a wire only: a twin has no line."""
+    """An instrument's answers are disturbed on the line. For wires only, because a twin has no line."""
 
     class Settings(PerEventFault.Settings):
         """See `FaultSettings`."""
 
         instrument: str
-        """The role: relay, vibrometer, ..."""
+        """Role of the instrument: relay, vibrometer, ..."""
         how: Literal["silence", "delay", "drip", "garbled", "truncated", "disconnect"] = "silence"
         asked: str = ""
-        """Only answers to requests that contain this."""
+        """Text that a request must contain for its answer to be disturbed."""
         delay: Annotated[float, Field(gt=0, le=60)] = 0.05
-        """Real seconds: before the answer with "delay", between its bytes with "drip"."""
+        """Delay in real time (s): before the answer with "delay", between its bytes with "drip"."""
 
     settings: Settings
 

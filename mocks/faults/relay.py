@@ -1,4 +1,4 @@
-"""Faults of the relay box and of the wires behind it."""
+"""Faults of the relay box and of the wiring behind it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["RelayLost", "RelayStuck", "RelaySwapped", "RelayWelded"]
 
 
 class RelaySwapped(Fault):
-    """The wires of two patches are swapped behind the relay."""
+    """The wires of two patches are swapped at the relay's output."""
 
     class Settings(FaultSettings):
         """See `FaultSettings`."""
@@ -50,18 +50,18 @@ class _OfRelay(PerEventFault):
 
 
 class RelayLost(_OfRelay):
-    """A command to the channel of a patch never reaches the box."""
+    """A command to a patch's channel never reaches the box."""
 
     how = "lost"
 
 
 class RelayStuck(_OfRelay):
-    """A channel keeps its state, and reports it."""
+    """A channel does not switch, and reports the state that it really has."""
 
     how = "stuck"
 
 
 class RelayWelded(_OfRelay):
-    """A contact keeps its state, while the box reports the commanded one."""
+    """A contact does not switch, but the box reports the commanded state."""
 
     how = "welded"

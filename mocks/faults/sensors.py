@@ -11,17 +11,18 @@ from haploop.mocks.plant import Fault, FaultSettings, NotNegative, Positive, Tim
 __all__ = ["AccelerometerInverted", "ForceCalibration", "SensorDisconnected", "SensorSaturated"]
 
 RAIL = 15.0
-"""V of a saturated sensor's output: its supply, beyond every converter's range (estimate)."""
+"""Output of a saturated sensor (V): its supply, beyond every converter's range (estimate; docs/hardware.md,
+"Limits and loss of the host")."""
 
 
 class ForceCalibration(Fault):
-    """The force sensor is not the one whose matrix is in the rig file."""
+    """The force sensor does not match the calibration matrix of the rig file."""
 
     class Settings(FaultSettings):
         """See `FaultSettings`."""
 
         gain: Positive = 1.15
-        """Ratio of the true sensor's output to that of the file's matrix."""
+        """Ratio of the real sensor's output to the output that the file's matrix implies."""
         crosstalk: NotNegative = 0.05
         """Standard deviation of the crosstalk from one gauge to another."""
 
@@ -63,7 +64,7 @@ class AccelerometerInverted(Fault):
 
 
 class SensorDisconnected(Fault):
-    """A channel of the DAQ is not connected: it reads ground."""
+    """A channel of the DAQ is not connected and reads 0 V."""
 
     class Settings(FaultSettings):
         """See `FaultSettings`."""
@@ -81,7 +82,7 @@ class SensorDisconnected(Fault):
 
 
 class SensorSaturated(TimedFault):
-    """A channel of the DAQ is driven beyond every range."""
+    """A channel of the DAQ is driven beyond every input range."""
 
     class Settings(TimedFault.Settings):
         """See `FaultSettings`."""

@@ -11,11 +11,11 @@ from haploop.mocks.plant import Fault, FaultSettings, Plate
 __all__ = ["PatchDead"]
 
 _NOWHERE = (0.0, 0.0)
-"""The pane's corner, where no mode has curvature: a patch there moves nothing."""
+"""The pane's corner, where no mode has curvature: a patch placed there moves nothing."""
 
 
 class PatchDead(Fault):
-    """A patch takes its voltage but moves nothing: it is cracked or detached."""
+    """A cracked or detached patch: it takes its voltage but moves nothing."""
 
     class Settings(FaultSettings):
         """See `FaultSettings`."""

@@ -1,6 +1,7 @@
-"""A function generator's box: what is set by SCPI becomes volts at a node of the plant.
+"""Simulated function generator, which turns its SCPI settings into volts at a node of the plant.
 
-Ranges and words are the families'; where a limit was not found, it is that of the type (estimate).
+Ranges and keywords are those of the product families. A limit that was not found is the usual one for
+this type of instrument (estimate; docs/hardware.md, "Generators").
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ __all__ = ["Box", "Input"]
 
 _CHANNELS = (1, 2)
 _SOURCE = 50.0
-"""Ohms of the output."""
+"""Output impedance (ohm)."""
 _HIGHEST = 20.0
-"""V peak to peak without load: half of it at 50 ohm."""
+"""Largest amplitude without load (V peak to peak): half of it at 50 ohm."""
 _LOWEST = 2e-3
 _INFINITE = 9.9e37
 
 
-# Header, default, lowest, highest. What the plant never sees is only kept and given back.
+# Header: default, lowest, highest. Settings without an effect on the plant are stored and reported only.
 _NUMBERS = {
     "[:SOURce#]:FREQuency[:CW]": (1e3, 1e-6, 60e6),
     "[:SOURce#]:FREQuency:STARt": (100, 1e-6, 60e6),
@@ -79,7 +80,7 @@ _RATE = "[:SOURce#]:FUNCtion:ARBitrary:SRATe"
 
 
 class Input(Protocol):
-    """What a generator asks of the plant."""
+    """The part of the plant that a generator uses."""
 
     @property
     def clock(self) -> Clock:
@@ -89,14 +90,14 @@ class Input(Protocol):
         """See `haploop.mocks.plant.Nodes.drive`."""
 
     def advance(self, until: float) -> None:
-        """Take what sources have put out until then (s)."""
+        """Step the plant to `until` (s), with the sources' output up to that time."""
 
 
 class Box:
-    """A two-channel generator; channel 1 is wired to the plant's `node`.
+    """Two-channel generator; channel 1 is wired to the plant's `node`.
 
-    Volts at the plant are those of an open input, whatever load the generator was told of: that is
-    how a wrong load setting shows in the data.
+    The plant receives the open-circuit voltage regardless of the generator's load setting, so that a
+    wrong load setting shows in the data.
     """
 
     def __init__(self, product: Product, plant: Input, node: str) -> None:
@@ -165,7 +166,7 @@ class Box:
             entries["[:SOURce#]:SWEep:TRIGger[:IMMediate]"] = Entry(put=lambda n, _: self._fire(n))
         return entries
 
-    # What is set
+    # Settings
 
     def _get_number(self, header: str, low: float, high: float, n: int, argument: str) -> str:
         ends = {"MINimum": low, "MAXimum": high}
@@ -205,7 +206,7 @@ class Box:
         self._channel(n).values[_SWEEP] = float(word_of(argument, ("CW", "FIXed", "SWEep")) == "SWE")
         self._apply(n)
 
-    # Volts are kept without load, and told at the load that is set
+    # Voltages are stored without load, and reported for the load that is set
 
     def _get_level(self, n: int, argument: str) -> str:
         channel = self._channel(n)
@@ -248,7 +249,7 @@ class Box:
         other = channel.offset - side * channel.peak_to_peak / 2
         end = self._within(number_of(argument) / channel.share, -_HIGHEST / 2, _HIGHEST / 2)
         if side * (end - other) < _LOWEST:
-            other = end - side * _LOWEST  # as the instruments do: the other end gives way
+            other = end - side * _LOWEST  # As the instruments do, move the other end.
             self.fail(ScpiError(-221, "Settings conflict; high level must be above low level"))
         channel.peak_to_peak, channel.offset = side * (end - other), (end + other) / 2
         self._apply(n)
@@ -284,7 +285,7 @@ class Box:
         channel.arb = _arb(name)
         self._apply(n)
 
-    # What is played
+    # Output
 
     def _software_trigger(self) -> None:
         if not self._product.by_mode:
@@ -305,7 +306,7 @@ class Box:
             self.playing.fire()
 
     def _apply(self, n: int) -> None:
-        """Let the plant have what was put out until now, then put out what is set."""
+        """Step the plant to now with the old output, then put out the current settings."""
         if n != 1:
             return
         channel = self._channel(1)
@@ -338,7 +339,7 @@ class Box:
         return format(value, self._product.number)
 
     def _within(self, value: float, low: float, high: float) -> float:
-        """A value, cut to its limits with an error, as both families do."""
+        """Clip a value to its limits and queue an error, as both families do."""
         if low <= value <= high:
             return value
         end = "lower" if value < low else "upper"
@@ -347,7 +348,7 @@ class Box:
 
 
 class _Channel:
-    """Settings of one channel; filled by a reset."""
+    """Settings of one channel; a reset fills them in."""
 
     def __init__(self) -> None:
         self.values: dict[str, float] = {}
@@ -355,23 +356,23 @@ class _Channel:
         self.points: dict[str, list[float]] = {}
         self.arb = ""
         self.peak_to_peak = 0.0
-        """V peak to peak without load."""
+        """Amplitude without load (V peak to peak)."""
         self.offset = 0.0
         self.load = 50.0
 
     @property
     def is_direct(self) -> bool:
-        """Direct voltage: the offset alone, for which the amplitude leaves all its room."""
+        """True for direct voltage: the offset alone, whose range the amplitude does not reduce."""
         return self.words[_SHAPE] == "DC"
 
     @property
     def share(self) -> float:
-        """What of the volts without load is left at the load that is set."""
+        """Ratio of the voltage at the load that is set to the open-circuit voltage."""
         return 1.0 if math.isinf(self.load) else self.load / (self.load + _SOURCE)
 
 
 def _arb(name: str) -> str:
-    """A waveform's name as the instrument tells it: quoted and in capitals."""
+    """Return a waveform's name as the instrument reports it: quoted and in capitals."""
     return f'"{name.strip().strip(chr(34)).upper()}"'
 
 

@@ -1,4 +1,4 @@
-"""The families of function generators that can be simulated, by what differs between them."""
+"""Families of function generators that can be simulated, described by their differences."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ __all__ = ["DG1000Z", "KEYSIGHT_33500", "Product"]
 
 @dataclass(frozen=True)
 class Product:
-    """How one family differs from another, as seen from outside."""
+    """Externally visible properties of one family that differ from the other's."""
 
     identity: str
     number: str
-    """How it writes a number."""
+    """Format specification of the numbers in its answers."""
     booleans: tuple[str, str]
     infinite: str
-    """How it writes the load of an open input."""
+    """Its text for an infinite load (an open input)."""
     sweep: dict[str, tuple[float, float, float]]
-    """Numbers of the sweep that only this family has: header, default, lowest and highest."""
+    """Sweep settings that only this family has: header to (default, lowest, highest)."""
     by_mode: bool
-    """Keysight's: the sweep is a mode of the frequency, and the trigger is common to all functions."""
+    """True for Keysight: the sweep is a frequency mode, and all functions share one trigger."""
 
 
 KEYSIGHT_33500 = Product(

@@ -1,7 +1,7 @@
-"""An instrument that speaks SCPI: headers in long and short form, an error queue, common commands.
+"""Parser of an instrument that speaks SCPI: long and short headers, an error queue, common commands.
 
-Written from the rules of SCPI-99 and IEEE 488.2 as instruments follow them: any case, an optional
-leading colon, numeric suffixes, several commands on a line, the second relative to the first.
+It follows SCPI-99 and IEEE 488.2 as instruments implement them: any case, an optional leading colon,
+numeric suffixes, and several commands on a line, each relative to the one before it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 __all__ = ["Entry", "ScpiDevice", "ScpiError", "number_of", "word_of"]
 
 _QUEUE = 20
+"""Capacity of the error queue (docs/hardware.md, "Generators")."""
 _UNITS = {
     "": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "MV": 1e-3, "VPP": 1.0, "MVPP": 1e-3,
     "VRMS": 1.0, "DBM": 1.0, "S": 1.0, "MS": 1e-3, "US": 1e-6, "OHM": 1.0, "KOHM": 1e3, "DEG": 1.0,
@@ -22,7 +23,7 @@ _UNITS = {
 
 
 class ScpiError(Exception):
-    """What goes into the error queue."""
+    """An entry of the error queue."""
 
     def __init__(self, number: int, text: str) -> None:
         super().__init__(number, text)
@@ -31,16 +32,16 @@ class ScpiError(Exception):
 
 @dataclass(frozen=True)
 class Entry:
-    """What a header does, for the numeric suffix that it came with (1 without one)."""
+    """Actions of a header; each gets the header's numeric suffix (1 without one) and the argument."""
 
     get: Callable[[int, str], str] | None = None
-    """The answer to a question with an argument (usually empty)."""
+    """Answer a query; the argument is usually empty."""
     put: Callable[[int, str], None] | None = None
-    """Take an argument, and raise ScpiError for one that is wrong."""
+    """Apply a setting. Raises ScpiError for a wrong argument."""
 
 
 class ScpiDevice:
-    """One instrument. `entries` has headers as manuals write them: `[:SOURce#]:FREQuency[:CW]`."""
+    """One instrument. `entries` maps headers, written as in manuals (`[:SOURce#]:FREQuency[:CW]`)."""
 
     def __init__(
         self,
@@ -60,7 +61,7 @@ class ScpiDevice:
         self._enabled = {"*ESE": 0, "*SRE": 0}
 
     def answer(self, line: str) -> Sequence[str]:
-        """The one line that answers all questions of a line, if there are any."""
+        """Execute a line of commands; return one line with the answers to all its queries, or none."""
         replies: list[str] = []
         path = ""
         for part in _split(line):
@@ -68,13 +69,13 @@ class ScpiDevice:
                 reply, path = self._execute(part.strip(), path)
             except ScpiError as error:
                 self.fail(error)
-                break  # the rest of a message whose beginning was not understood is dropped
+                break  # The rest of a line is dropped after an error.
             if reply is not None:
                 replies.append(reply)
         return [";".join(replies)] if replies else []
 
     def fail(self, error: ScpiError) -> None:
-        """Queue an error; the last place of a full queue says that there were more."""
+        """Queue an error; the last entry of a full queue becomes a queue overflow."""
         self._events |= 0x20 if error.number > -200 else 0x10
         if len(self.errors) < _QUEUE:
             self.errors.append(error)
@@ -90,7 +91,7 @@ class ScpiDevice:
         if header.startswith("*"):
             return self._common(header, argument), path
         name = header.rstrip("?")
-        # A tolerant reading: relative to the command before it, else from the root.
+        # Tolerant: try the header relative to the command before it, then from the root.
         for full in [name] if name.startswith(":") else [f"{path}:{name}", f":{name}"]:
             for pattern, entry in self._entries:
                 if found := pattern.fullmatch(full):
@@ -107,7 +108,7 @@ class ScpiDevice:
         return None
 
     def next_error(self) -> str:
-        """The oldest error as the instrument writes it, taken out of the queue."""
+        """Remove the oldest error from the queue and return it as the instrument writes it."""
         if not self.errors:
             return self._no_error
         error = self.errors.popleft()
@@ -136,14 +137,14 @@ class ScpiDevice:
             case "*OPC":
                 self._events |= 0x01
             case "*WAI":
-                pass  # nothing here takes time
+                pass  # Every command here completes at once.
             case _:
                 raise ScpiError(-113, "Undefined header")
         return None
 
 
 def number_of(argument: str, special: Mapping[str, float] | None = None) -> float:
-    """A number with or without a unit, or one of `special` (MINimum, INFinity). Raises ScpiError."""
+    """Parse a number with or without a unit, or one of `special` (MINimum, INFinity). Raises ScpiError."""
     for name, value in (special or {}).items():
         if re.fullmatch(_keyword(name), argument.upper()):
             return value
@@ -156,7 +157,7 @@ def number_of(argument: str, special: Mapping[str, float] | None = None) -> floa
 
 
 def word_of(argument: str, words: Sequence[str]) -> str:
-    """The short form of the one of `words` (`LINear`) that was meant. Raises ScpiError."""
+    """Return the short form of the keyword among `words` (`LINear`) that matches. Raises ScpiError."""
     if not argument:
         raise ScpiError(-109, "Missing parameter")
     for word in words:
@@ -186,5 +187,5 @@ def _pattern(header: str) -> re.Pattern[str]:
 
 
 def _split(line: str) -> list[str]:
-    """The commands of a line; a semicolon within quotes does not part any."""
+    """Split a line into its commands, except at semicolons within quotes."""
     return re.findall(r"(?:\"[^\"]*\"|'[^']*'|[^;\"'])+|[\"']", line)

@@ -1,4 +1,4 @@
-"""Twins and wires of the SCPI generators: a box of the plant's, reached by calls or over TCP."""
+"""Twins and wires of the SCPI generators: a simulated box, reached by calls or over TCP."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ __all__ = ["dg1000z", "dg1000z_wire", "keysight", "keysight_wire"]
 
 
 def keysight(settings: ScpiGenerator.Settings, plant: Input) -> Keysight33500:
-    """The twin of a 33500: the real driver's class, talking to a box by calls."""
+    """Create the twin of a 33500: the real driver's class, connected to a box by calls."""
     return Keysight33500(
         settings, plant.clock, DirectLine(Box(KEYSIGHT_33500, plant, settings.output).answer)
     )
 
 
 def dg1000z(settings: ScpiGenerator.Settings, plant: Input) -> Dg1000z:
-    """The twin of a DG1000Z: the real driver's class, talking to a box by calls."""
+    """Create the twin of a DG1000Z: the real driver's class, connected to a box by calls."""
     return Dg1000z(settings, plant.clock, DirectLine(Box(DG1000Z, plant, settings.output).answer))
 
 
 @contextmanager
 def keysight_wire(settings: ScpiGenerator.Settings, plant: Input) -> Iterator[dict[str, object]]:
-    """Serve a 33500; gives the settings that point the driver at it."""
+    """Serve a 33500; yield the settings that point the driver at it."""
     yield from _served(KEYSIGHT_33500, settings, plant)
 
 
 @contextmanager
 def dg1000z_wire(settings: ScpiGenerator.Settings, plant: Input) -> Iterator[dict[str, object]]:
-    """Serve a DG1000Z; gives the settings that point the driver at it."""
+    """Serve a DG1000Z; yield the settings that point the driver at it."""
     yield from _served(DG1000Z, settings, plant)
 
 

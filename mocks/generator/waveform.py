@@ -1,4 +1,4 @@
-"""The output of a function generator, as steps of voltage at a node of the plant."""
+"""Output of a function generator, as voltage steps at a node of the plant."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = ["SHAPES", "Playing", "Waveform"]
 
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
 _PERIOD = 20e-6
-"""Seconds of a step: far above the table's band, and as fine as the drives of a DAQ."""
+"""Step of the output (s): far above the table's band, and as fine as a DAQ's drives."""
 
 
 @dataclass(frozen=True)
 class Waveform:
-    """What is set. Volts are those of an open input. Of PULSe, PRBS and NOISe only the offset is
-    put out: no plant here needs them.
+    """Settings of a channel, in volts at an open input. For PULSe, PRBS and NOISe only the offset is
+    simulated, because nothing here uses them.
     """
 
     on: bool = False
@@ -35,15 +35,16 @@ class Waveform:
     points: tuple[float, ...] = ()
     rate_hz: float = 40e3
     sweep: tuple[float, float, float] | None = None
-    """Start (Hz), stop (Hz) and time (s), when the sweep is on."""
+    """Start (Hz), stop (Hz) and duration (s) of the sweep; None when it is off."""
     logarithmic: bool = False
     burst: tuple[float, float] | None = None
-    """Cycles and period (s), when the burst is on."""
+    """Cycles and period (s) of the burst; None when it is off."""
     repeats: bool = True
-    """Sweep or burst triggers itself; else it waits for one, a sweep at its start frequency."""
+    """True when sweep or burst trigger themselves; else they wait for a trigger, the sweep at its start
+    frequency."""
 
     def volts(self, times: FloatArray, fired: bool) -> FloatArray:
-        """Volts at `times` (s) since the waveform was set, or since its trigger has `fired`."""
+        """Return (times,) V at `times` (s) since the waveform was set or, if it has `fired`, triggered."""
         if self.shape == "ARB" and self.points:
             index = (times * self.rate_hz).astype(np.int64) % len(self.points)
             return np.asarray(self.offset + self.amplitude * np.asarray(self.points)[index])
@@ -87,9 +88,9 @@ class Waveform:
 
 
 class Playing:
-    """A `Source` that plays what was last set. Safe to use from any thread.
+    """A `Source` that plays the waveform set last. Safe to use from any thread.
 
-    Whoever changes it first lets the plant take what was played until then.
+    Advance the plant to now before changing the waveform, so that it takes the old output first.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -101,7 +102,7 @@ class Playing:
         self._next = 0
 
     def set(self, waveform: Waveform) -> None:
-        """Put this out from now on."""
+        """Put out `waveform` from now on."""
         with self._guard:
             if waveform == self._waveform:
                 return
@@ -109,7 +110,7 @@ class Playing:
             self._restart()
 
     def fire(self) -> None:
-        """Trigger the sweep now."""
+        """Trigger the sweep or burst now."""
         with self._guard:
             self._restart()
             self._fired = True
@@ -117,7 +118,7 @@ class Playing:
     def take(self, until: float) -> Sequence[Run]:
         """See `haploop.mocks.plant.Source.take`."""
         with self._guard:
-            # A step on the very edge of `until` has happened, whatever rounding says.
+            # The tolerance counts a step at `until` itself as past, in spite of rounding.
             past = int((until - self._since) / _PERIOD + 1e-3) + 1 if until >= self._since else 0
             if past <= self._next or (not self._waveform.on and self._next):
                 return []

@@ -1,4 +1,4 @@
-"""The operator's twin: acts on the plant as a person acts on the rig."""
+"""The operator's twin, which acts on the plant as a person acts on the rig."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["OperatorTwin"]
 
 
 class OperatorTwin(Operator):
-    """Follows every request, and answers truthfully whether the instruments are set as the rig file says."""
+    """Simulated operator: follows every request, and confirms the instruments' settings truthfully."""
 
     def __init__(self, settings: BaseModel, plant: Plant) -> None:
         self._plant = plant

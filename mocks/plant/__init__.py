@@ -1,4 +1,4 @@
-"""The plant: the simulated physical world of a rig, and the hooks through which faults act on it."""
+"""The plant: the simulated physical world of a rig, and the hooks for faults."""
 
 from haploop.mocks.plant.amplifier import AMPLIFIER_GAIN_ERROR
 from haploop.mocks.plant.fault import (

@@ -1,4 +1,4 @@
-"""The amplifier of a simulated rig: its gain, its rails, and which of its inputs drives which patch."""
+"""Amplifier of a simulated rig: its gain, its rails, and the input that drives each patch."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from haploop.mocks.plant.nodes import Run
 __all__ = ["AMPLIFIER_GAIN_ERROR", "Amplifier"]
 
 AMPLIFIER_GAIN, AMPLIFIER_GAIN_ERROR = 50.0, 0.01
+"""Gain (V per V) and its relative tolerance (docs/hardware.md, "Amplifier")."""
 AMPLIFIER_LOW, AMPLIFIER_HIGH = -100.0, 400.0
+"""Rails of the output (V; docs/hardware.md, "Amplifier")."""
 
 
 class Amplifier:
-    """See the module. `inputs` is the node that drives each patch."""
+    """The amplifier of a rig. `inputs` maps each patch to the node that drives it."""
 
     def __init__(self, file: RigFile, patches: Sequence[str], rng: np.random.Generator) -> None:
         self._tolerance = 1 + AMPLIFIER_GAIN_ERROR * rng.uniform(-1, 1)
@@ -29,7 +31,7 @@ class Amplifier:
             self.inputs = dict.fromkeys(patches, str(named)) if named else {}
 
     def output(self, run: Run, faults: Sequence[Fault]) -> FloatArray:
-        """(steps,) V that a run of an input makes at the output."""
+        """Return the output (steps,) V for a run of an input."""
         gain = AMPLIFIER_GAIN
         for fault in faults:
             gain = fault.gain(gain, run)

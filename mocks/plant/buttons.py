@@ -1,10 +1,10 @@
 """Physical buttons and the fingers that press them.
 
-A finger moves the cap along a minimum-jerk path (Flash and Hogan, 1985); the button answers with a
-force that depends on travel, falls at each snap, and grows with speed; every snap sheds a decaying
-vibration into the cap; contacts close at a travel just behind a snap, and bounce. Forces keep the
-paper's order (latch largest, toggle smallest) and lie in the ranges of docs/hardware.md, "Buttons and
-people"; what is not found there is an estimate.
+A finger moves the cap along a minimum-jerk path (Flash and Hogan, 1985). The button's reaction force
+depends on travel, falls at each snap, and grows with speed; every snap starts a decaying vibration of the
+cap; contacts close at a travel just behind a snap, and bounce. Forces keep the paper's order (latch
+largest, toggle smallest) and lie in the ranges of docs/hardware.md, "Buttons and people"; the other
+figures are estimates.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["BUTTONS", "FLAWS", "Button", "Finger", "Flaw", "SimulatedPress", "bu
 
 @dataclass(frozen=True)
 class Click:
-    """A snap at a travel (m), and the vibration that it sheds: partials of (Hz, m/s^2, decay in s)."""
+    """A snap at a travel (m), and the vibration that it starts: partials of (Hz, m/s^2, decay in s)."""
 
     travel: float
     partials: tuple[tuple[float, float, float], ...]
@@ -38,20 +38,20 @@ class Button:
 
     name: str
     maintained: bool
-    """Each press changes the state and leaves it so; otherwise it lasts as long as the press."""
+    """True when each press toggles the state; otherwise the contact is closed only during the press."""
     travel: tuple[float, ...]
     force: tuple[float, ...]
-    """Force (N) over travel (m), both rising in travel; the last point is the stop."""
+    """Points of force (N) over `travel` (m), in rising travel; the last point is the stop."""
     contact: float
-    """Travel at which the contact switches."""
+    """Travel at which the contact switches (m)."""
     clicks: tuple[Click, ...]
     stroke: float
-    """How long a downstroke takes at pace 1 (s)."""
+    """Duration of a downstroke at pace 1 (s)."""
     dwell: float
-    """How long a finger rests at the stop (s)."""
+    """Time that a finger rests at the stop (s)."""
 
     def law(self, travel: FloatArray) -> FloatArray:
-        """Force (N) at rest over travel (m), shape-preserving between the points."""
+        """Return the static force (N) at travels (m), by shape-preserving interpolation."""
         return np.asarray(_curve(self.travel, self.force)(np.clip(travel, 0.0, self.travel[-1])))
 
 
@@ -99,11 +99,11 @@ BUTTONS = {
         ),
     )
 }
-"""The paper's three."""
+"""The paper's three buttons, by name."""
 
 
 def button_named(name: str) -> Button:
-    """A button of the paper, or for any other name a momentary one whose vibration is its own."""
+    """Return a button of the paper or, for any other name, a momentary button with its own vibration."""
     if name in BUTTONS:
         return BUTTONS[name]
     rng = np.random.default_rng(zlib.crc32(name.encode()))
@@ -124,7 +124,7 @@ def button_named(name: str) -> Button:
 
 @dataclass(frozen=True)
 class Finger:
-    """How one participant presses: factors on the button's force, the speed, and the click."""
+    """One participant's reaction time (s), and factors on a button's force, the speed and the click."""
 
     reaction: float
     strength: float
@@ -135,7 +135,7 @@ class Finger:
 
     @classmethod
     def of(cls, rng: np.random.Generator) -> Finger:
-        """One participant of many."""
+        """Draw the finger of one participant."""
         return cls(
             reaction=float(rng.uniform(0.3, 0.7)),
             strength=float(rng.uniform(0.93, 1.08)),
@@ -146,27 +146,28 @@ class Finger:
 
 
 Flaw = Literal["", "soft", "hard", "double", "leaning", "lingering"]
-"""How a press goes wrong: it does not switch the button; it shakes it out of the accelerometer's range;
-it is followed by another one at once; the finger lies on the button before, or after. "" is a good one."""
+"""Flaw of a press; "" for a good press. soft: too weak to switch the button. hard: shakes the cap beyond the
+accelerometer's range. double: a second press follows at once. leaning, lingering: the finger rests on the
+button before or after the press."""
 FLAWS: tuple[Flaw, ...] = get_args(Flaw)[1:]
 
 _SOFT = (0.6, 0.85)
-"""How much of the way to the contact a press goes that is too soft."""
+"""Limits of a soft press's travel, as a fraction of the travel to the contact."""
 _SLAM = 6.0
-"""How much harder a press shakes the cap that is too hard: beyond 3 g for every button."""
+"""Factor on the vibration of a hard press, which takes it beyond 3 g for every button."""
 _LEAN_FORCE, _LEAN_TIME = (0.4, 0.8), (0.5, 0.9)
-"""N and s of a finger that lies on a button."""
+"""Limits of the force (N) and duration (s) of a finger that rests on a button."""
 _UP = 0.12
-"""Seconds of an upstroke at pace 1 (a press takes 0.2 to 1 s; docs/hardware.md, "Buttons and people")."""
+"""Duration of an upstroke at pace 1 (s); a press takes 0.2 to 1 s: docs/hardware.md, "Buttons and people"."""
 _TOUCH = 0.05
-"""Seconds that a finger takes to lie down on a cap, and to leave it."""
+"""Rise and fall time of the force when a finger comes to rest on a cap, and leaves it (s)."""
 _VISCOSITY = 0.06
 """Relative force per 0.1 m/s of finger speed: faster presses push harder."""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedPress:
-    """One press, as functions of the plant's time (s), and the truth about it."""
+    """One press as functions of the plant's time (s), with its true event times."""
 
     button: str
     participant: str
@@ -174,22 +175,23 @@ class SimulatedPress:
     attempt: int
     flaw: Flaw
     start: float
-    """When the finger touches the cap."""
+    """Time at which the finger touches the cap (s)."""
     stop: float
-    """When it leaves."""
+    """Time at which the finger leaves the cap (s)."""
     activation_time: float | None
-    """When the contact switched; None when the press was too soft."""
+    """Time at which the contact switches (s); None for a press too soft to switch it."""
     activation_force: float | None
+    """Force at `activation_time` (N)."""
     release_time: float | None
-    """When the contact of a momentary button opened again."""
+    """Time at which the contact of a momentary button opens again (s)."""
     flips: FloatArray
-    """Times at which the contact changes its state, bounces included."""
+    """Times at which the contact changes state, with bounces (s)."""
     _fall: float
-    """When the downstroke begins."""
+    """Begin of the downstroke (s)."""
     _reach: float
-    """Travel (m) at the lowest."""
+    """Largest travel (m)."""
     _lean: float
-    """N of a finger that lies on the cap from `start` to `stop`."""
+    """Force of a finger that rests on the cap from `start` to `stop` (N)."""
     _down: float
     _dwell: float
     _up: float
@@ -198,16 +200,16 @@ class SimulatedPress:
     _clicks: tuple[tuple[float, float, tuple[tuple[float, float, float], ...]], ...]
 
     def travel(self, times: FloatArray) -> FloatArray:
-        """Travel of the cap (m)."""
+        """Return the travel of the cap (m)."""
         fall = _minimum_jerk((times - self._fall) / self._down)
         rise = _minimum_jerk((times - self._fall - self._down - self._dwell) / self._up)
         return np.asarray(self._reach * (fall - rise))
 
     def force(self, times: FloatArray) -> FloatArray:
-        """Force on the cap along the press (N)."""
+        """Return the force on the cap along the press direction (N)."""
         t = np.asarray(times)
         speed = (self.travel(t + 5e-4) - self.travel(t - 5e-4)) / 1e-3
-        # Rubbing takes from the upstroke what it adds to the downstroke.
+        # Friction lowers the force of the upstroke by as much as it raises that of the downstroke.
         rate = 1 + _VISCOSITY * np.tanh(speed / 0.1)
         pressed = self._strength * self._model.law(self.travel(t)) * rate
         if self._lean:
@@ -216,7 +218,7 @@ class SimulatedPress:
         return np.asarray(pressed)
 
     def acceleration(self, times: FloatArray) -> FloatArray:
-        """Acceleration of the cap along the press (m/s^2), without gravity."""
+        """Return the acceleration of the cap along the press direction (m/s^2), without gravity."""
         t = np.asarray(times)
         h = 1e-3
         motion = (self.travel(t + h) - 2 * self.travel(t) + self.travel(t - h)) / h**2
@@ -239,9 +241,9 @@ def press_button(
     rng: np.random.Generator,
     flaw: Flaw = "",
 ) -> SimulatedPress:
-    """A press that begins at `start` (s of the plant's clock), scattered as the finger scatters.
+    """Create a press that begins at `start` (s of the plant's clock), with the finger's random scatter.
 
-    Of a press that is "double" this is one of the two.
+    For the flaw "double" it creates one of the two presses.
     """
     scatter = np.exp(finger.steadiness * rng.standard_normal(4))
     pace = finger.pace * scatter[0]
@@ -302,7 +304,7 @@ def press_button(
 
 
 def latest(presses: list[SimulatedPress], begin: float, end: float, tail: float) -> Iterator[SimulatedPress]:
-    """Presses that can be felt between `begin` and `end` (s), their vibration up to `tail` later."""
+    """Yield the presses that act between `begin` and `end` (s); vibration lasts `tail` s after a press."""
     return (p for p in presses if p.start < end and p.stop + tail > begin)
 
 
@@ -320,6 +322,9 @@ def _minimum_jerk_time(fraction: float) -> float:
 
 
 def _bounce(at: float, rng: np.random.Generator) -> FloatArray:
-    """An odd number of flips that begin at `at`: contacts bounce for 0.1 to 3 ms."""
+    """Draw an odd number of flips from `at` (s) on.
+
+    Contacts bounce for 0.1 to 3 ms (docs/hardware.md, "Buttons and people").
+    """
     pairs = int(rng.integers(0, 4))
     return np.concatenate([[at], at + np.sort(rng.uniform(1e-4, 3e-3, 2 * pairs))])

@@ -1,13 +1,13 @@
 """A fault: a seeded schedule of misbehaviour that acts on the simulated world through the plant's hooks.
 
-A rig file asks for faults in `[[simulation.faults]]`. There are three sorts. A permanent fault is a miswired
+A rig file lists faults in `[[simulation.faults]]`. There are three sorts. A permanent fault is a miswired
 or misset rig, wrong from the beginning. A timed fault is active for a while, once or several times. A
 per-event fault affects single events: a command to the relay, a read of the DAQ, a reply on a line. Times
-are seconds of the plant's clock since the rig was opened; `within` lets the seed choose one.
+are seconds of the plant's clock since the rig was opened; with `within`, the seed chooses the time.
 
 A kind of fault is a subclass of `Fault`, `TimedFault` or `PerEventFault` that overrides the hooks of the
-place where it acts. The plant asks all its faults at each hook, in the order of the rig file, and names
-none. A kind is found by its entry point, so a package from outside can add one (see docs/faults.md).
+place where it acts. The plant calls each hook of all its faults, in the order of the rig file. A kind is
+found by its entry point, so that other packages can add kinds (see docs/faults.md).
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 RelayFailure = Literal["lost", "stuck", "welded"]
-"""lost: a command never reaches the box. stuck: a channel keeps its state, and reports it. welded: a contact
-keeps its state, while the box reports the commanded one."""
+"""lost: a command never reaches the box. stuck: a channel does not switch, and reports its real state.
+welded: a contact does not switch, but the box reports the commanded state."""
 
 
 class FaultSettings(BaseModel):
@@ -55,34 +55,34 @@ class FaultSettings(BaseModel):
 class Fault:
     """One fault of a simulated rig: its settings, when it fired, and the hooks through which it acts.
 
-    This base class is a permanent fault without any effect. A hook is given what the plant has, as the
-    faults before it in the rig file have left it, and returns what the plant goes on with. A hook that has
-    an effect records it: `mark`, `active` or `fires`.
+    This base class is a permanent fault without any effect. A hook gets the plant's value, as the earlier
+    faults of the rig file have changed it, and returns the value for the plant to use. A hook that has an
+    effect records it by `mark`, `active` or `fires`.
     """
 
     Settings: ClassVar[type[FaultSettings]] = FaultSettings
-    """Validates the fault's table of the rig file."""
+    """Model that validates the fault's table of the rig file."""
     settings: FaultSettings
 
     def __init__(self, settings: FaultSettings, file: RigFile, rng: np.random.Generator) -> None:
-        """`rng` is the fault's own; a subclass may draw from it after this constructor has."""
+        """Store the settings. `rng` is the fault's own; a subclass draws from it after this constructor."""
         self.settings = settings
         self.at: list[float] = []
-        """When it fired (s of the plant's clock)."""
+        """Times at which it fired (s of the plant's clock)."""
 
     @property
     def kind(self) -> str:
-        """Its name in rig files."""
+        """Name of the kind in rig files."""
         return self.settings.kind
 
     @property
     def fired(self) -> int:
-        """How often it had an effect: at most once if permanent, else once per active time or event."""
+        """Number of effects so far: at most 1 if permanent, else one per active period or event."""
         return len(self.at)
 
     @property
     def begin(self) -> float:
-        """Time (s of the plant's clock) before which it is not active."""
+        """Earliest time at which it is active (s of the plant's clock)."""
         return 0.0
 
     def mark(self, now: float) -> None:
@@ -96,87 +96,90 @@ class Fault:
     # Hooks: the table
 
     def plate(self, plate: Plate) -> Plate:
-        """The pane, when it is made."""
+        """Return the pane, when it is created."""
         return plate
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """(steps,) V at each patch, from `start` (s) on."""
+        """Return the volts at each patch, (steps,), from `start` (s) on."""
         return volts
 
     # Hooks: the amplifier
 
     def gain(self, gain: float, run: Run) -> float:
-        """V per V, before the tolerance, with which the amplifier amplifies a run of its input."""
+        """Return the amplifier's gain (V per V, before the tolerance) for a run of its input."""
         return gain
 
     def output(self, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """(times,) V at the amplifier's output."""
+        """Return the volts at the amplifier's output, (times,)."""
         return volts
 
     # Hooks: the relay
 
     def contact(self, patch: str, at: float) -> str:
-        """The patch behind the contact that the box knows as `patch`, when it switches at `at` (s)."""
+        """Return the patch that the contact for `patch` really switches, at `at` (s)."""
         return patch
 
     def relay(self, how: RelayFailure, patch: str, now: float) -> bool:
-        """Whether the box's channel of a patch fails in this way now; asked at each event of that sort."""
+        """Return True when the box's channel of a patch fails in this way now; called at each such event."""
         return False
 
     # Hooks: the cards of the DAQ
 
     def rtsi(self, now: float) -> bool:
-        """Whether a cable joins the cards' clocks."""
+        """Return True when a cable joins the cards' clocks."""
         return True
 
     def samples(self, device: str, now: float) -> None:
-        """A card is read. Raises SamplesLost when it has lost samples."""
+        """Called when a card is read. Raises SamplesLost when the card has lost samples."""
 
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
-        """(times,) s by which this fault makes a card's clock late."""
+        """Return the delay that this fault adds to a card's clock, (times,) s."""
         return np.zeros(len(times))
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """(times,) V at a node, as it reaches the card."""
+        """Return the volts of a node at the card's terminal, (times,)."""
         return volts
 
     # Hooks: the sensors
 
     def gauges(self, gauges: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """(6, 6) V per N and N m of the force sensor that is really there. `rng` is the sensor's own."""
+        """Return the real force sensor's sensitivity, (6, 6) V per N and N m. `rng` is the sensor's own."""
         return gauges
 
     def tilt(self, tilt: FloatArray) -> FloatArray:
-        """(3,) share of a vertical acceleration that each axis of the accelerometer shows."""
+        """Return the fraction of a vertical acceleration on each axis of the accelerometer, (3,)."""
         return tilt
 
     # Hooks: the laser
 
     def head(self, head: LaserHead) -> None:
-        """A vibrometer's head is put in place; change it as it really is."""
+        """Called when a vibrometer's head is installed; change `head` in place to its real state."""
 
     def inspected(self, now: float) -> None:
-        """A person looks at how the vibrometers are set."""
+        """Called when a person inspects the settings of the vibrometers."""
 
     def light(self, level: FloatArray, times: FloatArray) -> FloatArray:
-        """(times,) share of the laser's light that comes back."""
+        """Return the fraction of the laser's light that returns, (times,)."""
         return level
 
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
     ) -> FloatArray:
-        """(times,) m/s at the vibrometer's output, with full scale +- `full_scale`. `rng` is its noise's."""
+        """Return the velocity at the vibrometer's output, (times,) m/s; its full scale is +- `full_scale`.
+
+        `rng` is the generator of its noise.
+        """
         return velocity
 
     # Hooks: the lines to instruments
 
     @property
     def line(self) -> str | None:
-        """The role of the instrument whose line it disturbs: without such a line the rig is refused."""
+        """Role of the instrument whose line it disturbs; a rig without such a line is refused."""
         return None
 
     def answer(self, request: str, now: float) -> ReplyFault | None:
-        """How the answer to a request on that line is disturbed; None leaves it whole."""
+        """Return the fault of the answer to a request on that line; None leaves the answer intact."""
         return None
 
 
@@ -187,9 +190,9 @@ class ScheduledFault(Fault):
         """See `FaultSettings`."""
 
         after: NotNegative = 0.0
-        """Seconds since the rig was opened."""
+        """Earliest begin (s since the rig was opened)."""
         within: NotNegative = 0.0
-        """Seconds after `after` within which the seed chooses the begin."""
+        """Length of the interval after `after` in which the seed chooses the begin (s)."""
 
     settings: Settings
 
@@ -210,10 +213,11 @@ class TimedFault(ScheduledFault):
         """See `FaultSettings`."""
 
         duration: Annotated[float, Field(gt=0)] = math.inf
-        """Seconds that it is active; infinite until the rig is closed."""
+        """Length of an active period (s); infinite until the rig is closed."""
         times: Annotated[int, Field(ge=1)] = 1
+        """Number of active periods."""
         every: Positive = 1.0
-        """Mean seconds from one begin to the next, when there are several."""
+        """Mean time from one begin to the next (s), when there are several."""
 
     settings: Settings
 
@@ -223,7 +227,7 @@ class TimedFault(ScheduledFault):
         self._begins = self._begin + np.concatenate([np.zeros(1), np.cumsum(gaps)])
 
     def active(self, times: FloatArray) -> BoolArray:
-        """(times,): whether it is active at each of `times` (s, rising); records each begin."""
+        """Return True where it is active, (times,), for rising `times` (s); record each begin."""
         on = np.zeros(len(times), dtype=np.bool_)
         for begin in self._begins:
             during = (times >= begin) & (times < begin + self.settings.duration)
@@ -240,12 +244,12 @@ class PerEventFault(ScheduledFault):
         """See `FaultSettings`."""
 
         times: Annotated[int, Field(ge=1)] | None = None
-        """How many events it affects; None is all of them."""
+        """Number of events that it affects; None for all."""
 
     settings: Settings
 
     def fires(self, now: float) -> bool:
-        """Whether it affects an event that happens now; if so, record it."""
+        """Return True when it affects an event that happens now, and record it."""
         times = math.inf if self.settings.times is None else self.settings.times
         if now < self.begin or self.fired >= times:
             return False

@@ -1,7 +1,7 @@
-"""The kinds of fault that are installed, and the faults of a rig file.
+"""Installed kinds of fault, and the faults of a rig file.
 
 The set is open: an entry point of the group `haploop.faults` names a subclass of `Fault`. A kind is loaded
-when a rig file asks for it, so a broken package is in nobody else's way.
+only when a rig file names it, so that a broken package does not affect other rigs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["KINDS", "FaultKinds", "Faults", "fault_class"]
 
 
 class FaultKinds(Mapping[str, type[FaultSettings]]):
-    """The settings of each kind of fault that is installed now, by the name that rig files give it."""
+    """Settings classes of the installed kinds of fault, by the kinds' names in rig files."""
 
     def __getitem__(self, kind: str) -> type[FaultSettings]:
         if kind not in self:
@@ -38,13 +38,14 @@ class FaultKinds(Mapping[str, type[FaultSettings]]):
 
 
 KINDS = FaultKinds()
-"""See `FaultKinds`."""
+"""The installed kinds of fault: see `FaultKinds`."""
 
 
 def fault_class(kind: str) -> type[Fault]:
-    """The class of a kind of fault. Raises ConfigurationError, which names the package.
+    """Load the class of a kind of fault.
 
-    That is for a kind that is not installed or cannot be loaded, that two packages give, or that is no fault.
+    Raises ConfigurationError, which names the package, for a kind that is not installed, that cannot be
+    loaded, that two packages provide, or that is not a fault.
     """
     loaded: Any = entry_points.load(entry_points.FAULTS, kind)
     settings = getattr(loaded, "Settings", None)
@@ -66,7 +67,7 @@ class Faults(Sequence[Fault]):
 
     @classmethod
     def of_file(cls, file: RigFile) -> Faults:
-        """The faults of a rig file. Raises ConfigurationError for one that the rig cannot have."""
+        """Create the faults of a rig file. Raises ConfigurationError for a fault that the rig cannot have."""
         faults = []
         for index, raw in enumerate(file.simulation.faults):
             settings = validate_kind(KINDS, raw, f"simulation.faults.{index} of {file.name}")
@@ -87,7 +88,7 @@ class Faults(Sequence[Fault]):
 
 
 def _refuse(settings: FaultSettings, file: RigFile) -> None:
-    """Raises ConfigurationError for a fault of something that the rig does not have."""
+    """Raise ConfigurationError for a fault of a part that the rig does not have."""
     daq = file.daq.settings
     known = {
         "patch": file.table.patches if file.table else (),

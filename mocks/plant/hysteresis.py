@@ -1,6 +1,6 @@
 """Hysteresis of a piezo patch: a Prandtl-Ishlinskii sum of play operators.
 
-Rate-independent, with memory of its turning points and closed minor loops, as piezo ceramics have
+The model is rate-independent, remembers its turning points and closes minor loops, as piezo ceramics do
 (Kuhnen, "Modeling, identification and compensation of complex hysteretic nonlinearities", 2003).
 """
 
@@ -13,21 +13,21 @@ from haploop.instruments.arrays import FloatArray
 __all__ = ["Hysteresis"]
 
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
-"""Half-widths of the play operators (V)."""
+"""Half-widths of the play operators (V; docs/hardware.md, "Patches")."""
 _ASYMMETRY = 0.01
-"""Share by which a patch expands more at +50 V and less at -50 V than a symmetric law says (an
-estimate). It keeps the plant from having the very law that an estimator may assume."""
+"""Fraction by which a patch expands more at +50 V and less at -50 V than by a symmetric law (estimate;
+docs/hardware.md, "Patches"). It makes the plant differ from the law that an estimator may assume."""
 _AMPLITUDE = 50.0
-"""Amplitude (V) at which the loop has the asked width and the gain is one: the paper's 100 Vpp."""
+"""Amplitude (V) at which the loop has the specified width and the gain is one: the paper's 100 Vpp."""
 
 
 class Hysteresis:
-    """One patch's memory. `width` is the loop's opening over its height at 100 Vpp."""
+    """Hysteresis state of one patch. `width` is the loop's opening over its height at 100 Vpp."""
 
     def __init__(self, width: float) -> None:
         weights = np.ones(len(_RADII))
-        # A play operator of radius r, swung over +-A, follows to +-(A - r) and, where the input
-        # is zero, lies r off. Height and opening are sums of these; the share follows.
+        # A play operator of radius r, driven over +-A, reaches +-(A - r) and is off by r at zero input.
+        # Height and opening of the loop are sums over the operators, which gives the operators' share.
         opening = 2 * (weights * np.minimum(_RADII, _AMPLITUDE - _RADII)).sum()
         share = width * 2 * _AMPLITUDE / opening
         self._weights = share * weights
@@ -36,9 +36,9 @@ class Hysteresis:
         self._last = 0.0
 
     def follow(self, volts: FloatArray) -> FloatArray:
-        """(steps,) volts to (steps,) linear volts; keeps its final state.
+        """Convert volts (steps,) to linear volts (steps,), and keep the final state.
 
-        Linear volts are the volts that would produce the same motion without hysteresis.
+        Linear volts would produce the same motion without hysteresis.
         """
         if not self._weights.any():
             return volts
@@ -46,7 +46,7 @@ class Hysteresis:
             return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
         path = np.concatenate([[self._last], volts])
         slope = np.sign(np.diff(path))
-        # Flat pieces belong to the piece before them, so that only real turns end a piece.
+        # A flat segment belongs to the segment before it, so that only turning points end a segment.
         moving = np.flatnonzero(slope)
         turns = moving[np.flatnonzero(np.diff(slope[moving])) + 1]
         starts = np.concatenate([[0], turns])

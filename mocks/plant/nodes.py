@@ -1,4 +1,4 @@
-"""The plant's interface to everything wired to it: nodes that carry a voltage, contacts, laser heads."""
+"""Interface between the plant and the equipment wired to it: voltage nodes, contacts, laser heads."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ __all__ = ["LaserHead", "Nodes", "Run", "SamplesLost", "Source", "Switched", "Sw
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Voltages (V) that an output steps through: value k is held from `start + k * period` (s of
-    the plant's clock) until the next value, the last one until the next run.
+    """Staircase of an output: value k (V) is held from `start + k * period` (s of the plant's clock)
+    until the next value, the last one until the next run.
     """
 
     start: float
@@ -27,14 +27,14 @@ class Source(Protocol):
     """An output terminal, as the plant sees it."""
 
     def take(self, until: float) -> Sequence[Run]:
-        """Steps after the previous call's `until` and not after `until` (s), in order of time.
+        """Return the steps after the previous call's `until` and up to `until` (s), in order of time.
 
-        No steps means that the voltage stays. Called with `until` that never goes back.
+        No steps means that the voltage stays. `until` never decreases from call to call.
         """
 
 
-class SamplesLost(Exception):  # noqa: N818  what has happened, in whatever words a card's maker has for it
-    """A card has lost samples: the host did not take them in time, or the card's own memory overflowed."""
+class SamplesLost(Exception):  # noqa: N818  an event, which each maker's driver reports in its own words
+    """Lost samples of a card: the host did not take them in time, or the card's own memory overflowed."""
 
     def __init__(self, device: str, how: Literal["overrun", "overflow"]) -> None:
         super().__init__(f"Samples of {device} were lost.")
@@ -48,37 +48,37 @@ class Nodes(Protocol):
     clock: Clock
 
     def read(self, node: str, times: FloatArray) -> FloatArray:
-        """Voltage at a node that is measured ((times,) V), before any converter, at rising times (s).
+        """Return the voltage at a measured node ((times,) V), before any converter, at rising times (s).
 
-        Times may lie up to 30 s before the latest time asked for on any node, and not after
-        `clock.now()`. Raises SamplesLost when a fault says so.
+        Times may lie up to 30 s before the latest time read on any node, and not after `clock.now()`.
+        Raises SamplesLost when a fault makes the card lose samples.
         """
 
     def drive(self, node: str, source: Source) -> None:
-        """Let `source` drive a node from now on (the plant takes its steps as time goes on)."""
+        """Connect `source` to a node from now on; the plant takes its steps as time advances."""
 
 
 Switched = tuple[str, bool, float]
-"""A patch, whether its contact closed, and when (s)."""
+"""A patch, True when its contact closed or False when it opened, and the time (s)."""
 
 
 class Switches(Protocol):
     """A box of relays, as the plant sees it."""
 
     def take(self, until: float) -> Sequence[Switched]:
-        """Every contact that switches because of what happened by `until` (s), once."""
+        """Return, once, each contact that switches as a result of events up to `until` (s)."""
 
 
 @dataclass
 class LaserHead:
-    """The optics and the decoder of a vibrometer as they really are, whatever a rig file says."""
+    """Real state of a vibrometer's optics and decoder, which may differ from the rig file's."""
 
     range: float
-    """Full scale (m/s): the output clips there."""
+    """Full scale (m/s), at which the output clips."""
     scale: float
-    """m/s per V at the output."""
+    """Scale of the output (m/s per V)."""
     bandwidth_hz: float
     delay: float
-    """Seconds by which the output is late."""
+    """Delay of the output (s)."""
     level: float = 1.0
-    """Share of the light that comes back, 0 to 1; without light there is only noise."""
+    """Fraction of the light that returns, 0 to 1; without light the output is noise only."""

@@ -1,8 +1,7 @@
 """The plant: the simulated physical world of one rig, as nodes that carry a voltage.
 
-Everything simulated touches the plant and nothing else. Nodes have the names that the rig file
-gives to DAQ channels and outputs. Time is the rig's clock; the plant never runs ahead of a
-question: it steps exactly as far as it is asked.
+Simulated parts interact only through the plant. Nodes have the names that the rig file gives to DAQ
+channels and outputs. Time is the rig's clock; the plant steps only as far as a call requires.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ from haploop.mocks.plant.truth import Truth
 __all__ = ["Plant"]
 
 _TUNED = 10.0
-"""Seconds after which the table's modes are made anew for the warmth that it has become: at 1 % a day they
+"""Interval at which the table's modes are updated for its temperature (s): at a drift of 1 % per day they
 have moved by less than a millionth."""
 
 
 class Plant(Scene):
-    """See the module. A laser looks at the table once a vibrometer's twin has installed its head."""
+    """The simulated world of one rig. A laser measures once a vibrometer's twin has installed its head."""
 
     def __init__(self, file: RigFile, clock: Clock) -> None:
         super().__init__(file, clock)
@@ -54,41 +53,41 @@ class Plant(Scene):
         """See `Truth`."""
         return Truth(self)
 
-    # What instruments do to the plant
+    # Actions of instruments on the plant
 
     def install(self, node: str, head: LaserHead) -> None:
-        """Put a vibrometer in place, its output wired to `node`; `head` as the rig file describes it."""
+        """Install a vibrometer with the rig file's `head`, and wire its output to `node`."""
         self._put_up(head)
         self._nodes[node] = partial(laser, head=head)
         self._noise[node] = self.rng(f"noise of {node}")
 
     def has_rtsi(self) -> bool:
-        """Whether a cable joins the cards' clocks."""
+        """Return True when a cable joins the cards' clocks."""
         there = [fault.rtsi(self.clock.now()) for fault in self.faults]
         return all(there)
 
     def switch(self, patch: str, closed: bool, at: float) -> None:
-        """A relay contact changes at `at` (s), which does not lie before the latest question."""
+        """Switch a relay contact at `at` (s), or at the plant's present time if that is later."""
         with self._lock:
             for fault in self.faults:
                 patch = fault.contact(patch, at)
             insort(self._switched, (max(at, self._now), len(self._switched), patch, closed))
 
     def wire(self, box: Switches) -> None:
-        """Have a box's contacts switch patches: `box.take(until)` is asked before every step to `until`."""
+        """Connect a box's contacts to the patches; each step to `until` first calls `box.take(until)`."""
         self._boxes.append(box)
 
     def drive(self, node: str, source: Source) -> None:
-        """See `haploop.mocks.plant.Nodes.drive`. Only the amplifier's inputs reach anything."""
+        """See `haploop.mocks.plant.Nodes.drive`. Only the amplifier's inputs have an effect."""
         with self._lock:
             self.advance(self.clock.now())
             if node in self._inputs:
                 self._sources[node] = source
 
-    # What converters ask of it
+    # Reading by converters
 
     def read(self, node: str, times: FloatArray) -> FloatArray:
-        """See `haploop.mocks.plant.Nodes.read`. A node that nothing is wired to carries zero volts."""
+        """See `haploop.mocks.plant.Nodes.read`. An unwired node carries 0 V."""
         with self._lock:
             if not len(times):
                 return np.zeros(0)
@@ -105,7 +104,7 @@ class Plant(Scene):
             return volts
 
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
-        """(times,) s by which a card's clock is behind the rig's."""
+        """Return the delay of a card's clock against the rig's, (times,) s."""
         late = np.zeros(len(times))
         for fault in self.faults:
             late += fault.lateness(device, times)
@@ -114,7 +113,7 @@ class Plant(Scene):
     # Stepping
 
     def advance(self, until: float) -> None:
-        """Step to `until` (s), contacts and output steps in order of time."""
+        """Step to `until` (s), with contacts and output steps in order of time."""
         with self._lock:
             if until <= self._now:
                 return
@@ -139,7 +138,7 @@ class Plant(Scene):
         for (start, period, count), driven in sorted(together.items(), key=lambda item: item[0]):
             if start < before:
                 raise NotImplementedError(
-                    "Outputs that step at once, but not on one clock, are not simulated."
+                    "Outputs that play at the same time on different clocks are not simulated."
                 )
             held = {node: np.full(count, v) for node, v in self._inputs.items()}
             self._apply(start, period, held | driven)
@@ -147,7 +146,7 @@ class Plant(Scene):
         self._now = max(self._now, until)
 
     def _apply(self, start: float, period: float, outputs: Mapping[str, FloatArray]) -> None:
-        """Step the table. `outputs` is (steps,) V of the amplifier by its input."""
+        """Step the table. `outputs` maps each amplifier input to its output, (steps,) V."""
         self._inputs.update({node: float(volts[-1]) for node, volts in outputs.items()})
         steps = len(next(iter(outputs.values()), ()))
         rest = np.zeros(steps)

@@ -1,9 +1,8 @@
-"""What a set of poles makes of staircases, exact at any instant: x' = poles x + inputs levels.
+"""Exact response of a set of poles to staircases: x' = poles x + inputs levels.
 
-Within a step every state follows in closed form. Over many steps it is found at the first of each block
-only; what is seen in between is one product of matrices: the blocks' first states times how they go on,
-and the blocks' levels times the response to an impulse. That is ten times as fast as a recursion for each
-pole.
+Within a step the state has a closed form. Over many steps only the state at the start of each block is
+computed; the output in between is a matrix product: the blocks' initial states times their decay, plus the
+blocks' levels times the impulse response. That is ten times as fast as a recursion for each pole.
 """
 
 from __future__ import annotations
@@ -20,23 +19,23 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 __all__ = ["Poles", "Stretch"]
 
 _BLOCK = 64
-"""Steps: fewer make more blocks, more make longer products."""
+"""Steps per block: fewer make more blocks, more make longer products."""
 _EVEN = 1e-9
-"""Seconds by which samples may differ that are taken for evenly spaced."""
+"""Tolerance for treating samples as evenly spaced (s)."""
 _GONE = 1e-30
-"""A state that has died away is rest: denormal numbers would cost a hundred times the time."""
+"""Magnitude below which a state is set to zero: denormal numbers would take a hundred times as long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Poles:
-    """`poles` is (poles,) rad/s, in the left half plane; `inputs` is (poles, channels)."""
+    """Poles, (poles,) rad/s in the left half plane, and their `inputs`, (poles, channels)."""
 
     poles: ComplexArray
     inputs: FloatArray
     _powers: dict[float, ComplexArray] = field(default_factory=dict)
 
     def powers(self, period: float) -> ComplexArray:
-        """(steps, poles): what is left of a state after 0 to `_BLOCK` steps of `period` (s)."""
+        """Return the decay of each state after 0 to `_BLOCK` steps of `period` (s), (steps, poles)."""
         if period not in self._powers:
             self._powers.clear()
             self._powers[period] = np.exp(np.arange(_BLOCK + 1)[:, None] * period * self.poles)
@@ -46,7 +45,7 @@ class Poles:
 class Stretch:
     """Levels (channels, steps) from `start` on, each held for `period` (s), the last until the next stretch.
 
-    It goes on from the state in which `before` is then; without, from rest.
+    It continues from the state of `before` at `start`; without `before` it starts from rest.
     """
 
     def __init__(
@@ -55,15 +54,15 @@ class Stretch:
         self.start = start
         self._of, self._period = of, period
         self._moving = np.flatnonzero(np.ptp(levels, axis=1))
-        # Levels that stay are one step, however many were given.
+        # Constant levels count as a single step.
         self._steps = levels.shape[1] if len(self._moving) else 1
         self._held = levels[:, 0].copy()
         self._held[self._moving] = 0.0
         blocks = -(-self._steps // _BLOCK)
         self._levels = np.zeros((len(self._moving), blocks * _BLOCK))
-        """Of the channels that move; zero beyond the end."""
+        """Levels of the channels that change, (channels, steps); zero beyond the end."""
         self._levels[:, : self._steps] = levels[self._moving, : self._steps]
-        # States are told from where the levels that stay would hold them.
+        # States are relative to the steady state at the constant levels.
         state = np.zeros(len(of.poles), dtype=np.complex128)
         if before is not None:
             found, late = before._since(np.array([start]))
@@ -71,13 +70,13 @@ class Stretch:
             state = before._leaning(step) * np.exp(before._of.poles * late[0])
             state -= of.inputs @ (before._at(step) - self._held) / of.poles
         self._begins = self._blocks(state)
-        """(blocks, poles): the state at each block's first step."""
+        """State at each block's first step, (blocks, poles)."""
         self._begins[np.abs(self._begins) < _GONE] = 0.0
 
     def seen(self, times: FloatArray, weights: ComplexArray) -> FloatArray:
-        """(times,): the real part of the states' sum by `weights` (poles,), at rising times (s).
+        """Return the real part of the sum of states times `weights` (poles,), (times,), at rising times (s).
 
-        Times lie within the stretch, or after it while no other has begun.
+        Times lie within the stretch, or after it until the next one begins.
         """
         of, last = self._of, self._steps - 1
         gains = -(weights @ (of.inputs / of.poles[:, None])).real
@@ -99,22 +98,22 @@ class Stretch:
         return out
 
     def _since(self, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """The step that each time is in, and the seconds since it began."""
+        """Return the step that contains each time, and the time since that step began (s)."""
         if self._steps == 1:
             return np.zeros(len(times), dtype=np.intp), np.maximum(times - self.start, 0.0)
-        # A sample on the very edge of a step belongs to it, whatever rounding says.
+        # The tolerance assigns a sample at the start of a step to that step, in spite of rounding.
         position = (times - self.start) / self._period + 1e-3
         step = np.clip(position.astype(np.intp), 0, self._steps - 1)
         return step, np.maximum(times - self.start - step * self._period, 0.0)
 
     def _at(self, step: int) -> FloatArray:
-        """(channels,): the levels at a step."""
+        """Return the levels at a step, (channels,)."""
         levels = self._held.copy()
         levels[self._moving] = self._levels[:, step]
         return levels
 
     def _leaning(self, step: int) -> ComplexArray:
-        """(poles,): the state as a step begins, from where that step's levels would hold it."""
+        """Return the state at the start of a step, relative to the steady state at its levels, (poles,)."""
         block, more = divmod(step, _BLOCK)
         state = self._begins[block]
         if len(self._moving):
@@ -141,7 +140,7 @@ class Stretch:
         return begins
 
     def _along(self, first: int, stop: int, late: float, weights: ComplexArray) -> FloatArray:
-        """(steps,): what is seen of consecutive steps, as `late` (s) after each has begun."""
+        """Return the weighted output `late` s after the start of each of consecutive steps, (steps,)."""
         of, powers = self._of, self._of.powers(self._period)
         blocks = slice(first // _BLOCK, -(-stop // _BLOCK))
         kept = np.exp(of.poles * late)
@@ -159,7 +158,7 @@ class Stretch:
         return np.asarray(out.ravel()[first - from_first : stop - from_first])
 
     def _between(self, step: NDArray[np.intp], since: FloatArray, weights: ComplexArray) -> FloatArray:
-        """(times,): what is seen at any times, by the recursion for each pole."""
+        """Return the weighted output at arbitrary times, by a recursion for each pole, (times,)."""
         of, block = self._of, int(step[0]) // _BLOCK
         first, stop = block * _BLOCK, int(step[-1]) + 1
         out = np.zeros(len(step))
@@ -176,7 +175,7 @@ class Stretch:
         return out
 
     def _ringing(self, amplitudes: ComplexArray, since: FloatArray) -> FloatArray:
-        """(times,): the real part of the sum of what rings out from `amplitudes` (poles,)."""
+        """Return the real part of the summed free decay from `amplitudes` (poles,), (times,)."""
         used = np.abs(amplitudes) > _GONE
         poles, a = self._of.poles[used], amplitudes[used]
         count = len(since)
@@ -192,5 +191,5 @@ class Stretch:
 
 
 def _as_real(values: ComplexArray) -> FloatArray:
-    """(rows, columns) as (rows, 2 columns), real and imaginary side by side: BLAS is faster at these."""
+    """View (rows, columns) complex as (rows, 2 columns) real and imaginary parts: BLAS is faster on these."""
     return np.ascontiguousarray(values).view(np.float64)

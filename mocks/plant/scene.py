@@ -1,4 +1,4 @@
-"""What stands at a simulated table, and what people do to it: the state that sensors and truth look at."""
+"""State of a simulated table and of people's actions on it, read by the sensors and by `Truth`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GRAVITY = 9.80665
 
 @dataclass(frozen=True, eq=False)
 class AmplifierOutput:
-    """A stretch of the amplifier's output: value k is held from `start + k * period` (s) until the next one.
+    """A section of the amplifier's output: value k is held from `start + k * period` (s) until the next one.
 
     `volts` is (samples,) V, applied to the patches whose contacts are `closed`.
     """
@@ -37,30 +37,31 @@ class AmplifierOutput:
 
 
 class Scene(ABC):
-    """The table of one rig, the fingers and weights on it, and where the laser is aimed.
+    """The table of one rig, the fingers and weights on it, and the aim of the laser.
 
-    A scene stands still: `advance` is the plant's, which steps it through time.
+    A scene is static; the plant implements `advance`, which steps it through time.
     """
 
     def __init__(self, file: RigFile, clock: Clock) -> None:
         self.file = file
         self.clock = clock
         self.settings = file.simulation
+        # The patch's default limits: docs/hardware.md, "Patches".
         self.section = file.table or TableSettings(
             button_point=20, patch_capacitance=90e-9, patch_min=-100, patch_max=400
         )
         self.faults = Faults.of_file(file)
         self.presses: list[SimulatedPress] = []
         self.loads: list[tuple[float, float]] = []
-        """From when (s), and N: what else stands on the force sensor."""
+        """Additional weights on the force sensor: the time from which each applies (s), and its force (N)."""
         self.aimed = "button"
         self.closed: set[str] = set()
         """Patches whose contacts are closed."""
         self.peak = 0.0
-        """Largest voltage (V) that any patch has been driven with."""
+        """Largest voltage magnitude applied to any patch (V)."""
         self.amplifier_record: list[AmplifierOutput] | None = None
         self.shaken: dict[tuple[float, float], tuple[FloatArray, FloatArray]] = {}
-        """Vibrations of presses that a sensor has filtered, kept for its next block."""
+        """Filtered vibrations of presses, kept for a sensor's next block."""
         self._lock = threading.RLock()
         self._heads: list[tuple[LaserHead, LaserHead]] = []
         self._pane = self._make_plate()
@@ -68,19 +69,19 @@ class Scene(ABC):
 
     @abstractmethod
     def advance(self, until: float) -> None:
-        """Step to `until` (s)."""
+        """Step the scene to `until` (s)."""
 
     def rng(self, name: str) -> np.random.Generator:
-        """The random generator of one part of the world, independent of the other parts'."""
+        """Return the random generator of one part of the world, independent of the other parts."""
         return np.random.default_rng([self.settings.seed, zlib.crc32(name.encode())])
 
     @property
     def plate(self) -> Plate:
-        """The pane as it is now."""
+        """The pane in its present state."""
         return self.plate_at(self.clock.now())
 
     def plate_at(self, time: float) -> Plate:
-        """The pane as it is at a time (s), in the warmth of the day."""
+        """Return the pane at a time (s), with the frequency drift of the day's temperature."""
         daily = self.settings.daily_drift
         return warmed(self._pane, time, daily, self.settings.seed) if daily else self._pane
 
@@ -93,18 +94,18 @@ class Scene(ABC):
         return plate
 
     def place(self, point: str) -> tuple[float, float]:
-        """Where a point of the table lies, as fractions of its width and height."""
+        """Return the position of a point of the table, as fractions of its width and height."""
         index = self.section.button_point if point == "button" else int(point)
         row, column = divmod(index, self.section.columns)
         return (column + 0.5) / self.section.columns, (row + 0.5) / self.section.rows
 
-    # What people do
+    # Actions of people
 
     def press(self, request: Press) -> None:
-        """A participant presses a button, after their reaction time from now."""
+        """Schedule a participant's press of a button, after the reaction time."""
         with self._lock:
             finger = Finger.of(self.rng(f"finger of {request.participant}"))
-            # Named by what was asked for alone: whatever happened before, it is the same press.
+            # The seed depends on the request alone, so that the press is the same whatever came before.
             name = f"{request.participant} presses {request.button}, {request.number}"
             rng = self.rng(name if request.attempt == 1 else f"{name}, attempt {request.attempt}")
             button, flaw = button_named(request.button), self._flaw(name, request.attempt)
@@ -115,7 +116,7 @@ class Scene(ABC):
                 self.presses.append(press_button(button, finger, request, again, rng, flaw))
 
     def _flaw(self, press: str, attempt: int) -> Flaw:
-        """The flaw of an attempt at a press, or "". A third attempt has none."""
+        """Return the flaw of an attempt at a press, or "". From the third attempt on there is none."""
         rng = self.rng(f"{press}, attempt {attempt}: clumsy")
         bad = rng.random() < self.settings.bad_press_rate and attempt <= 2
         return FLAWS[int(rng.integers(len(FLAWS)))] if bad else ""
@@ -127,12 +128,12 @@ class Scene(ABC):
             self.aimed = point
 
     def put(self, mass: float) -> None:
-        """Leave nothing but `mass` (kg) on the force sensor, from now on."""
+        """Set the additional mass on the force sensor to `mass` (kg), from now on."""
         with self._lock:
             self.loads.append((self.clock.now(), mass * GRAVITY))
 
     def _put_up(self, head: LaserHead) -> None:
-        """Put a vibrometer's head in place, `head` being as the rig file describes it."""
+        """Install a vibrometer's `head`, given as the rig file describes it."""
         self._heads.append((head, replace(head)))
         for fault in self.faults:
             fault.head(head)
@@ -140,7 +141,7 @@ class Scene(ABC):
 
     @property
     def set_as_filed(self) -> bool:
-        """Whether every vibrometer is set as the rig file says; the simulated operator answers this."""
+        """True when every vibrometer has the rig file's settings: the simulated operator's answer."""
         for fault in self.faults:
             fault.inspected(self.clock.now())
         return all((head.range, head.scale) == (filed.range, filed.scale) for head, filed in self._heads)

@@ -1,7 +1,7 @@
-"""What the sensors show of a scene: volts at a node, before any converter.
+"""Sensor outputs of a scene: volts at a node, before any converter.
 
-Each is a function of the scene, not bound to it: a plant that nobody has any more is gone at once, with
-all that it remembers.
+Each is a function of the scene rather than bound to it, so that there is no reference cycle and a dropped
+plant is freed at once with its memory.
 """
 
 from __future__ import annotations
@@ -20,38 +20,44 @@ from haploop.mocks.plant.scene import GRAVITY, Scene
 __all__ = ["Quantity", "laser", "wired"]
 
 FORCE_NOISE = 0.03
-"""N sd of Fz: measured on a real Mini40 (found; docs/hardware.md, "Force sensor")."""
+"""Standard deviation of Fz (N), measured on a real Mini40 (found; docs/hardware.md, "Force sensor")."""
 FORCE_DRIFT = 0.05 / 60
-"""N/s (estimate; docs/hardware.md, "Force sensor")."""
+"""Drift of Fz (N/s; estimate; docs/hardware.md, "Force sensor")."""
 FORCE_WARM = 3600.0
-"""Seconds after which the sensor is warm and drifts no further (estimate)."""
+"""Warm-up time, after which the force does not drift (s; estimate; docs/hardware.md, "Force sensor")."""
 WEIGHT = 4.0
-"""N: the box on the force sensor (estimate)."""
+"""Weight of the box on the force sensor (N; estimate; docs/hardware.md, "Force sensor")."""
 ACCELEROMETER_NOISE = 300e-6 * GRAVITY
-"""m/s^2 per sqrt(Hz) of the z axis (estimate; docs/hardware.md, "Accelerometer")."""
+"""Noise density of the z axis, used for every axis (m/s^2 per sqrt(Hz); estimate; docs/hardware.md,
+"Accelerometer")."""
 ACCELEROMETER_CLIP = 3.6 * GRAVITY
+"""Acceleration at which the output clips (m/s^2; docs/hardware.md, "Accelerometer")."""
 CONTACT = 5.0
-"""V across a closed contact."""
+"""Output of the closed contact (V; it and its noise: docs/hardware.md, "Buttons and people")."""
 VIBROMETER_NOISE = 0.02e-6
-"""m/s per sqrt(Hz) of the 20 mm/s range (estimate; docs/hardware.md, "PDV-100")."""
+"""Noise density of the 20 mm/s range, used in every range (m/s per sqrt(Hz); estimate; docs/hardware.md,
+"PDV-100")."""
 _SHAKEN = 8
-"""Presses whose filtered vibration is kept."""
+"""Number of presses whose filtered vibration is kept."""
 _RING = 0.2
-"""Seconds for which a click can be felt after the finger has left."""
+"""Time for which a click's vibration lasts after the finger has left (s)."""
 
 
 Quantity = Callable[[Scene, FloatArray, np.random.Generator], FloatArray]
-"""What a node carries at (times,) s."""
+"""Function that returns a node's voltage, (times,) V, at times (s)."""
 
 
 def wired(scene: Scene) -> dict[str, Quantity]:
-    """By node, the sensors that the rig file names."""
+    """Return the rig file's sensors by their nodes.
+
+    The scatter of rest, tilt and zero is an estimate (docs/hardware.md, "Force sensor", "Accelerometer").
+    """
     sensors = scene.file.sensors
     nodes: dict[str, Quantity] = {}
     if sensors.force:
         gauges = _loaded_gauges(scene, np.linalg.inv(np.array(sensors.force.matrix)))
         rest = scene.rng("gauges").normal(0, 0.3, 6)
-        # Fz is the sum of the gauges' noise through the matrix's third row.
+        # Scale the gauges' noise so that Fz, the matrix's third row, has FORCE_NOISE.
         noise = FORCE_NOISE / float(np.linalg.norm(sensors.force.matrix[2]))
         for i, node in enumerate(sensors.force.channels):
             nodes[node] = partial(_gauge, row=gauges[i], rest=float(rest[i]), noise=noise)
@@ -75,7 +81,7 @@ def wired(scene: Scene) -> dict[str, Quantity]:
 
 
 def _loaded_gauges(scene: Scene, gauges: FloatArray) -> FloatArray:
-    """(6, 6) V per N and N m of the sensor that is really there, from what the file's matrix says."""
+    """Return the real sensor's sensitivity, (6, 6) V per N and N m, from that of the file's matrix."""
     for fault in scene.faults:
         gauges = fault.gauges(gauges, scene.rng("force sensor"))
     return gauges
@@ -90,6 +96,7 @@ def _gauge(
         since = np.searchsorted([at for at, _ in scene.loads], times, side="right")
         force[2] += np.array([0.0, *(weight for _, weight in scene.loads)])[since]
     for press in latest(scene.presses, times[0], times[-1], 0.0):
+        # A press also has a lateral force (estimate; docs/hardware.md, "Force sensor").
         pressed = press.force(times)
         force[0] += 0.05 * pressed
         force[1] -= 0.03 * pressed
@@ -112,7 +119,7 @@ def _axis(
 
 
 def _filtered(scene: Scene, press: SimulatedPress, pole_hz: float, times: FloatArray) -> FloatArray:
-    # A press is shaken once, as a whole, through the board's pole: the axes share it, and a
+    # A press's vibration is filtered once, as a whole, by the board's pole: the axes share it, and a
     # block's first sample needs no history.
     key = (press.start, pole_hz)
     if key not in scene.shaken:
@@ -123,7 +130,7 @@ def _filtered(scene: Scene, press: SimulatedPress, pole_hz: float, times: FloatA
         passed = spectrum * low_pass(
             np.asarray(np.fft.rfftfreq(count, 1 / rate_hz), dtype=np.float64), pole_hz
         )
-        # Whoever asks for what is long past has it made again; a study would fill the memory.
+        # Keep only the latest presses, because a study would fill the memory; older ones are recomputed.
         while len(scene.shaken) >= _SHAKEN:
             del scene.shaken[next(iter(scene.shaken))]
         scene.shaken[key] = (grid, np.fft.irfft(passed, count))
@@ -142,20 +149,21 @@ def _monitor(
 ) -> FloatArray:
     sensor = scene.file.sensors.drive
     assert sensor is not None
-    # A divider on the bus behind the relay sees whichever patches are connected.
+    # A divider on the bus behind the relay measures the connected patches.
     volts = [scene.table.voltage(p, times) for p in patches]
     return np.asarray(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
 
 
 def laser(scene: Scene, times: FloatArray, rng: np.random.Generator, *, head: LaserHead) -> FloatArray:
-    """What a vibrometer puts out that looks where the laser is aimed."""
+    """Return the output of a vibrometer at the point where the laser is aimed, (times,) V."""
     level = np.full(len(times), head.level)
     for fault in scene.faults:
         level = fault.light(level, times)
     velocity = scene.table.velocity(scene.place(scene.aimed), times - head.delay) * (level > 0)
     rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
     density = VIBROMETER_NOISE * scene.settings.vibrometer_noise_scale
-    # Noise grows as the light fades (an estimate: with the root of its share, and tenfold at most).
+    # Noise grows as the light fades: with the inverse root of its level, up to tenfold (estimate;
+    # docs/hardware.md, "PDV-100").
     density = density / np.sqrt(np.maximum(level, 0.01))
     velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
     velocity = np.clip(velocity, -head.range, head.range)

@@ -1,9 +1,8 @@
-"""The touch table: a plate as a sum of modes, moved by piezo patches, seen by a laser.
+"""The touch table: a plate as a sum of modes, driven by piezo patches and measured by a laser.
 
-Exact between samples: every drive is a staircase, so that the state of each pole at any instant
-follows in closed form from its state at the last step. Nothing is integrated numerically, no step
-size has to be chosen, and a channel that a multiplexed card samples 14 us late is simply evaluated
-14 us later.
+The solution is exact at any time: every drive is a staircase, so the state of each pole has a closed form
+from its state at the last step. There is no numerical integration and no step size to choose, and a
+channel that a multiplexed card samples 14 us late is evaluated 14 us later.
 
 Geometry and damping are estimates (docs/hardware.md, "Touch table"): a simply supported pane of soda-lime
 glass, 0.50 x 0.35 m, of the thickness that puts its (2, 2) mode at the paper's 263.5 Hz.
@@ -25,10 +24,10 @@ __all__ = ["Plate", "TouchTable", "make_plate", "warmed"]
 
 WIDTH, HEIGHT = 0.50, 0.35
 PATCH_WIDTH, PATCH_HEIGHT = 0.050, 0.030
-"""The ceramic of a P-876.A12 (found; docs/hardware.md, "Patches")."""
+"""Size of the ceramic of a P-876.A12 (m; found; docs/hardware.md, "Patches")."""
 MAIN_HZ = 263.5
 _HIGHEST = 3.2
-"""Modes are kept up to this multiple of the main one: those above the band stiffen what is in it."""
+"""Highest mode, as a multiple of the main mode: modes above the band add stiffness within it."""
 
 
 def _curvature(m: int, n: int) -> float:
@@ -41,19 +40,24 @@ MODES = sorted(
 )
 MAIN = MODES.index((2, 2))
 PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 0.55)}
-"""Centres, as fractions of width and height, near the edges. A drives the main mode best."""
+"""Centres of the patches, as fractions of width and height, near the edges; A drives the main mode best
+(docs/hardware.md, "Touch table")."""
 MAIN_VELOCITY = 5.0e-3 / 50
-"""m/s per V at the main mode's antinode: 3 um of displacement at 50 V, an estimate."""
+"""Velocity at the main mode's antinode (m/s per V): 3 um of displacement at 50 V (estimate;
+docs/hardware.md, "Touch table")."""
 AMPLIFIER_POLE_HZ = 5000.0
+"""Bandwidth of the amplifier (docs/hardware.md, "Amplifier")."""
 _REMEMBERED = 30.0
+"""Past for which the table can be read (s)."""
 _DAY = 86_400.0
 _STEP_EVERY, _STEP = 3 * 3600.0, 0.1
-"""A door, a window, a heater: as often (s), and of this share of the day's course at most (estimates)."""
+"""Interval (s) of temperature steps (a door, a window, a heater), and the largest step as a fraction of the
+daily amplitude (estimates)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """Modes of one pane: `natural_hz` and `damping` are (modes,), shapes are functions of place."""
+    """Modes of one pane: `natural_hz` and `damping` are (modes,); mode shapes are functions of position."""
 
     natural_hz: FloatArray
     damping: FloatArray
@@ -61,13 +65,14 @@ class Plate:
     patches: Mapping[str, tuple[float, float]]
 
     def shape(self, place: tuple[float, float]) -> FloatArray:
-        """(modes,) deflection at a place (fractions of width and height), 1 at an antinode."""
+        """Return the mode shapes at a position (fractions of width and height), (modes,): 1 at antinodes."""
         m, n = np.array(MODES).T
         return np.asarray(np.sin(np.pi * m * place[0]) * np.sin(np.pi * n * place[1]))
 
     def coupling(self, patch: str) -> FloatArray:
-        """(modes,) modal force per volt: a patch bends the pane, so it couples to the curvature
-        averaged over its area.
+        """Return the modal force per volt, (modes,).
+
+        A patch bends the pane, so it couples to the curvature averaged over its area.
         """
         m, n = np.array(MODES).T
         curvature = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
@@ -75,7 +80,7 @@ class Plate:
         return np.asarray(self.gain * curvature * average * self.shape(self.patches[patch]))
 
     def velocity(self, patch: str, place: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
-        """m/s per V at the patch at `frequencies` (Hz), (frequencies,): the truth."""
+        """Return the true response at a position (m/s per V at the patch), at `frequencies` (Hz)."""
         s = 2j * np.pi * np.asarray(frequencies)[:, None]
         w = 2 * np.pi * self.natural_hz
         strength = self.shape(place) * self.coupling(patch)
@@ -88,7 +93,10 @@ def make_plate(
     damping_scale: float = 1.0,
     collocated_at: tuple[float, float] | None = None,
 ) -> Plate:
-    """One table of many: frequencies and damping scatter with `rng` as mounting and glass do."""
+    """Create a table; frequencies and damping scatter with `rng`, as mounting and glass vary.
+
+    The scatter and the damping law are estimates (docs/hardware.md, "Touch table").
+    """
     m, n = np.array(MODES).T
     curvature = (m / WIDTH) ** 2 + (n / HEIGHT) ** 2
     scatter = rng.normal(0, 0.02, len(MODES)).clip(-0.05, 0.05)
@@ -96,7 +104,7 @@ def make_plate(
     natural = MAIN_HZ * curvature / curvature[MAIN] * (1 + scatter) * (1 + drift)
     damping = (0.004 + 0.000025 * natural) * rng.uniform(0.9, 1.1, len(MODES))
     patches = dict(PATCHES)
-    # The gain is set at the nominal damping and place: a damped table moves less.
+    # The gain is set for the nominal damping and patch position, so that a damped table moves less.
     nominal = Plate(natural, damping, 1.0, patches)
     strength = np.abs(nominal.coupling("A")[MAIN]) / (4 * np.pi * damping[MAIN] * natural[MAIN])
     if collocated_at is not None:
@@ -105,9 +113,9 @@ def make_plate(
 
 
 def warmed(plate: Plate, time: float, daily: float, seed: int) -> Plate:
-    """The plate at a time (s): every frequency follows the day's warmth, by +-`daily` (relative) and steps.
+    """Return the plate at a time (s): each frequency drifts over the day by +-`daily` (relative), with steps.
 
-    A day is a sine that begins at the middle; damping ratios and forces stay.
+    The drift is a sine that starts at zero; damping ratios and forces stay constant.
     """
     step = np.random.default_rng([seed, 0xDA1, int(max(time, 0.0) / _STEP_EVERY)]).uniform(-_STEP, _STEP)
     shift = daily * (np.sin(2 * np.pi * time / _DAY) + step)
@@ -118,15 +126,15 @@ def warmed(plate: Plate, time: float, daily: float, seed: int) -> Plate:
 class _Pane:
     """A plate between amplifier and laser, as poles driven by the linear volts and the volts of all patches.
 
-    The poles are those of the modes; for each patch's linear volts the amplifier's and the laser's; and for
-    each patch's volts the amplifier's.
+    There are the poles of the modes, an amplifier and a laser pole for each patch's linear volts, and an
+    amplifier pole for each patch's volts.
     """
 
     plate: Plate
     poles: Poles
     amplifier: float
     laser: float
-    """Poles (rad/s)."""
+    """Poles of amplifier and laser (rad/s)."""
     _weights: dict[tuple[float, float], ComplexArray] = field(default_factory=dict)
 
     @classmethod
@@ -143,8 +151,9 @@ class _Pane:
         return cls(plate, Poles(poles, inputs), amplifier, laser)
 
     def velocity(self, place: tuple[float, float]) -> ComplexArray:
-        """(poles,): partial fractions of amplifier x plate x laser; doubled where a pole has a conjugate,
-        so that the real part of the sum is the velocity.
+        """Return the partial fractions of amplifier x plate x laser, (poles,).
+
+        They are doubled for a pole with a conjugate, so that the real part of the sum is the velocity.
         """
         if place not in self._weights:
             a, c, plate = self.amplifier, self.laser, self.plate
@@ -160,7 +169,7 @@ class _Pane:
         return self._weights[place]
 
     def voltage(self, patch: str) -> ComplexArray:
-        """(poles,): of a patch's voltage."""
+        """Return the weights that give a patch's voltage, (poles,)."""
         own = np.zeros(len(self.poles.poles), dtype=np.complex128)
         own[list(self.plate.patches).index(patch) - len(self.plate.patches)] = self.amplifier
         return own
@@ -169,8 +178,8 @@ class _Pane:
 class TouchTable:
     """A plate with its patches, between the relay's contacts and the laser.
 
-    Patches are fed staircases of the amplifier's output; each is smoothed by the amplifier's pole.
-    The laser's own pole is part of the transfer function, its delay is not: ask for earlier times.
+    The patches get staircases of the amplifier's output, smoothed by the amplifier's pole. The transfer
+    function includes the laser's pole but not its delay: for the delay, read at earlier times.
     """
 
     def __init__(self, plate: Plate, hysteresis: float, laser_pole_hz: float = 5000.0) -> None:
@@ -182,12 +191,12 @@ class TouchTable:
 
     @property
     def plate(self) -> Plate:
-        """As it is from the next step on."""
+        """The plate in effect from the next step on."""
         return self._pane.plate
 
     @property
     def laser_pole_hz(self) -> float:
-        """The pole of the laser's output."""
+        """Bandwidth of the laser's output (Hz)."""
         return self._laser_pole_hz
 
     @laser_pole_hz.setter
@@ -196,15 +205,15 @@ class TouchTable:
         self.tune(self.plate)
 
     def tune(self, plate: Plate) -> None:
-        """From the next step on the pane has the modes of this one."""
-        # Two equal poles would need another formula; a ten-thousandth apart they do not.
+        """Use the modes of `plate` from the next step on."""
+        # Equal poles would need another formula; shift one of them by a ten-thousandth.
         apart = 1.0001 if self._laser_pole_hz == AMPLIFIER_POLE_HZ else 1.0
         self._pane = _Pane.of(plate, 2 * np.pi * AMPLIFIER_POLE_HZ, 2 * np.pi * self._laser_pole_hz * apart)
 
     def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
-        """From `start` on, the amplifier's output at each patch ((steps,) V, all alike in length).
+        """Apply the amplifier's output at each patch, (steps,) V of equal length, from `start` (s) on.
 
-        Each step is held for `period`, the last until the next call; `start` never goes back.
+        Each step is held for `period` (s), the last until the next call; `start` never decreases.
         """
         applied = [volts[patch] for patch in self.plate.patches]
         hysteresis = [self._hysteresis[patch] for patch in self.plate.patches]
@@ -216,11 +225,11 @@ class TouchTable:
             self._stretches.popleft()
 
     def velocity(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
-        """(times,) m/s at a place through the laser's pole, at rising times (s)."""
+        """Return the velocity at a position behind the laser's pole, (times,) m/s, at rising times (s)."""
         return self._seen(times, lambda pane: pane.velocity(place))
 
     def voltage(self, patch: str, times: FloatArray) -> FloatArray:
-        """(times,) V across a patch at rising times (s)."""
+        """Return the voltage across a patch, (times,) V, at rising times (s)."""
         return self._seen(times, lambda pane: pane.voltage(patch))
 
     def _seen(self, times: FloatArray, weights: Callable[[_Pane], ComplexArray]) -> FloatArray:

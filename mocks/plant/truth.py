@@ -1,4 +1,4 @@
-"""The truth of a plant, which no instrument shows."""
+"""True state of a plant, which no instrument shows."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ __all__ = ["Truth"]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What only a simulator can know: for tests and reports, never for an estimator."""
+    """True values known only to the simulator: for tests and reports, never for an estimator."""
 
     _scene: Scene
 
     @property
     def presses(self) -> tuple[SimulatedPress, ...]:
-        """Every press so far, in order."""
+        """All presses so far, in order."""
         return tuple(self._scene.presses)
 
     @property
     def resonance_hz(self) -> float:
-        """Natural frequency of the mode near 263.5 Hz, now."""
+        """Present natural frequency of the mode near 263.5 Hz (Hz)."""
         return float(self._scene.plate.natural_hz[MAIN])
 
     def velocity_response(self, patch: str, point: str, frequencies: FloatArray) -> ComplexArray:
-        """(frequencies,) m/s per V at the patch, hysteresis left out."""
+        """Return the response without hysteresis, (frequencies,) m/s per V at the patch."""
         return self._scene.plate.velocity(patch, self._scene.place(point), frequencies)
 
     @property
     def patch_voltages(self) -> dict[str, float]:
-        """Voltage across each patch now."""
+        """Present voltage across each patch (V)."""
         scene = self._scene
         now = np.array([scene.clock.now()])
         scene.advance(now[0])
@@ -44,17 +44,17 @@ class Truth:
 
     @property
     def closed(self) -> frozenset[str]:
-        """Patches whose contacts are closed now."""
+        """Patches with closed contacts, now."""
         self._scene.advance(self._scene.clock.now())
         return frozenset(self._scene.closed)
 
     @property
     def peak(self) -> float:
-        """Largest voltage (V) that any patch has been driven with so far."""
+        """Largest voltage magnitude applied to any patch so far (V)."""
         return self._scene.peak
 
     def record(self) -> list[AmplifierOutput]:
-        """Record the amplifier's output from now on; returns the list that grows."""
+        """Record the amplifier's output from now on; return the list, which grows with time."""
         scene = self._scene
         scene.advance(scene.clock.now())
         scene.amplifier_record = []

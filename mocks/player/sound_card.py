@@ -1,6 +1,6 @@
-"""The sound card's twin: the module `sounddevice` as the driver sees it, on the plant's clock.
+"""Twin of the sound card: an imitation of the module `sounddevice`, on the plant's clock.
 
-The driver's own class plays through it; its callback is asked for samples as time goes on.
+The real driver's class plays through it; its callback is called for samples as the plant advances.
 """
 
 from __future__ import annotations
@@ -19,54 +19,55 @@ from haploop.mocks.plant import Plant, Run
 __all__ = ["Card", "Jack", "twin"]
 
 FULL_SCALE = 1.4
-"""V peak (estimate, as all of these; docs/hardware.md, "Sound card")."""
+"""Output at digital full scale (V peak; estimate, like all constants here; docs/hardware.md, "Sound
+card")."""
 HIGH_PASS_HZ = 5.0
 DRIFT = 30e-6
-"""By how much its clock is faster than the rig's."""
+"""Relative excess of the card's clock rate over the rig's."""
 LATENCY = (0.020, 0.100)
-"""Seconds from the start of a stream to its first sample, another one each time."""
+"""Limits of the random delay from the start of a stream to its first sample (s)."""
 _FRAMES = 480
-"""Samples a callback: 10 ms at 48 kHz."""
+"""Samples per callback: 10 ms at 48 kHz."""
 _SETTLES = 0.5
-"""Seconds until a coupling capacitor has discharged."""
+"""Time for the coupling capacitor to discharge (s)."""
 
 
 def twin(settings: SoundCard.Settings, plant: Plant) -> SoundCard:
-    """The real driver's class, playing through a card of the plant's."""
+    """Create the twin: the real driver's class, playing through a simulated card."""
     return SoundCard(settings, plant.clock, Card(plant, settings.output, settings.channel - 1))
 
 
 class CallbackStop(Exception):  # noqa: N818  as sounddevice calls it
-    """No more samples will come: play what there is."""
+    """Raised by a callback to stop after the samples that it has delivered."""
 
 
 class CallbackAbort(Exception):  # noqa: N818  as sounddevice calls it
-    """Stop at once."""
+    """Raised by a callback to stop at once."""
 
 
 class PortAudioError(Exception):
-    """What PortAudio says when it cannot."""
+    """Error of PortAudio."""
 
 
 @dataclass(frozen=True)
 class Flags:
-    """What a callback is told of the stream."""
+    """Stream status passed to a callback."""
 
     output_underflow: bool = False
 
 
 class Jack:
-    """One channel's output as the plant sees it (a `Source`), which knows no plant."""
+    """One channel's output: a `Source` for the plant, without a reference to the plant."""
 
     def __init__(self, channel: int, chance: np.random.Generator) -> None:
         self.full_scale = FULL_SCALE
-        """V peak: what the operating system's volume makes of digital full scale."""
+        """Output at digital full scale (V peak), which depends on the operating system's volume."""
         self.drift = DRIFT
         self.high_pass_hz = HIGH_PASS_HZ
         self.starves_at: int | None = None
-        """The sample before which the computer is late, once: 10 ms of silence, and a flag."""
+        """Sample before which the stream underflows once: 10 ms of silence, and a flag; None for never."""
         self.begun: list[float] = []
-        """When each stream's first sample came out (s)."""
+        """Time of each stream's first sample at the output (s)."""
         self._channel = channel
         self._chance = chance
         self._stream: _Stream | None = None
@@ -76,25 +77,25 @@ class Jack:
         self._before = self._output = 0.0
 
     def begin(self, stream: _Stream, now: float) -> None:
-        """Ask `stream` for samples from `now` (s) on; they come out after a while."""
+        """Start playing `stream` at `now` (s); its first sample comes out after a random delay."""
         if self._stream is not None:
             raise PortAudioError("Device unavailable [PaErrorCode -9985]")
         late = float(self._chance.uniform(*LATENCY))
         self._start, self._given = now, 0
         self._period = 1 / (stream.rate_hz * (1 + self.drift))
-        # What the capacitor holds goes on leaving it until the first sample.
+        # The coupling capacitor goes on discharging until the first sample.
         self._ready = np.zeros(max(1, round(late / self._period)))
         self.begun.append(now + len(self._ready) * self._period)
         self._stream = stream
 
     def end(self, stream: _Stream) -> None:
-        """Drop what waits; from now on the output is silent."""
+        """Drop the samples that wait; the output is silent from now on."""
         if self._stream is stream:
             self._silence()
 
     def take(self, until: float) -> Sequence[Run]:
         """See `haploop.mocks.plant.Source.take`."""
-        # A step on the very edge of `until` has happened, whatever rounding says.
+        # The tolerance counts a step at `until` itself as past, in spite of rounding.
         past = int((until - self._start) / self._period + 1e-3) + 1 if until >= self._start else 0
         while self._given + len(self._ready) < past and self._goes_on():
             self._ready = np.concatenate([self._ready, self._next()])
@@ -129,7 +130,7 @@ class Jack:
         self._left = round(_SETTLES / self._period)
 
     def _coupled(self, volts: FloatArray) -> FloatArray:
-        """Through the coupling capacitor: one zero at 0 Hz, one pole."""
+        """Filter by the coupling capacitor: one zero at 0 Hz, one pole."""
         pole = float(np.exp(-2 * np.pi * self.high_pass_hz * self._period))
         passed, _ = lfilter(
             [(1 + pole) / 2, -(1 + pole) / 2],
@@ -142,7 +143,7 @@ class Jack:
 
 
 class Card:
-    """A two-channel card, one channel of which is wired to the plant's `node`."""
+    """A two-channel card; one of its channels is wired to the plant's `node`."""
 
     CallbackStop: type[Exception] = CallbackStop
     CallbackAbort: type[Exception] = CallbackAbort
@@ -154,22 +155,22 @@ class Card:
         plant.drive(node, self.jack)
 
     def query_devices(self, device: int | str | None, kind: str) -> dict[str, object]:
-        """As `sounddevice.query_devices`."""
+        """Imitate `sounddevice.query_devices`."""
         return {"name": "Sound card (twin)", "max_output_channels": 2}
 
     def OutputStream(self, **settings: Any) -> _Stream:  # noqa: N802  as sounddevice calls it
-        """As `sounddevice.OutputStream`."""
+        """Imitate `sounddevice.OutputStream`."""
         return _Stream(self, **settings)
 
     def now(self) -> float:
-        """The time (s), until which everything has happened."""
+        """Advance the plant to the present, and return that time (s)."""
         now = self._plant.clock.now()
         self._plant.advance(now)
         return now
 
 
 class _Stream:
-    """As `sounddevice.OutputStream`, as far as the driver uses it."""
+    """Imitation of `sounddevice.OutputStream`, limited to the driver's needs."""
 
     def __init__(
         self,
@@ -185,23 +186,23 @@ class _Stream:
         self.rate_hz = samplerate
         self.flags = Flags()
         self.asked = 0
-        """Samples that were asked for."""
+        """Number of samples requested so far."""
         self.done = False
         self.finished_callback = finished_callback
         self._card, self._callback = card, callback
         self._shape = (_FRAMES, channels), dtype
 
     def start(self) -> None:
-        """As sounddevice's."""
+        """Imitate sounddevice's `start`."""
         self._card.jack.begin(self, self._card.now())
 
     def close(self, ignore_errors: bool = True) -> None:
-        """As sounddevice's."""
+        """Imitate sounddevice's `close`."""
         self._card.now()
         self._card.jack.end(self)
 
     def ask(self, count: int) -> Any:
-        """The next samples, (count, channels)."""
+        """Return the next samples, (count, channels), from the callback."""
         outdata = np.zeros(*self._shape)
         flags, self.flags = self.flags, Flags()
         self.asked += count

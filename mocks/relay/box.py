@@ -1,4 +1,4 @@
-"""The simulated relay box, which any protocol can serve, and the Yocto-MaxiCoupler's twin."""
+"""Simulated relay box for any protocol, and the Yocto-MaxiCoupler's twin."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from haploop.mocks.plant import Fault, RelayFailure, Switched, Switches
 __all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
 
 _LATENCY = (3e-3, 10e-3)
-"""Seconds from the command to the box's own processor, jittered (estimate; docs/hardware.md, "Relay box")."""
+"""Limits of the random delay from command to the box's processor (s; estimate; docs/hardware.md, "Relay
+box")."""
 _OPERATE = 1e-3
-"""Seconds from there to the contact (estimate; docs/hardware.md, "Relay box")."""
+"""Delay from the processor to the contact (s; estimate; docs/hardware.md, "Relay box")."""
 
 
 class Contacts(Protocol):
@@ -31,31 +32,31 @@ class Contacts(Protocol):
         """The plant's time."""
 
     def rng(self, name: str) -> np.random.Generator:
-        """The plant's seeded randomness for one of its parts."""
+        """Return the plant's seeded random generator for one of its parts."""
 
     @property
     def faults(self) -> Sequence[Fault]:
-        """The plant's faults, of which the box asks `Fault.relay`."""
+        """The plant's faults; the box calls their `Fault.relay`."""
 
     def wire(self, box: Switches) -> None:
-        """Have a box's contacts switch patches: `box.take(until)` is asked before every step to `until`."""
+        """Connect a box's contacts to the patches; each step to `until` first calls `box.take(until)`."""
 
 
 class Misbehaviour(Protocol):
-    """What makes a box fail, as the box sees it."""
+    """A cause of failures, as the box sees it."""
 
     def fires(self, kind: RelayFailure, channel: int) -> bool:
-        """Whether a channel fails in this way now; if so, count it."""
+        """Return True when a channel fails in this way now, and count the failure."""
 
 
 @dataclass
 class BoxFault:
-    """A misbehaviour of one channel, put into `SimulatedBox.faults` by hand: see `RelayFailure`."""
+    """A failure of one channel (see `RelayFailure`), added to `SimulatedBox.faults` by hand."""
 
     kind: RelayFailure
     channel: int
     times: float = math.inf
-    """How often it fires."""
+    """Number of times that it fires."""
     fired: int = 0
 
     def fires(self, kind: RelayFailure, channel: int) -> bool:
@@ -67,7 +68,7 @@ class BoxFault:
 
 @dataclass(frozen=True)
 class _PlantFault:
-    """A fault of the plant, which knows patches, as the box sees it, which knows channels."""
+    """Adapter of a plant's fault, which acts on patches, to the box, which has channels."""
 
     fault: Fault
     patches: Mapping[int, str]
@@ -81,13 +82,13 @@ class _PlantFault:
 
 @dataclass
 class _Channel:
-    """Times are the plant's (s); infinite means never."""
+    """State of one channel. Times are the plant's (s); infinite means never."""
 
     closed: bool = False
     pulse_end: float = math.inf
     limit: float = math.inf
-    """Longest time closed, whatever pulses were renewed (the reading of maxTimeOnStateB that is
-    hardest on a driver; what the product does is not known)."""
+    """Longest time closed (s); renewed pulses do not extend it. The product's behaviour is not known; this
+    interpretation of maxTimeOnStateB is the hardest on a driver."""
     limit_end: float = math.inf
     delayed: float = math.inf
     delayed_length: float = 0.0
@@ -99,12 +100,12 @@ class _Channel:
 class SimulatedBox:
     """Channels with pulse timers, whose contacts switch patches of the plant.
 
-    `channels` says which patch each wired channel switches, `numbers` which channels there are.
-    Commands arrive late and in order, and questions queue behind them, so that what is read back is
-    never older than what was sent; the contacts follow in time. What has happened is worked out
-    when somebody asks. Contacts are reported by `take` alone, so a plant may call it while it
-    holds its own lock; the box knows no plant. Safe to share between threads. Times are in seconds
-    of `clock`.
+    `channels` maps each wired channel to its patch, `numbers` lists all channels (eight by default;
+    docs/hardware.md, "Relay box"). Commands arrive late and in order, and queries queue behind them, so
+    that a read-back is never older than the last command; the contacts follow after a delay. Events are
+    computed when a method is called. The box does not call the plant: `take` reports the contacts, so a
+    plant may call it while it holds its own lock. Safe to share between threads. Times are in seconds of
+    `clock`.
     """
 
     def __init__(
@@ -125,15 +126,15 @@ class SimulatedBox:
         self._latest = -math.inf
 
     def set_state(self, channel: int, closed: bool) -> None:
-        """Close until told otherwise (or until the channel's limit), or open."""
+        """Close a channel until the next command (or until its limit), or open it."""
         self._send(channel, lambda at: self._set(channel, closed, at))
 
     def toggle(self, channel: int) -> None:
-        """Close an open channel, open a closed one."""
+        """Close an open channel, or open a closed one."""
         self._send(channel, lambda at: self._set(channel, not self._channels[channel].closed, at))
 
     def pulse(self, channel: int, length: float, delay: float = 0.0) -> None:
-        """Close for `length` seconds from now, or from `delay` seconds on; then open by itself."""
+        """Close a channel for `length` s, after `delay` s; it then opens by itself."""
 
         def begin(at: float) -> None:
             if delay > 0:
@@ -145,7 +146,7 @@ class SimulatedBox:
         self._send(channel, begin)
 
     def limit(self, channel: int, longest: float) -> None:
-        """Open by itself `longest` seconds after the next time that the channel closes; 0 is never."""
+        """Open the channel `longest` s after it next closes; 0 removes the limit."""
 
         def begin(_at: float) -> None:
             self._channels[channel].limit = longest or math.inf
@@ -153,25 +154,25 @@ class SimulatedBox:
         self._send(channel, begin)
 
     def states(self) -> dict[int, ChannelState]:
-        """What the box reports now; `remaining` is its pulse timer's."""
+        """Return the states that the box reports now; `remaining` is from the pulse timer."""
         with self._lock:
             now = self._arrive()
             return {n: ChannelState(c.closed, c.pulse_end - now) for n, c in self._channels.items()}
 
     def limits(self) -> dict[int, float]:
-        """Seconds that each channel may stay closed; infinite without a limit."""
+        """Return the longest time that each channel may stay closed (s); infinite without a limit."""
         with self._lock:
             self._arrive()
             return {n: c.limit for n, c in self._channels.items()}
 
     def delays(self) -> dict[int, float]:
-        """Seconds until each channel's delayed pulse begins; infinite without one."""
+        """Return the time until each channel's delayed pulse begins (s); infinite without one."""
         with self._lock:
             now = self._arrive()
             return {n: c.delayed - now for n, c in self._channels.items()}
 
     def take(self, until: float) -> list[Switched]:
-        """Every contact that switches because of what happened by `until` (s), once."""
+        """Return, once, each contact that switches as a result of events up to `until` (s)."""
         with self._lock:
             self._run(until)
             switched, self._switched = self._switched, []
@@ -187,9 +188,9 @@ class SimulatedBox:
                 self._arriving.append((self._latest, command))
 
     def _arrive(self) -> float:
-        """When a question that is asked now reaches the box; everything until then has happened.
+        """Process all events until a query sent now reaches the box, and return that time (s).
 
-        No later command can overtake it, so looking ahead of the clock to that time is safe.
+        Looking ahead of the clock is safe here, because no later command can overtake the query.
         """
         at = max(self._clock.now(), self._latest)
         self._run(at)
@@ -231,7 +232,7 @@ class SimulatedBox:
 
 
 def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] = range(1, 9)) -> SimulatedBox:
-    """A box wired to a plant: each patch on its channel."""
+    """Create a box wired to a plant, with each patch on its channel."""
     wiring = {channel: patch for patch, channel in patches.items()}
     box = SimulatedBox(wiring, plant.clock, plant.rng("relay"), numbers)
     box.faults.extend(_PlantFault(fault, wiring, plant.clock) for fault in plant.faults)
@@ -240,7 +241,7 @@ def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] =
 
 
 class BoxAdapter:
-    """A `SimulatedBox` as the `RelayBoard` of a twin: called directly, without a protocol."""
+    """Adapter of a `SimulatedBox` to the `RelayBoard` of a twin: called directly, without a protocol."""
 
     def __init__(self, identity: str, box: SimulatedBox, dead_man: float) -> None:
         self.identity = identity

@@ -1,4 +1,4 @@
-"""The twin and the wire of a serial relay board; its protocol stands in the driver's file."""
+"""Twin and wire of a serial relay board; the driver's module describes the protocol."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SerialRelayTwin(ChannelRelay):
 
 
 class SerialRelayWire(Loopback):
-    """A board that is reached as `socket://` on loopback while its context lasts."""
+    """A board served on loopback at `url` (`socket://...`) while its context lasts."""
 
     def __init__(self, box: SimulatedBox, port: int = 0) -> None:
         self.faults: list[ReplyFault] = []
@@ -59,7 +59,7 @@ class SerialRelayWire(Loopback):
         return fault.send(link, reply, self.closing)
 
     def _do(self, command: str) -> str:
-        """What the board answers; nothing to a command that it does not know."""
+        """Execute a command and return the answer; empty for an unknown command."""
         match command.split():
             case ["ver"]:
                 return _FIRMWARE
@@ -73,6 +73,6 @@ class SerialRelayWire(Loopback):
 
 @contextmanager
 def wire(settings: SerialRelay.Settings, plant: Contacts) -> Iterator[dict[str, object]]:
-    """Serve a board on a box in the plant; gives the settings that point the driver at it."""
+    """Serve a board on a box in the plant; yield the settings that point the driver at it."""
     with SerialRelayWire(box_in(plant, settings.patches, _CHANNELS)) as board:
         yield {"port": board.url}

@@ -1,10 +1,10 @@
-"""The wire of a Yocto-MaxiCoupler: a look-alike of VirtualHub on a simulated box.
+"""Wire of a Yocto-MaxiCoupler: an imitation of VirtualHub on a simulated box.
 
-Our own driver, the vendor's native library and its pure Python one can all use it. What they ask
-and what they need was measured (docs/hardware.md, "Relay box"): requests of theirs carry no HTTP version,
-so no ordinary HTTP server parses them; the end of the connection ends the reply, and a
-Content-Length would make one of them wait for 20 s; /not.byn never ends. What a real hub does was
-not seen here: an attribute that this one does not know is answered with 404.
+haploop's driver and the vendor's native and pure Python libraries can all use it. Their requests and
+needs were measured (docs/hardware.md, "Relay box"): requests may carry no HTTP version, so an ordinary
+HTTP server does not parse them; a reply ends when the connection closes, because a Content-Length makes
+one library wait for 20 s; /not.byn never ends. No real hub was observed: an attribute unknown to this
+one is answered with 404.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from haploop.mocks.transport import Loopback, ReplyFault
 
 __all__ = ["YoctoHub", "wire"]
 
-_SERIAL = "MXCOUPL1-1A2B3"  # the form is known, the first part is an estimate
+_SERIAL = "MXCOUPL1-1A2B3"  # The form is known; the first part is an estimate.
 _HUB_SERIAL = "VIRTHUB0-0000000001"
 _FIRMWARE = "60000"
 _INDEX = 1
-"""The module's place in the hub's list; the hub itself is 0."""
+"""The module's index in the hub's list; the hub itself is 0."""
 _LONGEST_REQUEST = 8192
 _POLL = 0.05
-"""Real seconds between two looks at the box on behalf of a stream of notifications."""
+"""Interval (s of real time) at which a notification stream polls the box."""
 
 
 class YoctoHub(Loopback):
-    """A hub with one module, serving on loopback while its context lasts."""
+    """A hub with one module, served on loopback while its context lasts."""
 
     def __init__(self, box: SimulatedBox, serial: str | None = None, port: int = 0) -> None:
         self.serial = serial or _SERIAL
@@ -59,7 +59,7 @@ class YoctoHub(Loopback):
         fault.send(link, reply, self.closing, spare=reply.index(b"\r\n\r\n") + 4)
 
     def _notify(self, link: socket.socket) -> None:
-        """The endless stream: a position to start from, then each channel's changes."""
+        """Send the endless notification stream: a start position, then each channel's changes."""
         link.sendall(b"HTTP/1.1 200 OK\r\n\r\n" + b"YN01@0\n")
         sent = self._values()
         while not self.closing.wait(_POLL):
@@ -70,7 +70,7 @@ class YoctoHub(Loopback):
             sent = values
 
     def _answer(self, target: str) -> bytes:
-        """The whole reply to a request for `target`."""
+        """Return the whole reply to a request for `target`."""
         url = urlsplit(target)
         path = unquote(url.path)
         if path == "/info.json":
@@ -85,11 +85,11 @@ class YoctoHub(Loopback):
         return self._attribute(path[len(root) + 1 :], url.query)
 
     def _values(self) -> dict[int, str]:
-        """What each channel advertises: A is open, B is closed."""
+        """Return each channel's advertised value: A is open, B is closed."""
         return {channel: "AB"[state.closed] for channel, state in self._box.states().items()}
 
     def _attribute(self, path: str, query: str) -> bytes:
-        """Set what the query says, in either form in use, or read one attribute."""
+        """Set the attributes in the query, in either of the two forms in use, or read one attribute."""
         function, _, attribute = path.partition("/")
         asked = parse_qsl(query, keep_blank_values=True)
         if asked:
@@ -110,7 +110,7 @@ class YoctoHub(Loopback):
         return _ok("AB"[value] if attribute == "state" else str(value))
 
     def _set(self, function: str, name: str, value: str) -> bool:
-        """Whether the module knows that attribute and takes that value."""
+        """Set an attribute; return False when the module does not know it or refuses the value."""
         channels = {f"relay{channel}": channel for channel in self._box.states()}
         if function not in channels:
             return False
@@ -186,13 +186,15 @@ class YoctoHub(Loopback):
 
 @contextmanager
 def wire(settings: Yocto.Settings, plant: Contacts) -> Iterator[dict[str, object]]:
-    """Serve a hub on a box in the plant; gives the settings that point the driver at it."""
+    """Serve a hub on a box in the plant; yield the settings that point the driver at it."""
     with YoctoHub(box_in(plant, settings.patches), serial=settings.serial) as hub:
         yield {"hub": hub.url}
 
 
 def _target(link: socket.socket) -> str | None:
-    """What is asked for; the HTTP version may be missing, an empty line always ends the request."""
+    """Read a request and return its target, or None. The HTTP version may be missing; an empty line ends
+    the request.
+    """
     request = b""
     while b"\r\n\r\n" not in request:
         more = link.recv(4096)
@@ -214,7 +216,7 @@ _PASSWORD = b'HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Digest realm="Yocto
 
 
 def _ms(seconds: float) -> int:
-    """As the module counts: 0 is no time set, and what is running has at least one left."""
+    """Convert to the module's milliseconds: 0 means no time is set, a running timer shows at least 1."""
     return max(1, math.floor(seconds * 1000 + 1e-6)) if math.isfinite(seconds) else 0
 
 

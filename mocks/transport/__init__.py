@@ -1,4 +1,4 @@
-"""Servers and lines on loopback that simulated instruments speak through."""
+"""Loopback servers and lines for simulated instruments."""
 
 from haploop.mocks.transport.faulty_line import Disturbance, faulty_line
 from haploop.mocks.transport.line_server import Answer, DirectLine, LineServer

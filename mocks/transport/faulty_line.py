@@ -1,8 +1,8 @@
-"""A line between a real driver and a wire that disturbs answers: it stands between any two TCP ends.
+"""TCP proxy between a real driver and a wire, which disturbs answers.
 
-It knows no protocol. What the client has sent last is the request, what comes next is its answer. Of
-an answer in HTTP the head is left whole, because no line garbles the one and spares the other's
-length: what is to be seen is what a driver makes of a wrong body.
+It is independent of the protocol: the client's last message is the request, and the next data from the
+wire is its answer. The head of an HTTP answer stays intact, so that a fault tests the driver's handling of
+a wrong body rather than of a wrong head.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from haploop.mocks.transport.loopback import Loopback, ReplyFault
 __all__ = ["Disturbance", "faulty_line"]
 
 Disturbance = Callable[[str], ReplyFault | None]
-"""How the answer to a request is disturbed; None leaves it whole."""
+"""Return the fault of the answer to a request; None leaves the answer intact."""
 
 _PLACE = re.compile(r"(?P<host>127\.0\.0\.1)(?P<between>:+)(?P<port>\d+)")
 
 
 @contextmanager
 def faulty_line(address: Mapping[str, object], disturbance: Disturbance) -> Iterator[dict[str, object]]:
-    """A wire's address (settings of its driver), led through a line that disturbs answers."""
+    """Serve a line that disturbs answers; yield a wire's `address` (driver settings) redirected to it."""
     found = [(key, match) for key, value in address.items() if (match := _PLACE.search(str(value)))]
     (key, match), *_ = found
     line = _Line(int(match["port"]), disturbance)
@@ -41,7 +41,7 @@ class _Line:
         self._port, self._disturbance = port, disturbance
 
     def serve(self, client: socket.socket) -> None:
-        """One connection: requests go on as they are, answers as the faults would have them."""
+        """Serve one connection: pass requests on unchanged, and answers as the faults change them."""
         with socket.create_connection(("127.0.0.1", self._port)) as server:
             current: list[ReplyFault | None] = [None]
             back = threading.Thread(target=self._answers, args=(server, client, current))
@@ -67,14 +67,14 @@ class _Line:
                 elif not self._disturbed(fault, client, answer):
                     break
             if current[0] is not None and current[0].kind == "silence":
-                return  # The far end has hung up, as in HTTP, and the client still waits.
-        # The far end has gone: the other direction waits for the client no longer.
+                return  # The server has hung up, as in HTTP; the client is left waiting.
+        # The server has gone: end the other direction's wait for the client.
         for end in (server, client):
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
 
     def _disturbed(self, fault: ReplyFault, client: socket.socket, answer: bytes) -> bool:
-        """Send an answer with a fault; False when the connection ends with it."""
+        """Send an answer with a fault; return False when the fault ends the connection."""
         if fault.kind == "silence":
             return True
         head = answer.find(b"\r\n\r\n") + 4 if answer.startswith(b"HTTP/") else 0

@@ -1,4 +1,4 @@
-"""An instrument that speaks lines of text, reached over TCP or by calls in the same process."""
+"""Access to a simulated instrument that speaks lines of text, over TCP or by calls in the same process."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from haploop.mocks.transport.loopback import Loopback, ReplyFault
 __all__ = ["Answer", "DirectLine", "LineServer"]
 
 Answer = Callable[[str], Sequence[str]]
-"""An instrument: a line in (without its end), the lines that come back."""
+"""An instrument: takes a line (without its end) and returns the lines of its answer."""
 
 _LONGEST_COMMAND = 1 << 22
 
 
 class DirectLine:
-    """A `Line` to an instrument in the same process: what a twin's driver talks through."""
+    """A `Line` to an instrument in the same process, for a twin's driver."""
 
     def __init__(self, answer: Answer) -> None:
         self._answer = answer
@@ -30,7 +30,7 @@ class DirectLine:
         self._replies = deque(self._answer(text))
 
     def receive(self, asked: str) -> str:
-        """See `Line.receive`: what has not come at once never comes."""
+        """See `Line.receive`. Raises InstrumentError at once when there is no answer."""
         if not self._replies:
             raise InstrumentError(f"The twin did not answer {asked!r}: it does not know that command.")
         return self._replies.popleft()
@@ -40,7 +40,7 @@ class DirectLine:
 
 
 class LineServer(Loopback):
-    """Serves one instrument, a command at a time, to any number of clients."""
+    """Server of one instrument, one command at a time, for any number of clients."""
 
     def __init__(self, answer: Answer, port: int = 0) -> None:
         self.faults: list[ReplyFault] = []
@@ -62,7 +62,7 @@ class LineServer(Loopback):
                     return
 
     def _reply(self, link: socket.socket, command: str) -> bool:
-        """Answer one command; False when the connection ends with it."""
+        """Answer one command; return False when a fault ends the connection."""
         with self._turn:
             reply = "".join(f"{line}\n" for line in self._answer(command)).encode("latin-1")
         fault = next((f for f in self.faults if f.fires(command)), None)
@@ -72,7 +72,7 @@ class LineServer(Loopback):
         if fault.kind == "terminator":
             reply = reply.replace(b"\n", b"\r")
         if fault.kind == "garbled":
-            # As a wrong baud rate does: no text any more; that its end survives is the harder case.
+            # As with a wrong baud rate, the text is lost. Its end survives: the harder case for a driver.
             link.sendall(bytes(b if b == 10 else b ^ 0xA5 for b in reply))
             return True
         return fault.send(link, reply, self.closing)

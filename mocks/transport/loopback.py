@@ -1,4 +1,4 @@
-"""The base of every wire over TCP: serve on loopback, inject faults, stop cleanly."""
+"""Base of every wire over TCP: serves on loopback, injects faults, stops cleanly."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from typing import Literal, Self
 __all__ = ["HOST", "Loopback", "ReplyFault"]
 
 HOST = "127.0.0.1"
-"""Where everything that is simulated listens, and the only place: see `Loopback`."""
+"""The only address on which simulated instruments listen: see `Loopback`."""
 
 _LOOK = 0.02
-"""Real seconds between two looks at whether to stop."""
+"""Interval (s of real time) at which the server checks for a request to stop."""
 
 
 @dataclass
 class ReplyFault:
-    """A misbehaviour of the far end or of the line to it, put into the `faults` of a wire.
+    """A misbehaviour of an instrument or of the line to it, added to the `faults` of a wire.
 
-    It fires on requests that contain `asked`, after letting `after` of them through, `times` times.
-    The request is executed all the same, except with "not found", which is what a hub
-    answers for a module that is unplugged.
+    It fires on requests that contain `asked`: it skips the first `after` of them, and then fires `times`
+    times. The request is executed all the same, except with "not found" (a hub's answer for an unplugged
+    module) and "password".
     """
 
     kind: Literal[
@@ -45,12 +45,12 @@ class ReplyFault:
     after: int = 0
     times: float = math.inf
     delay: float = 0.05
-    """Real seconds: before the reply with "delay", between its bytes with "drip"."""
+    """Delay in real time (s): before the reply with "delay", between its bytes with "drip"."""
     seen: int = 0
     fired: int = 0
 
     def fires(self, request: str) -> bool:
-        """Whether it fires on this request; if so, count it."""
+        """Return True when it fires on this request, and count it."""
         if self.asked not in request:
             return False
         self.seen += 1
@@ -59,16 +59,16 @@ class ReplyFault:
         return fires
 
     def send(self, link: socket.socket, reply: bytes, closing: threading.Event, spare: int = 0) -> bool:
-        """Send a reply as this fault would have it, the first `spare` bytes intact.
+        """Send a reply as this fault changes it, with the first `spare` bytes intact.
 
-        True when the connection may go on. Kinds that only a protocol can give a meaning are sent
-        as they are: its wire has put them into the reply.
+        Returns True when the connection may go on. For protocol-specific kinds the reply is sent
+        unchanged, because the wire has already changed it.
         """
         head, body = reply[:spare], reply[spare:]
         match self.kind:
             case "silence":
                 with suppress(OSError):
-                    link.recv(1)  # returns when the client gives up, or the wire is closed
+                    link.recv(1)  # Returns when the client gives up or the wire is closed.
                 return False
             case "disconnect":
                 return False
@@ -91,16 +91,16 @@ class ReplyFault:
 
 
 class Loopback:
-    """A TCP server: `serve(link)` has a thread for each connection, which is closed when it returns.
+    """TCP server that calls `serve(link)` in a thread for each connection, and closes it on return.
 
-    OSError in `serve` is the client's leaving, or this end's closing, and is no error. It listens on
-    this computer only: the protocols served have no password that is worth the name. Who wants it
-    elsewhere forwards the port by ssh.
+    An OSError in `serve` means that the client left or that the server is closing; it is ignored. The
+    server listens on this computer only, because the protocols have no secure password; for access from
+    another computer, forward the port by ssh.
     """
 
     def __init__(self, serve: Callable[[socket.socket], None], port: int = 0) -> None:
         self.closing = threading.Event()
-        """Set when the server stops: whoever waits in `serve` waits on this."""
+        """Set when the server stops; every wait in `serve` must wait on this event."""
         self._server = _Server((HOST, port), serve)
         self.port: int = self._server.server_address[1]
         self.address = f"{HOST}:{self.port}"
@@ -116,7 +116,7 @@ class Loopback:
         self.close()
 
     def close(self) -> None:
-        """Stop serving and cut every connection, as a program that is killed does. May be called again."""
+        """Stop serving and cut every connection, like a killed program. May be called again."""
         if not self.closing.is_set():
             self.closing.set()
             self._server.shutdown()
@@ -126,7 +126,7 @@ class Loopback:
 
 
 class _Server(socketserver.ThreadingTCPServer):
-    daemon_threads = False  # so that server_close waits for every connection's thread
+    daemon_threads = False  # so that `server_close` waits for every connection's thread
     request_queue_size = 64
 
     def __init__(self, address: tuple[str, int], serve: Callable[[socket.socket], None]) -> None:
@@ -151,7 +151,7 @@ class _Server(socketserver.ThreadingTCPServer):
         super().shutdown_request(request)
 
     def cut(self) -> None:
-        """Wake every thread that waits for its client."""
+        """Shut every connection down, which wakes the threads that wait for their clients."""
         with self._guard:
             for link in self._links:
                 with suppress(OSError):

@@ -1,4 +1,4 @@
-"""The OFV-5000's twin and wire: a controller whose range really scales the laser's output."""
+"""Twin and wire of the OFV-5000: a controller whose range setting scales the laser's output."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from haploop.mocks.transport import DirectLine, LineServer
 __all__ = ["Controller", "twin", "wire"]
 
 RANGES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-"""m/s per V (estimate; `5mm/s/V` was found)."""
+"""Scale of each range (m/s per V; estimate, only `5mm/s/V` was found; docs/hardware.md, "OFV-5000")."""
 _BANDWIDTH_HZ = 20e3
+"""Bandwidth when the rig file gives none (estimate; docs/hardware.md, "OFV-5000")."""
 _DELAY = 12.3e-6
-"""Seconds (estimate; its form is as found)."""
+"""Signal delay (s; estimate, only its format was found; docs/hardware.md, "OFV-5000")."""
 _SEARCH = 3.0
-"""Seconds that a search for the focus takes (estimate)."""
+"""Duration of an autofocus search (s; estimate)."""
 
 
 class Controller:
-    """What the controller does with a line, and what that does to the head in the plant.
+    """Simulated controller, which answers lines and sets the head in the plant.
 
-    What a real one says to a command that it does not know was not found; this one answers a
-    question `Not Available` and passes over the rest.
+    The real answer to an unknown command was not found; this controller answers an unknown query with
+    `Not Available` and ignores other unknown commands.
     """
 
     def __init__(self, head: LaserHead, decoder: str, full_scale: float, clock: Clock) -> None:
         self.head = head
         self.echo = False
         self.level = 0.8
-        """Share of the light that comes back, and what the head then has while it is in focus."""
+        """Fraction of the light that returns while the head is in focus."""
         self.focusable = True
         self._decoder = decoder
         self._full_scale = full_scale
@@ -42,7 +43,7 @@ class Controller:
         head.level = self.level
 
     def answer(self, line: str) -> Sequence[str]:
-        """The lines that come back: the echo when it is on, and an answer to a question."""
+        """Return the lines of the reply: the echo when it is on, and the answer to a query."""
         command = Command.parse(line)
         reply = self._reply(command) if command else None
         return [line] * self.echo + ([] if reply is None else [reply])
@@ -81,7 +82,7 @@ class Controller:
 
 
 def controller_in(plant: Plant, settings: Ofv5000.Settings) -> Controller:
-    """A controller set as the rig file says, its head installed in the plant."""
+    """Create a controller with the rig file's settings, and install its head in the plant."""
     scale = settings.scale
     bandwidth = settings.bandwidth_hz or _BANDWIDTH_HZ
     head = LaserHead(scale * settings.full_scale, scale, bandwidth, _DELAY)
@@ -90,12 +91,12 @@ def controller_in(plant: Plant, settings: Ofv5000.Settings) -> Controller:
 
 
 def twin(settings: Ofv5000.Settings, plant: Plant) -> Ofv5000:
-    """The real driver's class, talking to a controller by calls."""
+    """Create the twin: the real driver's class, connected to a controller by calls."""
     return Ofv5000(settings, plant.clock, DirectLine(controller_in(plant, settings).answer))
 
 
 @contextmanager
 def wire(settings: Ofv5000.Settings, plant: Plant) -> Iterator[dict[str, object]]:
-    """Serve a controller; gives the settings that point the driver at it."""
+    """Serve a controller; yield the settings that point the driver at it."""
     with LineServer(controller_in(plant, settings).answer) as server:
         yield {"port": f"socket://{server.address}"}

@@ -1,4 +1,4 @@
-"""The twins of vibrometers: each puts its laser head into the plant."""
+"""Twin of the PDV-100, which installs its laser head in the plant."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["pdv100"]
 
 
 def pdv100(settings: Pdv100.Settings, plant: Plant) -> Pdv100:
-    """The twin of a PDV-100: a head set as the rig file says. Its driver is arithmetic, and real."""
+    """Install a head with the rig file's settings; return the real driver, which is arithmetic only."""
     driver = Pdv100(settings)
     head = LaserHead(driver.range, driver.scale, driver.bandwidth_hz, driver.delay)
     plant.install(driver.channel, head)

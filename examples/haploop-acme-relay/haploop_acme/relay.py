@@ -1,8 +1,8 @@
 """ACME RB-8: eight relays on a serial port, each with a timer that opens it.
 
-A command is a line, and so is its answer. `ID` answers the name. `CLOSE n ms` closes channel n for
-so many milliseconds, `OPEN n` opens it; both answer `OK`. `READ` answers eight numbers: the
-milliseconds until each channel opens, 0 for one that is open.
+Commands and answers are lines. `ID` returns the name. `CLOSE n ms` closes channel n for a number of
+milliseconds, `OPEN n` opens it; both return `OK`. `READ` returns eight numbers: the milliseconds until
+each channel opens, 0 for an open channel.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from haploop.instruments.transport import Line, SerialLine
 
 
 class AcmeRelay(ChannelRelay):
-    """`ChannelRelay` switches over, reads back and keeps alive; `_Board` speaks to the product."""
+    """Driver of the RB-8: `ChannelRelay` switches, reads back and renews; `_Board` speaks the protocol."""
 
     class Settings(BoardSettings):
         patches: Annotated[dict[str, Annotated[int, Field(ge=1, le=8)]], Field(min_length=1)]
@@ -30,7 +30,7 @@ class AcmeRelay(ChannelRelay):
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
-        """Ask who is there; no channel is changed. Raises InstrumentError."""
+        """Open the port and check the board's identity, without switching. Raises InstrumentError."""
         return cls(settings, clock, SerialLine("ACME RB-8", settings.port, 9600, settings.timeout))
 
 

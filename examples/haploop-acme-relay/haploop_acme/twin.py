@@ -1,4 +1,4 @@
-"""The RB-8's twin and wire: what a board says to a line, on haploop's simulated box of relays."""
+"""Twin and wire of the RB-8: its protocol on haploop's simulated relay box."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,14 +24,14 @@ def reply(box: SimulatedBox, line: str) -> Sequence[str]:
 
 
 def twin(settings: AcmeRelay.Settings, plant: Contacts) -> AcmeRelay:
-    """The real driver's class, talking to a board by calls."""
+    """Create the twin: the real driver's class, connected to a simulated board by calls."""
     box = box_in(plant, settings.patches)
     return AcmeRelay(settings, plant.clock, DirectLine(lambda line: reply(box, line)))
 
 
 @contextmanager
 def wire(settings: AcmeRelay.Settings, plant: Contacts) -> Iterator[dict[str, object]]:
-    """Serve a board; gives the settings that point the driver at it."""
+    """Serve a simulated board; yield the settings that point the driver at it."""
     box = box_in(plant, settings.patches)
     with LineServer(lambda line: reply(box, line)) as server:
         yield {"port": f"socket://{server.address}"}

@@ -1,4 +1,4 @@
-"""The RB-8, tested with nothing but what haploop ships: its conformance suite and its pytest plugin."""
+"""Tests of the RB-8 with haploop's conformance suite and pytest plugin only."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class TestTwin(OnAPlant):
 
 
 class TestDriver(OnAPlant):
-    """The real driver, through a socket that misbehaves."""
+    """The real driver, through a socket with faults."""
 
     capabilities = ("contacts", "reopen")
     faults = ("silence", "garbled", "truncated", "disconnect", "terminator")

@@ -1,4 +1,4 @@
-"""The role camera, and the ACME C1: a stub that shows how frames are recorded along, as files."""
+"""The role camera, and the ACME C1: a stub driver that records frames as files along with presses."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from haploop.instruments import Clock, InstrumentError, NewFile
 
 
 class Camera(ABC):
-    """Takes frames, and is recorded along: `P01-latch-frame0001.pgm` stands beside `P01-latch.h5`."""
+    """A source of frames, recorded along with presses: `P01-latch-frame0001.pgm` beside `P01-latch.h5`."""
 
     identity: str
     reads: tuple[str, ...] = ("frame",)
@@ -21,15 +21,15 @@ class Camera(ABC):
 
     @abstractmethod
     def grab(self) -> bytes:
-        """The newest frame, a PGM file. Raises InstrumentError."""
+        """Return the newest frame as a PGM file. Raises InstrumentError."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the camera. May be called again."""
+        """Close the camera. May be called again."""
 
     def start(self, stem: Path, clock: Clock) -> None:
         self._stem = stem
-        # After those of an earlier session that ended before its first press, if there are any.
+        # Continue after the frames of an earlier session that ended before its first press.
         self._taken = len(list(stem.parent.glob(f"{stem.name}-frame*.pgm")))
 
     def read(self) -> Sequence[NewFile]:
@@ -40,8 +40,8 @@ class Camera(ABC):
         self._taken += 1
         return [NewFile("frame", path)]
 
-    def stop(self) -> None:  # noqa: B027  may be left as it is
-        """Every frame is whole already."""
+    def stop(self) -> None:  # noqa: B027  an optional method
+        """Do nothing: every frame's file is complete."""
 
 
 class AcmeC1(Camera):
@@ -62,4 +62,4 @@ class AcmeC1(Camera):
         return self._grab()
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""

@@ -1,4 +1,4 @@
-"""The role thermometer, and the ACME T1: a line `ID` or `T` goes out, a line with the answer comes back."""
+"""The role thermometer, and the ACME T1, which answers each of the lines `ID` and `T` with one line."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from haploop.instruments.transport import Line, SerialLine
 
 
 class Thermometer(ABC):
-    """Tells a temperature, and is recorded along (`haploop.instruments.RecordedAlong`)."""
+    """A thermometer, recorded along with presses (`haploop.instruments.RecordedAlong`)."""
 
     identity: str
     reads: tuple[str, ...] = ("temperature",)
@@ -20,20 +20,20 @@ class Thermometer(ABC):
 
     @abstractmethod
     def temperature(self) -> float:
-        """Degrees Celsius. Raises InstrumentError."""
+        """Measure the temperature (degrees Celsius). Raises InstrumentError."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the instrument. May be called again."""
+        """Close the instrument. May be called again."""
 
-    def start(self, stem: Path, clock: Clock) -> None:  # noqa: B027  may be left as it is
-        """A temperature needs no preparation."""
+    def start(self, stem: Path, clock: Clock) -> None:  # noqa: B027  an optional method
+        """Do nothing: a temperature needs no preparation."""
 
     def read(self) -> Sequence[Reading]:
         return [Reading("temperature", self.temperature(), "°C")]
 
     def stop(self) -> None:  # noqa: B027
-        """Nothing was started."""
+        """Do nothing: nothing was started."""
 
 
 class AcmeT1(Thermometer):
@@ -48,7 +48,7 @@ class AcmeT1(Thermometer):
         self.identity = self._ask("ID")
         if not self.identity.startswith("ACME T1"):
             line.close()
-            raise InstrumentError(f"{self.identity!r} is no ACME T1: check 'port' in [thermometer].")
+            raise InstrumentError(f"{self.identity!r} is not an ACME T1: check 'port' in [thermometer].")
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The twins, and the thermometer's wire: what they say depends on the plant's clock and seed alone."""
+"""Twins of both, and the thermometer's wire; their answers depend only on the plant's clock and seed."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""Both roles on the twin, and the thermometer through its wire; haploop itself is not touched."""
+"""Tests of both roles on the twins, and of the thermometer through its wire."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_frame_that_exists_is_not_overwritten(rig: Rig, tmp_path: Path) -> Non
 
 
 def told(*arguments: str) -> Any:
-    """What a command of haploop's prints as JSON."""
+    """Run a haploop command and return its JSON output."""
     command = [sys.executable, "-m", "haploop", *arguments, "--json"]
     return json.loads(subprocess.run(command, capture_output=True, check=False).stdout)
 

@@ -1,8 +1,8 @@
-"""The properties that programs read, set and reset: about 160 calls, one way to serve them.
+"""Properties that programs read, set and reset: about 160 calls, served by one function.
 
-A property is computed from the state where it describes the state, is else what the program set,
-and else its default. One that is none of these fails loudly and is counted: a simulator that
-answers with a guess cannot be trusted.
+A property that describes the state is computed; any other has the value that the program set, or its
+default. A property without any of these fails and is counted, because a guessed answer would make the
+simulator untrustworthy.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ ATTRIBUTE_CALL = re.compile(
     r"(?P<verb>Get|Set|Reset)(?P<kind>Chan|Timing|Trig|Read|Write|Buffer|ExportedSignal|Device|PhysicalChan"
     r"|SystemInfo|Task|Scale|PersistedScale|PersistedTask|Watchdog)Attribute(?P<ex>Ex)?(?P<type>\w*)"
 )
-"""Names of the calls that `serve` serves."""
+"""Pattern of the names of the calls that `serve` handles."""
 
 _KEPT = ("Scale", "PersistedScale", "PersistedTask", "Watchdog")
 
 
 def serve(system: NiSystem, match: re.Match[str], request: Any, reply: Any) -> None:
-    """Serve one property call; `match` is of `ATTRIBUTE_CALL`. Fills `reply`."""
+    """Serve one property call and fill `reply`; `match` is the call's name matched by `ATTRIBUTE_CALL`."""
     verb, kind, type_ = match["verb"], match["kind"], match["type"]
     name = _attribute_name(system, match[0], request)
     if match["ex"] and request.device_names and not name.startswith("AI_CONV"):
@@ -79,7 +79,7 @@ def serve(system: NiSystem, match: re.Match[str], request: Any, reply: Any) -> N
 
 
 def _refuse_trigger(task: Task, name: str) -> None:
-    """Outputs have no reference trigger; a counter has no handshake, and advances nothing."""
+    """Refuse reference triggers of outputs, and handshake and advance triggers of counters."""
     foreign = {"co": ("REF_", "HSHK_", "ADV_"), "ao": ("REF_",), "do": ("REF_",)}.get(task.kind, ())
     if any(f"_{mark}TRIG" in f"_{name}" for mark in foreign):
         raise DaqmxError(
@@ -117,7 +117,7 @@ def _answer(reply: Any, type_: str, value: Any) -> None:
     elif type_.endswith("Array"):
         getattr(reply, target).extend(value)
     elif type_ == "Int32":
-        # A property that is a set of bits is a list of one here.
+        # A bit-field property is a list of one element here.
         found = getattr(reply, target)
         if isinstance(found, int):
             setattr(reply, target, int(value))
@@ -153,7 +153,7 @@ def _get(system: NiSystem, kind: str, type_: str, name: str, request: Any) -> An
 
 
 def _fact(system: NiSystem, kind: str, name: str, request: Any) -> Any:
-    """What does not depend on any task."""
+    """Return a property that does not depend on a task."""
     if kind == "Device":
         device = system.inventory.device(request.device_name)
         if name in DEVICE_FACTS:
@@ -197,7 +197,7 @@ def _channels(task: Task, names: str) -> list[Channel]:
         ) from None
 
 
-# What describes the state
+# Properties that describe the state
 
 _CHANNEL_TYPE = {
     "ai": c.ChannelType.ANALOG_INPUT,
@@ -217,10 +217,10 @@ def _limit(sign: int) -> Callable[[Channel], float]:
             else ("AI_MIN", DAQmxErrors.AI_MIN_NOT_SPECIFIED)
         )
         if name not in channel.values:
-            raise DaqmxError(missing, f"{name} of {channel.name!r} was reset, and not set since.")
+            raise DaqmxError(missing, f"{name} of {channel.name!r} was reset and has not been set since.")
         if channel.values.get("AI_MEAS_TYPE_NAME") != "VOLTAGE":
             return channel.high if sign > 0 else channel.low
-        # The driver widens what was asked to the range that it takes.
+        # The driver reports the limits of the range that it chose, which contains the requested one.
         ends = np.array([-channel.full_scale, channel.full_scale])
         if channel.scale is not None:
             ends = channel.scale.to_units(ends)
@@ -291,7 +291,7 @@ def _conversion_divisor(system: NiSystem, task: Task) -> int:
     if asked:
         return int(asked)
     if task.device.product.family == "C Series":
-        # NI's own 9205 reports padding for a single channel too, rounded up and one more.
+        # A real NI 9205 reports padding for a single channel too, and its divisor is one larger.
         return int(task.timebase_hz * (1 / task.device.product.ai_rate_hz + 10e-6) + 0.5) + 1
     return round(task.timebase_hz * task.interval)
 

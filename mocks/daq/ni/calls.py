@@ -1,4 +1,4 @@
-"""The calls that configure and run a task, and those about devices and the system."""
+"""Calls that configure and run a task, and calls about devices and the system."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Call = Callable[[NiSystem, Any, Alive], Any]
 
 
 def _properties(kind: str, fixed: dict[str, Any], fields: dict[str, str]) -> Call:
-    """A configuring call that only sets properties: constants, and fields of its request by name."""
+    """Make a configuration call that only sets properties: constants, and fields of its request by name."""
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
         task = system.task(request.task.name)
@@ -177,7 +177,7 @@ def _create_task(system: NiSystem, request: Any, alive: Alive) -> Any:
     if request.initialization_behavior == new_only and exists:
         raise DaqmxError(
             DAQmxErrors.DUPLICATE_TASK,
-            f"Specified task cannot be created: there is one named {request.session_name!r}.",
+            f"Specified task cannot be created: a task named {request.session_name!r} already exists.",
         )
     if request.initialization_behavior == attach_only and not exists:
         raise DaqmxError(DAQmxErrors.INVALID_TASK, f"There is no task named {request.session_name!r}.")
@@ -307,4 +307,4 @@ CALLS: dict[str, Call] = {
     "DeviceSupportsCal": lambda s, r, a: pb.DeviceSupportsCalResponse(cal_supported=False),
     "TristateOutputTerm": lambda s, r, a: None,
 }
-"""Every call that answers once and is not about a property, by its name. None answers with success."""
+"""Calls with a single answer that are not about a property, by name. A result of None means success."""

@@ -1,4 +1,4 @@
-"""Making virtual channels from the create calls, and how digital channels group their lines."""
+"""Create calls of virtual channels, and the grouping of lines into digital channels."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["CREATES", "field"]
 
 
 def field(request: Any, name: str) -> Any:
-    """A request's value, given as the enum or as its raw number."""
+    """Return a field of a request, given as the enum or as its raw number."""
     raw = f"{name}_raw"
     fields = request.DESCRIPTOR.fields_by_name
     if raw in fields and getattr(request, raw):
@@ -113,7 +113,7 @@ def _terminal_config(device: NiDevice, tail: str, asked: int) -> int:
 def _analog_input(
     measurement: UsageTypeAI, units: str, properties: dict[str, str]
 ) -> Callable[[NiSystem, Any], None]:
-    """A create call of analog input: `properties` maps fields of its request to attributes."""
+    """Make a create call of analog input; `properties` maps fields of its request to attributes."""
 
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
@@ -164,7 +164,7 @@ def _analog_output(system: NiSystem, request: Any) -> None:
 
 
 def _lines_of(device: NiDevice, tail: str) -> list[str]:
-    """The line itself, or every line of a port, going up."""
+    """Return the line itself, or all lines of a port in rising order."""
     port = tail.removeprefix("port")
     if not port.isdecimal():
         return [tail]
@@ -177,13 +177,13 @@ def _digital(kind: Kind) -> Callable[[NiSystem, Any], None]:
         together = field(request, "line_grouping") == LineGrouping.CHAN_FOR_ALL_LINES.value
         resolved = list(system.inventory.resolve(request.lines))
         if not together:
-            # NI's reference of DAQmxCreateDIChan: a port alone stands for all its lines.
+            # NI's reference of DAQmxCreateDIChan: a port's name alone means all its lines.
             resolved = [(device, line) for device, tail in resolved for line in _lines_of(device, tail)]
         groups: list[tuple[NiDevice, tuple[str, ...], bool]] = []
         for device, tail in resolved:
             if not tail.startswith("port"):
                 raise _wrong_kind(device, tail, "digital")
-            # A whole port counts as named from its highest line down.
+            # A whole port is listed from its highest line down.
             lines = tuple(reversed(_lines_of(device, tail)))
             groups.append((device, lines, "/line" not in tail))
         if together and groups:
@@ -211,7 +211,7 @@ def _digital_names(
         return [assigned] if len(groups) == 1 else [f"{assigned}{i}" for i in range(len(groups))]
     if len(groups) == len(resolved):
         return [f"{device.name}/{tail}" for device, tail in resolved]
-    # So the driver names several lines in one channel.
+    # The driver's name of a channel with several lines.
     return [f"{resolved[0][0].name}/{resolved[0][1]}..."]
 
 
@@ -237,7 +237,7 @@ def _pulse_output(
 
 
 def _counter_input(measurement: UsageTypeCI, properties: dict[str, str]) -> Callable[[NiSystem, Any], None]:
-    """A create call of a counter that can be configured, started and waited for, but not read."""
+    """Make a create call of a counter input that can be configured, started and waited for, but not read."""
 
     def create(system: NiSystem, request: Any) -> None:
         task = system.task(request.task.name)
@@ -259,8 +259,8 @@ def _counter_input(measurement: UsageTypeCI, properties: dict[str, str]) -> Call
 def _wrong_kind(device: NiDevice, tail: str, kind: str) -> DaqmxError:
     return DaqmxError(
         DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST,
-        f"Physical channel specified does not exist on this device: {device.name}/{tail} is no "
-        f"{kind} of {device.product.name}.",
+        f"Physical channel specified does not exist on this device: {device.name}/{tail} is not a channel "
+        f"for {kind} of {device.product.name}.",
     )
 
 
@@ -390,4 +390,4 @@ CREATES: dict[str, Callable[[NiSystem, Any], None]] = {
         },
     ),
 }
-"""Every create call that is served, by its name."""
+"""Create calls that are served, by name."""

@@ -1,4 +1,4 @@
-"""What a property reads as where no program has set it and no state decides it."""
+"""Default values of properties that no program has set and no state determines."""
 
 from __future__ import annotations
 
@@ -83,11 +83,11 @@ _DEFAULTS: list[tuple[str, str, Any]] = [
     ("Chan", r"CI_\w*_TERM", ""),
     ("Chan", "DI_LOGIC_FAMILY|DO_LOGIC_FAMILY", c.LogicFamily.FIVE_V.value),
 ]
-"""(kind of property, its name as a pattern, value); None is zero, empty or false. First match counts."""
+"""(kind of property, pattern of its name, value); None means zero, empty or false. The first match counts."""
 
 
 def default_value(kind: str, type_: str, name: str) -> Any:
-    """The default of property `name` of this `kind`, in the form of calls of `type_`; None: not known."""
+    """Return the default of property `name` of a `kind`, in the type of calls `type_`; None if unknown."""
     for kinds, pattern, value in _DEFAULTS:
         if kind in kinds.split("|") and re.fullmatch(pattern, name):
             return _ZERO[type_] if value is None else value

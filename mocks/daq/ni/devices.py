@@ -1,4 +1,4 @@
-"""The devices of a simulated NI system, their terminals by name, and NI MAX exports that list them."""
+"""Devices of a simulated NI system, the names of their terminals, and the NI MAX exports that list them."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ _TERMINAL = re.compile(
 
 @dataclass(frozen=True)
 class NiDevice:
-    """One card, module or chassis as the NI system lists it."""
+    """One card, module or chassis in the NI system."""
 
     name: str
     product: Product
     serial: int = 0
     simulated: bool = True
-    """What the driver says of it; every device here is simulated, whatever a program is told."""
+    """Value that the driver reports; every device here is in fact simulated."""
     chassis: str | None = None
     slot: int = 0
     number: int = 0
-    """Product number; 0 takes the product's."""
+    """Product number; 0 means the product's own."""
 
     @property
     def ai(self) -> list[str]:
@@ -60,16 +60,19 @@ class NiDevice:
 
     @property
     def counters(self) -> list[str]:
-        """Names of the counters; a chassis keeps its own for its modules."""
+        """Names of the counters; those of a chassis are internal, for its modules."""
         mark = "_" if self.product.slots else ""
         return [f"{self.name}/{mark}ctr{i}" for i in range(self.product.counters)]
 
     def ai_is_differential_only(self) -> bool:
-        """Whether no input can be read against ground."""
+        """Return True when no input can be read single-ended."""
         return not self.product.ai_single_ended
 
     def ai_takes_differential(self, channel: int) -> bool:
-        """Whether input `channel` is the positive half of a pair (in banks of 16: 0 to 7, 16 to 23)."""
+        """Return True when input `channel` is the positive half of a pair.
+
+        Pairs lie in banks of 16: 0 to 7, 16 to 23 (docs/hardware.md, "All NI cards").
+        """
         return self.ai_is_differential_only() or channel % 16 < 8
 
     @property
@@ -79,21 +82,21 @@ class NiDevice:
 
 @dataclass(frozen=True)
 class Inventory:
-    """Every device of the system, by name."""
+    """All devices of the system, by name."""
 
     devices: Mapping[str, NiDevice]
     left_out: tuple[str, ...] = field(default=())
     """Sentences about devices of an export that cannot be simulated."""
     scales: Mapping[str, Scale] = field(default_factory=dict)
-    """Custom scales that the system keeps, by name."""
+    """Custom scales of the system, by name."""
 
     @staticmethod
     def of(devices: Iterable[NiDevice]) -> Inventory:
-        """An inventory of `devices`."""
+        """Create an inventory of `devices`."""
         return Inventory({device.name: device for device in devices})
 
     def device(self, name: str) -> NiDevice:
-        """The device called `name`, without regard to case, as the driver does."""
+        """Return the device called `name`, ignoring case as the driver does. Raises DaqmxError."""
         for device in self.devices.values():
             if device.name.lower() == name.strip().lower():
                 return device
@@ -104,13 +107,13 @@ class Inventory:
         )
 
     def modules(self, chassis: str) -> list[NiDevice]:
-        """Modules of a chassis in the order of their slots."""
+        """Return the modules of a chassis in the order of their slots."""
         return sorted((d for d in self.devices.values() if d.chassis == chassis), key=lambda d: d.slot)
 
     def resolve(self, text: str) -> Iterator[tuple[NiDevice, str]]:
-        """Each physical channel that `text` lists, as (device, name without the device).
+        """Yield each physical channel that `text` lists, as (device, name without the device).
 
-        Lists and ranges are as the driver takes them: "Dev1/ai0:3, Dev1/ai7", "Dev1/port0".
+        Lists and ranges follow the driver's syntax: "Dev1/ai0:3, Dev1/ai7", "Dev1/port0". Raises DaqmxError.
         """
         names = unflatten_channel_string(text)
         if not names:
@@ -133,9 +136,9 @@ class Inventory:
         text: str,
         wrong: DAQmxErrors = DAQmxErrors.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING,
     ) -> str:
-        """The full name of a terminal, "/Dev1/PFI0", from whatever form a program gave it in.
+        """Return the full name of a terminal, "/Dev1/PFI0", from any form of name.
 
-        Raises DaqmxError with the code `wrong` for what is no terminal.
+        Raises DaqmxError with the code `wrong` when it is not a terminal.
         """
         if text.startswith("/"):
             head, _, tail = text[1:].partition("/")
@@ -150,14 +153,15 @@ class Inventory:
         )
 
     def routed(self, source: NiDevice, target: NiDevice) -> bool:
-        """Whether a signal of `source` reaches `target` without a cable."""
+        """Return True when a signal of `source` reaches `target` without a cable."""
         homes = {d.chassis or d.name for d in (source, target)}
         return len(homes) == 1
 
     def written(self, device: NiDevice, text: str) -> str:
-        """A terminal as the driver reports what a program set: a full name is not looked up until it is used.
+        """Return a terminal as the driver reports it after a program has set it.
 
-        Raises DaqmxError for a short name that is no terminal of `device`.
+        A full name is not checked before use. Raises DaqmxError for a short name that is not a terminal of
+        `device`.
         """
         return text if text.startswith("/") else self.terminal(device, text)
 
@@ -170,7 +174,7 @@ class Inventory:
 
 
 def devices_from_ini(text: str) -> Inventory:
-    """The devices that a text export of NI MAX lists; products that are not known are left out."""
+    """Create the inventory that a text export of NI MAX lists; unknown products are left out."""
     export = configparser.ConfigParser(interpolation=None, strict=False, delimiters=("=",))
     export.optionxform = str  # type: ignore[method-assign,assignment]
     export.read_string(text)

@@ -1,4 +1,4 @@
-"""DAQmx errors as the wire raises them: a code of NI's and a sentence."""
+"""DAQmx errors of the wire: NI's code and a sentence."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["DAQmxErrors", "DaqmxError", "error_string"]
 
 
 class DaqmxError(Exception):
-    """A call that the driver refuses. Travels to the client as gRPC status and trailing metadata."""
+    """Refusal of a call by the driver; sent to the client as gRPC status and trailing metadata."""
 
     def __init__(
         self, code: DAQmxErrors, text: str, *, read: int | None = None, written: int | None = None
@@ -16,9 +16,9 @@ class DaqmxError(Exception):
         super().__init__(f"{text}\n\nStatus Code: {code.value}")
         self.code = code.value
         self.read = read
-        """Samples per channel that a failed read delivered; None for a call that is not a read."""
+        """Samples per channel delivered by a failed read; None for other calls."""
         self.written = written
-        """Samples per channel that a failed write put away; None for a call that is not a write."""
+        """Samples per channel stored by a failed write; None for other calls."""
 
 
 _SENTENCES = {
@@ -34,7 +34,7 @@ _SENTENCES = {
 
 
 def error_string(code: int) -> str:
-    """What the driver says about a code: its sentence, else words made of NI's own name for the code."""
+    """Return the driver's sentence for a code; without one, words made from NI's name of the code."""
     for known, sentence in _SENTENCES.items():
         if known.value == code:
             return f"{sentence}\n\nStatus Code: {code}"

@@ -1,4 +1,4 @@
-"""Event streams: every N samples, done, and signals, as they happen on the system's clock."""
+"""Event streams on the system's clock: every N samples, done, and signals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from haploop.mocks.daq.ni.tasks import Task
 __all__ = ["Events"]
 
 _POLL = 0.02
-"""Seconds of real time between looks at the clock while an event is expected, at most."""
+"""Longest interval (s of real time) between checks of the clock while an event is expected."""
 
 
 @dataclass
@@ -60,10 +60,10 @@ class Events:
         for key in [key for key, listener in self._listeners.items() if listener.task is task]:
             self._listeners.pop(key).stream.put(None)
 
-    # The calls; with the system's lock held
+    # Calls, with the system's lock held
 
     def register(self, name: str, request: Any) -> _Listener:
-        """Register what the call `name` asks for. Raises DaqmxError."""
+        """Register the event of the call `name`. Raises DaqmxError."""
         task = self._system.task(request.task.name)
         if name == "RegisterDoneEvent":
             return self._add(
@@ -99,7 +99,7 @@ class Events:
         )
 
     def unregister(self, name: str, request: Any) -> None:
-        """Undo a registration; nothing happens where there is none."""
+        """Remove a registration, if there is one."""
         kind = {
             "UnregisterDoneEvent": "done",
             "UnregisterSignalEvent": "signal",
@@ -110,7 +110,7 @@ class Events:
             listener.stream.put(None)
 
     def stream(self, listener: _Listener, alive: Callable[[], bool]) -> Iterator[Any]:
-        """Replies as the event happens, until it is unregistered or the client is gone."""
+        """Yield a reply for each event, until it is unregistered or the client is gone."""
         while alive():
             try:
                 reply = listener.stream.get(timeout=0.5)
@@ -144,7 +144,7 @@ class Events:
                 self._system.changed.wait(_POLL if expected else None)
 
     def _fire(self, listener: _Listener) -> bool:
-        """Send what has happened since; True when more is to come in the running acquisition."""
+        """Send the events since the last call; return True while the acquisition will give more."""
         task = listener.task
         if not task.running or not task.timed:
             return False

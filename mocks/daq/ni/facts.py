@@ -1,4 +1,7 @@
-"""What the driver reports of devices, their terminals and the system: the same whatever runs."""
+"""Fixed properties of devices, their terminals and the system, independent of tasks.
+
+Values that do not come from a product are estimates (docs/hardware.md, "All NI cards").
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ _VOLTAGE_INPUTS = (
     c.UsageTypeAI.VOLTAGE_CUSTOM_WITH_EXCITATION,
 )
 _TRIGGERS = {"E Series": 0b1110, "X Series": 0b1110, "C Series": 0b1110}
-"""Bits: 2 pause, 4 reference, 8 start, 32 arm start."""
+"""Supported triggers as bits: 2 pause, 4 reference, 8 start, 32 arm start."""
 
 
 def _ranges(values: tuple[float, ...]) -> list[float]:
@@ -57,7 +60,7 @@ def _terminals(device: NiDevice) -> list[str]:
 
 
 _SLOWEST_HZ = 100e6 / 2**32
-"""A 100 MHz timebase divided by a 32 bit counter."""
+"""Lowest sample rate: a 100 MHz timebase divided by a 32-bit counter (docs/hardware.md, "All NI cards")."""
 _SAMPLE_MODES = [c.AcquisitionType.FINITE.value, c.AcquisitionType.CONTINUOUS.value]
 
 DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
@@ -148,7 +151,7 @@ DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
     "AI_VOLTAGE_INT_EXCIT_RANGE_VALS": lambda i, d: [],
 }
 SYSTEM_FACTS: dict[str, Callable[[NiSystem], Any]] = {
-    # From 24.5 on, clients ask for internal properties (seen in nidaqmx 1.7).
+    # From 24.5 on, clients read internal properties (seen in nidaqmx 1.7).
     "NIDAQ_MAJOR_VERSION": lambda s: 24,
     "NIDAQ_MINOR_VERSION": lambda s: 0,
     "NIDAQ_UPDATE_VERSION": lambda s: 0,

@@ -1,4 +1,4 @@
-"""What input terminals see: the plant where one is wired, else what NI's simulated devices show."""
+"""Signals at input terminals: from the plant if wired, else those of NI's simulated devices."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from haploop.mocks.plant import SamplesLost
 __all__ = ["acquire", "samples"]
 
 _SINE_PERIOD = 100
-"""Samples per period of the sine that an undriven analog input shows."""
+"""Samples per period of the sine at an unwired analog input."""
 _SINE_PART, _SINE_NOISE = 0.6, 0.02
-"""Of half the channel's range; together less than all of it, so that the sine never clips."""
+"""Amplitudes of that sine and its noise, as fractions of half the range; the sum stays below 1 to avoid
+clipping."""
 
 
 def samples(system: NiSystem, task: Task, first: int, count: int) -> Any:
-    """Samples [first, first + count) of a clocked input that are whole: volts, or line states.
+    """Return the samples [first, first + count) of a clocked input, which must have been acquired.
 
-    Returns (channels, count) float64 V, or (lines, count) bool. They are made in order and once,
-    so that noise does not depend on how a program cuts its reads, and kept as long as the
-    program's buffer would keep them.
+    Returns (channels, count) float64 V, or (lines, count) bool. Samples are made once and in order, so
+    that noise does not depend on the division into reads, and are kept as long as the program's buffer
+    keeps them.
     """
     if first + count > task.made:
         chunk = Chunk(task.made, _make(system, task, task.made, first + count - task.made))
@@ -45,7 +46,7 @@ def samples(system: NiSystem, task: Task, first: int, count: int) -> Any:
 
 
 def acquire(system: NiSystem, task: Task, count: int) -> Any:
-    """`count` samples now, taken by software. Shapes as in `samples`."""
+    """Take `count` software-timed samples now. Shapes as in `samples`."""
     now = system.clock.now()
     first = task.on_demand
     if task.is_input:
@@ -78,7 +79,7 @@ def _make(system: NiSystem, task: Task, first: int, count: int) -> Any:
 
 
 def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) -> tuple[FloatArray, BoolArray]:
-    """True volts at the terminals, and which of them something drives."""
+    """Return the true volts at the terminals, (channels, samples), and True where a channel is driven."""
     volts = np.empty((len(task.channels), len(index)))
     driven = np.ones(len(task.channels), dtype=np.bool_)
     for row, channel in enumerate(task.channels):
@@ -102,7 +103,7 @@ def _sine(channel: Channel, row: int, index: Any) -> FloatArray:
     low, high = channel.volts
     middle, half = (high + low) / 2, (high - low) / 2
     phase = 2 * np.pi * (index / _SINE_PERIOD + row / 8)
-    # Noise from the index alone: the same however a program cuts its reads.
+    # The noise depends on the index alone, and so not on the division into reads.
     noise = 2 * np.modf(np.abs(np.sin((index + 1) * 12.9898 + row * 78.233)) * 43758.5453)[0] - 1
     return np.asarray(middle + half * (_SINE_PART * np.sin(phase) + _SINE_NOISE * noise))
 
@@ -130,7 +131,7 @@ def _lines(system: NiSystem, task: Task, times: FloatArray, index: Any) -> BoolA
         for line in channel.physical:
             output = system.outputs[f"{channel.device.name}/{line}"]
             if channel.device.simulated and not system.is_driven(channel.device, line):
-                # NI's simulated lines count in binary within each group of eight.
+                # NI's simulated lines count in binary, in groups of eight.
                 states.append((index >> (int(line.rsplit("line", 1)[1]) % 8)) & 1 == 1)
             else:
                 states.append(output.at(times) > 0.5)

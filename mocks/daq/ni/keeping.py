@@ -1,4 +1,4 @@
-"""What the NI system keeps beyond one run of one task: scales, saved tasks, watchdogs, power-up states."""
+"""State that the NI system keeps beyond a task's run: scales, saved tasks, watchdogs, power-up states."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ __all__ = ["KEEPING", "read_kept", "write_kept"]
 Call = Callable[[NiSystem, Any, Callable[[], bool]], Any]
 
 _OVERWRITE, _EDITABLE, _DELETABLE = 1, 2, 4
-"""Bits of a request to save."""
+"""Option bits of a request to save a task."""
 
 
 @dataclass(frozen=True)
 class SavedTask:
-    """A task as it was when a program saved it."""
+    """Copy of a task at the time when a program saved it."""
 
     channels: list[Channel]
     settings: dict[tuple[str, str], Any]
@@ -36,7 +36,7 @@ class SavedTask:
 
 
 def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
-    """Property `name` of the scale, saved task or watchdog that a request is about; None: there is none."""
+    """Return property `name` of the request's scale, saved task or watchdog, or None."""
     if kind in ("Scale", "PersistedScale"):
         return request.scale_name if name == "ACTIVE_SCALE" else _scale(system, request.scale_name).get(name)
     if kind == "PersistedTask":
@@ -48,7 +48,7 @@ def read_kept(system: NiSystem, kind: str, name: str, request: Any) -> Any:
 
 
 def write_kept(system: NiSystem, kind: str, name: str, request: Any, value: Any) -> None:
-    """Set property `name` of a scale or watchdog; None resets the watchdog's."""
+    """Set property `name` of a scale or watchdog; None resets a watchdog's property."""
     if kind == "Scale":
         _scale(system, request.scale_name).set(name, value)
         return
@@ -106,7 +106,7 @@ def _save(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
     if name in system.saved_tasks and not options & _OVERWRITE:
         raise DaqmxError(
             DAQmxErrors.CANT_SAVE_TASK_WITHOUT_REPLACE,
-            f"Task cannot be saved: there is a saved task called {name!r}, and it is not to be replaced.",
+            f"Task cannot be saved: a saved task called {name!r} exists, and the call forbids replacing it.",
         )
     values = {
         "AUTHOR": request.author,
@@ -127,7 +127,7 @@ def _load(system: NiSystem, request: Any, alive: Callable[[], bool]) -> Any:
 
 
 def _copies(channels: list[Channel]) -> list[Channel]:
-    """Channels of their own: what a program sets on one does not change the other."""
+    """Copy channels, so that a property set on one does not change the other."""
     twins = [copy.copy(channel) for channel in channels]
     for twin in twins:
         twin.values = dict(twin.values)
@@ -147,7 +147,7 @@ def _watchdog(system: NiSystem, request: Any) -> Watchdog:
     if task.watchdog is None:
         raise DaqmxError(
             DAQmxErrors.ACTION_NOT_SUPPORTED_TASK_NOT_WATCHDOG,
-            f"Task {task.name!r} is no watchdog timer task.",
+            f"Task {task.name!r} is not a watchdog timer task.",
         )
     return task.watchdog
 
@@ -167,7 +167,7 @@ def _control_watchdog(system: NiSystem, request: Any, alive: Callable[[], bool])
 
 
 def _expiration(properties: dict[str, str]) -> Call:
-    """A call that says what outputs do when the timer expires: fields of its request by property."""
+    """Make a call that sets the outputs' expiration states; `properties` maps properties to fields."""
 
     def call(system: NiSystem, request: Any, alive: Callable[[], bool]) -> None:
         watchdog = _watchdog(system, request)
@@ -228,4 +228,4 @@ KEEPING: dict[str, Call] = {
     "SetDigitalPowerUpStates": _set_power_up,
     "GetDigitalPowerUpStates": _get_power_up,
 }
-"""The calls of this module, by their names."""
+"""Calls of this module, by name."""

@@ -1,4 +1,4 @@
-"""Digital lines as the driver's calls carry them: words of a port, and lines in rising order."""
+"""Formats of digital lines in the driver's calls: words of a port, and lines in rising order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["line_order", "port_words", "word_lines"]
 
 
 def port_words(channels: Sequence[Channel], rows: Any) -> Any:
-    """(lines, samples) bool as (channels, samples) words: bit i is line i, ports one above the other."""
+    """Pack (lines, samples) bool into (channels, samples) words: bit i is line i; higher ports follow."""
     words, row = [], 0
     for channel in channels:
         bits = _bits(channel)
@@ -25,7 +25,7 @@ def port_words(channels: Sequence[Channel], rows: Any) -> Any:
 
 
 def word_lines(channels: Sequence[Channel], words: Any) -> FloatArray:
-    """The reverse of `port_words`: (channels, samples) words as (lines, samples) of 0 and 1."""
+    """Unpack (channels, samples) words into (lines, samples) of 0 and 1: the reverse of `port_words`."""
     lines = []
     for channel, row in zip(channels, words, strict=True):
         lines += [(np.asarray(row, dtype=np.int64) >> bit) & 1 for bit in _bits(channel)]
@@ -41,6 +41,6 @@ def _bits(channel: Channel) -> list[int]:
 
 
 def line_order(channel: Channel) -> list[int]:
-    """Order of a channel's lines in the driver's arrays of lines: going up, however they were named."""
+    """Return the order of a channel's lines in the driver's arrays: rising, independent of their naming."""
     bits = _bits(channel)
     return sorted(range(len(bits)), key=bits.__getitem__)

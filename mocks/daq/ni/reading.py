@@ -1,4 +1,4 @@
-"""The read calls: each hands samples over in the form that it asks for."""
+"""Read calls: each returns samples in its own format."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from haploop.mocks.daq.ni.tasks import Task
 __all__ = ["READS"]
 
 _TIMING, _PROPERTIES = 1, 2
-"""Bits of NI's WaveformAttributeMode, which older clients do not know."""
+"""Bits of NI's WaveformAttributeMode, which older clients lack."""
 
 
 def _reader(
     reply: type[Any], form: Callable[[Taken], Any], read_array: Callable[[Any, Any], bytes | None]
 ) -> Callable[[NiSystem, Any, Alive], Any]:
-    """A call that answers with one array in the order of its fill mode."""
+    """Make a call that answers with one array, in the order of its fill mode."""
 
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
         task = system.task(request.task.name)
@@ -56,7 +56,7 @@ def _refuse_small(space: int, needed: int) -> None:
 
 
 def _doubles(_answer: Any, flat: FloatArray) -> bytes:
-    """`read_array` as bytes of the wire: field 2, packed. A Python list would take twice as long."""
+    """Encode `read_array` as protobuf field 2, packed: a Python list would take twice as long."""
     payload = flat.astype("<f8", copy=False).tobytes()
     return bytes([2 << 3 | 2]) + _varint(len(payload)) + payload
 
@@ -78,7 +78,7 @@ def _bytes(answer: Any, flat: Any) -> None:
 
 
 def _codes(read: Taken) -> Any:
-    """Codes of the converter."""
+    """Return the samples as codes of the converter."""
     widths = np.array([channel.width for channel in read.channels])[:, np.newaxis]
     return np.rint(read.rows / widths).astype(np.int64)
 
@@ -88,7 +88,7 @@ def _unsigned(bits: int) -> Callable[[Taken], Any]:
 
 
 def _scaled(read: Taken) -> Any:
-    """In the units of each channel's custom scale, else volts."""
+    """Return the samples in the units of each channel's custom scale, or in volts without one."""
     if all(channel.scale is None for channel in read.channels):
         return read.rows
     return np.array([
@@ -114,7 +114,7 @@ def _raw(system: NiSystem, request: Any, alive: Alive) -> Any:
     _refuse_small(request.array_size_in_bytes, len(payload))
     return pb.ReadRawResponse(
         status=result.status,
-        # The whole of the program's array, as NI's server: its client would repeat a shorter one.
+        # Fill the program's whole array, as NI's server does: its client would repeat a shorter one.
         read_array=payload.ljust(request.array_size_in_bytes, b"\0"),
         samps_read=result.count,
         num_bytes_per_samp=data.itemsize,
@@ -129,7 +129,7 @@ def _digital_lines(system: NiSystem, request: Any, alive: Alive) -> Any:
     row = 0
     for index, channel in enumerate(result.channels):
         mine = result.rows[row : row + len(channel.physical)]
-        # The driver's arrays of lines go up within a channel, in whatever order they were named.
+        # In the driver's arrays the lines of a channel are in rising order, independent of their naming.
         order = line_order(channel)
         lines[index, :, : len(order)] = mine[order].T
         row += len(channel.physical)
@@ -215,7 +215,7 @@ def _describe(system: NiSystem, task: Task, request: Any, waveform: Any, first: 
 
 
 def _stamp(message: Any, when: datetime) -> None:
-    """A PrecisionTimestamp: seconds since 1904 and a fraction of 2^64."""
+    """Fill in a PrecisionTimestamp: seconds since 1904, and a fraction in units of 2^-64 s."""
     since = when - datetime(1904, 1, 1, tzinfo=when.tzinfo)
     message.seconds = since.days * 86400 + since.seconds
     message.fractional_seconds = int(since.microseconds / 1e6 * 2**64)
@@ -237,4 +237,4 @@ READS: dict[str, Callable[[NiSystem, Any, Alive], Any]] = {
     "ReadAnalogWaveforms": _analog_waveforms,
     "ReadDigitalWaveforms": _digital_waveforms,
 }
-"""Every read call that is served, by its name."""
+"""Read calls that are served, by name."""

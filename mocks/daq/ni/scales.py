@@ -1,4 +1,4 @@
-"""Custom scales: from volts at a terminal to the units that a program works in, and back."""
+"""Custom scales: conversion from volts at a terminal to a program's units, and back."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _OWN = {
     "POLY": ScaleType.POLYNOMIAL,
     "TABLE": ScaleType.TABLE,
 }
-"""Which kind of scale has the properties whose names begin so."""
+"""Kind of scale that has the properties with a prefix."""
 _COMMON: dict[str, Any] = {
     "DESCR": "",
     "AUTHOR": "",
@@ -42,29 +42,29 @@ _COMMON: dict[str, Any] = {
 
 @dataclass
 class Scale:
-    """One custom scale, as NI-DAQmx keeps it: its kind, and its properties by NI's names."""
+    """One custom scale of NI-DAQmx: its kind, and its properties by NI's names."""
 
     type: ScaleType
     values: dict[str, Any]
 
     def copy(self) -> Self:
-        """A scale of its own that begins alike."""
+        """Return an independent copy."""
         return replace(self, values=dict(self.values))
 
     def get(self, name: str) -> Any:
-        """A property. Raises DaqmxError where this kind of scale has none such."""
+        """Return a property. Raises DaqmxError for a property of another kind of scale."""
         if name == "TYPE":
             return self.type.value
         self._refuse_foreign(name)
         return self.values[name] if name in self.values else _COMMON[name]
 
     def set(self, name: str, value: Any) -> None:
-        """Set a property. Raises DaqmxError where this kind of scale has none such."""
+        """Set a property. Raises DaqmxError for a property of another kind of scale."""
         self._refuse_foreign(name)
         self.values[name] = value
 
     def to_units(self, volts: FloatArray) -> FloatArray:
-        """Volts of any shape in the scale's units."""
+        """Convert volts (any shape) to the scale's units."""
         if self.type is ScaleType.POLYNOMIAL:
             return np.asarray(polyval(volts, self.values["POLY_FORWARD_COEFF"]))
         if self.type is ScaleType.TABLE:
@@ -75,7 +75,7 @@ class Scale:
         return np.asarray(slope * volts + intercept)
 
     def to_volts(self, values: FloatArray) -> FloatArray:
-        """The reverse of `to_units`."""
+        """Convert values in the scale's units (any shape) to volts."""
         if self.type is ScaleType.POLYNOMIAL:
             return np.asarray(polyval(values, self.values["POLY_REVERSE_COEFF"]))
         if self.type is ScaleType.TABLE:
@@ -105,7 +105,7 @@ class Scale:
 
 
 def linear(slope: float, intercept: float, **common: Any) -> Scale:
-    """The scale `slope * volts + intercept`. Raises DaqmxError for a slope of zero."""
+    """Create the scale `slope * volts + intercept`. Raises DaqmxError for a slope of zero."""
     if slope == 0:
         raise DaqmxError(
             DAQmxErrors.INVALID_ATTRIBUTE_VALUE, "A linear scale needs a slope that is not zero."
@@ -114,24 +114,29 @@ def linear(slope: float, intercept: float, **common: Any) -> Scale:
 
 
 def mapped(low: float, high: float, to_low: float, to_high: float, **common: Any) -> Scale:
-    """The scale that takes `low` to `to_low` and `high` to `to_high`. Raises DaqmxError for no range."""
+    """Create the scale that maps `low` to `to_low` and `high` to `to_high`. Raises DaqmxError for an empty
+    range.
+    """
     if low == high or to_low == to_high:
         raise DaqmxError(
-            DAQmxErrors.INVALID_ATTRIBUTE_VALUE, "A map scale needs two different values each side."
+            DAQmxErrors.INVALID_ATTRIBUTE_VALUE, "A map scale needs two different values on each side."
         )
     names = ("MAP_PRE_SCALED_MIN", "MAP_PRE_SCALED_MAX", "MAP_SCALED_MIN", "MAP_SCALED_MAX")
     return Scale(ScaleType.MAP_RANGES, dict(zip(names, (low, high, to_low, to_high), strict=True)) | common)
 
 
 def polynomial(forward: list[float], reverse: list[float], **common: Any) -> Scale:
-    """A polynomial each way: coefficients from the constant up."""
+    """Create a polynomial scale; coefficients of both directions start with the constant."""
     return Scale(
         ScaleType.POLYNOMIAL, {"POLY_FORWARD_COEFF": forward, "POLY_REVERSE_COEFF": reverse, **common}
     )
 
 
 def tabulated(before: list[float], after: list[float], **common: Any) -> Scale:
-    """Straight lines between pairs; `before` rises. Raises DaqmxError for tables that do not match."""
+    """Create a scale that interpolates linearly between pairs; `before` must rise.
+
+    Raises DaqmxError for tables that do not match.
+    """
     if len(before) != len(after) or len(before) < 2:
         raise DaqmxError(
             DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
@@ -143,9 +148,9 @@ def tabulated(before: list[float], after: list[float], **common: Any) -> Scale:
 def reverse_coefficients(
     forward: list[float], low: float, high: float, points: int, order: int
 ) -> list[float]:
-    """Coefficients of the polynomial of `order` that undoes `forward` best from `low` to `high`.
+    """Fit the polynomial of `order` that best inverts `forward` from `low` to `high`.
 
-    `order` -1 takes the order of `forward`; fewer than 1 `points` takes 1000.
+    A negative `order` means the order of `forward`; fewer than 2 `points` mean 1000.
     """
     x = np.linspace(low, high, points if points > 1 else 1000)
     wanted = order if order >= 0 else len(forward) - 1
@@ -153,7 +158,7 @@ def reverse_coefficients(
 
 
 def scale_from_export(entry: Mapping[str, str]) -> Scale | None:
-    """A scale as a text export of NI MAX lists it, or None for a kind that is not known."""
+    """Create a scale from an entry of an NI MAX text export; None for an unknown kind."""
     common = {
         "DESCR": entry.get("Descr", ""),
         "AUTHOR": entry.get("Author", "").strip('"'),

@@ -1,7 +1,7 @@
-"""A simulated NI-DAQmx device server: NI's gRPC service, for the real `nidaqmx` package to talk to.
+"""Simulated NI-DAQmx device server: NI's gRPC service for the real `nidaqmx` package.
 
 `nidaqmx.Task(grpc_options=nidaqmx.GrpcSessionOptions(channel, ""))` and
-`nidaqmx.system.System.remote(...)` work against it as against NI's own server.
+`nidaqmx.system.System.remote(...)` work with it as with NI's own server.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from haploop.mocks.transport import HOST
 __all__ = ["NiServer"]
 
 Corrupt = Callable[[str, bytes], bytes]
-"""What is sent instead of a reply: told the call's name and the reply."""
+"""Function from a call's name and reply to the bytes that are sent instead."""
 
 _THREADS = 256
-"""Each event stream and each blocked read holds one."""
+"""Largest number of threads; each event stream and each blocked read occupies one."""
 _SERVICE = pb.DESCRIPTOR.services_by_name["NiDAQmx"]
 _SESSION_FILE = pb.CreateTaskResponse.DESCRIPTOR.fields_by_name["task"].message_type.file
 _SESSIONS = _SESSION_FILE.services_by_name["SessionUtilities"]
 
 
 class NiServer:
-    """The server; a context that stops it.
+    """The server, and a context manager that stops it.
 
-    `devices` exist; `wiring` connects their terminals ("Dev2/ai4", "Dev2/ao0") to nodes of the
-    plant `nodes`. An analog input that is not wired shows a sine within its range, a digital one
-    counts. Cards without a declared RTSI cable (`rtsi`) share no clock. On a virtual clock a
-    blocking read moves time to when its samples exist; events fire as somebody's wait moves it.
+    It serves `devices`; `wiring` connects their terminals ("Dev2/ai4", "Dev2/ao0") to nodes of the plant
+    `nodes`. An unwired analog input shows a sine within its range, an unwired digital input counts. Cards
+    share a clock only with a declared RTSI cable (`rtsi`). On a virtual clock a blocking read advances time
+    until its samples exist; events fire when a wait advances time.
     """
 
     def __init__(
@@ -76,24 +76,24 @@ class NiServer:
 
     @property
     def unserved(self) -> Counter[str]:
-        """Calls and properties that clients asked for and that this wire does not serve."""
+        """Counts of the calls and properties that clients requested and this wire does not serve."""
         return self._system.unserved
 
     def inject(self, device: str, code: DAQmxErrors) -> None:
-        """Make the next read on `device` fail with `code`, as a fault does."""
+        """Make the next read on `device` fail with `code`."""
         with self._system.lock:
             self._system.inject(device, code)
 
     def corrupt(self, how: Corrupt) -> None:
-        """Replace every reply from now on by `how(call, reply)`: any bytes, protobuf or not."""
+        """Replace every reply from now on by `how(call, reply)`, which may be any bytes."""
         self._service.corrupt = how
 
     def output(self, terminal: str) -> float:
-        """Volts (or 0 and 1) that an output terminal holds now."""
+        """Return the present value of an output terminal: V, or 0 or 1 for a digital line."""
         return float(self._system.outputs[terminal].at(np.array([self._system.clock.now()]))[0])
 
     def close(self) -> None:
-        """Stop serving. Tasks are forgotten, outputs keep their value. May be called again."""
+        """Stop serving. Tasks are cleared; outputs keep their values. May be called again."""
         with self._system.lock:
             for task in list(self._system.tasks.values()):
                 self._system.clear_task(task)
@@ -102,7 +102,7 @@ class NiServer:
         self._pool.shutdown()
 
     def wait(self) -> None:
-        """Serve until the process is told to end."""
+        """Block until the server stops."""
         self._server.wait_for_termination()
 
     def __enter__(self) -> Self:
@@ -115,7 +115,7 @@ class NiServer:
 
 
 class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
-    """Finds the handler of a call by its name: most of NI's 451 calls differ in nothing else."""
+    """Handler of all calls, selected by name: most of NI's 451 calls need nothing else."""
 
     def __init__(self, system: NiSystem, events: Events) -> None:
         self.corrupt: Corrupt = lambda _call, reply: reply
@@ -192,7 +192,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         except DaqmxError as error:
             _abort(context, error)
             return
-        # The client waits for this before it goes on, or hangs (measured).
+        # The client waits for the initial metadata; without it, it hangs (measured).
         context.send_initial_metadata(())
         yield from self._events.stream(listener, context.is_active)
 

@@ -1,4 +1,4 @@
-"""The wire as a program of its own, for any nidaqmx program to talk to, in real time."""
+"""The wire as a separate program in real time, for any nidaqmx program."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ __all__ = ["inventory_from_file", "inventory_of", "run"]
 
 
 def inventory_of(devices: Mapping[str, str]) -> Inventory:
-    """The devices that a rig file names: device name to product name.
+    """Create the inventory of a rig file's devices, a mapping of device name to product name.
 
-    Raises ConfigurationError for a product that is not known.
+    Raises ConfigurationError for an unknown product.
     """
     for name, product in devices.items():
         if product not in PRODUCTS:
@@ -31,9 +31,9 @@ def inventory_of(devices: Mapping[str, str]) -> Inventory:
 
 
 def inventory_from_file(path: Path) -> Inventory:
-    """The devices of an NI MAX text export. Raises ConfigurationError when it cannot be read."""
+    """Read the inventory from an NI MAX text export. Raises ConfigurationError when it cannot be read."""
     try:
-        # MAX writes the code page of its Windows; only names and comments can differ.
+        # MAX writes in Windows' local code page; only names and comments can be affected.
         return devices_from_ini(path.read_text(encoding="utf-8-sig", errors="replace"))
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"The device file {path} cannot be read: {error}.") from None
@@ -49,7 +49,7 @@ def run(
     """Serve `inventory` until Ctrl-C or SIGTERM.
 
     The first line on standard output is "Server listening on port N"; devices that are left out
-    are named on standard error. Raises InstrumentError when the port cannot be had.
+    are named on standard error. Raises InstrumentError when the port is not available.
     """
     told = threading.Event()
     for kind in (signal.SIGINT, signal.SIGTERM):
@@ -62,7 +62,7 @@ def run(
         raise InstrumentError(f"The NI wire cannot listen on port {port}: {error}.") from None
     with server:
         print(f"Server listening on port {server.port}", flush=True)
-        # With a time-out, because a wait without one cannot be interrupted on Windows.
+        # On Windows a wait without a time-out cannot be interrupted.
         while not told.wait(0.25):
             pass
     for name, count in server.unserved.most_common():

@@ -1,4 +1,4 @@
-"""The NI system behind the wire: devices, tasks, who reserved what, and who waits for whose clock."""
+"""The NI system behind the wire: devices, tasks, reservations, and clocks shared between tasks."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ __all__ = ["NiSystem"]
 
 _SIGNAL = re.compile(r"/(?P<device>[^/]+)/((ai|ao|di|do)/(SampleClock|StartTrigger)|Ctr\d+InternalOutput)")
 _LONGEST_WAIT = 86_400.0
-"""What "wait for ever" means (s): every wait has a deadline."""
+"""Time-out of a wait without one (s): every wait has a deadline."""
 
 
 class NiSystem:
-    """Everything that one server's clients share. Methods are called with `lock` held."""
+    """State shared by all clients of one server. Methods must be called with `lock` held."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class NiSystem:
         self.scales = {name: scale.copy() for name, scale in inventory.scales.items()}
         self.saved_tasks: dict[str, object] = {}
         self.power_up: dict[str, int] = {}
-        """States of digital lines at power-up that a program set, by line."""
+        """Power-up states of digital lines that a program has set, by line."""
         self.clock = clock
         self.nodes = nodes
         self.wiring = dict(wiring)
@@ -52,7 +52,7 @@ class NiSystem:
         self.changed = threading.Condition(self.lock)
         self.tasks: dict[str, Task] = {}
         self.unserved: Counter[str] = Counter()
-        """Calls and properties that a client asked for and this wire does not serve."""
+        """Counts of the calls and properties that clients requested and this wire does not serve."""
         self.epoch = datetime.now(UTC) - timedelta(seconds=clock.now())
         """Calendar time of the clock's origin."""
         self.outputs = {
@@ -71,7 +71,7 @@ class NiSystem:
     # Tasks by name
 
     def create_task(self, name: str) -> tuple[Task, bool]:
-        """A new task, or the one that already has this name; and whether it is new."""
+        """Return the task called `name`, created if necessary, and True when it is new."""
         if name and name in self.tasks:
             return self.tasks[name], False
         if not name:
@@ -81,7 +81,7 @@ class NiSystem:
         return self.tasks[name], True
 
     def task(self, name: str) -> Task:
-        """The task called `name`."""
+        """Return the task called `name`. Raises DaqmxError."""
         try:
             return self.tasks[name]
         except KeyError:
@@ -90,14 +90,14 @@ class NiSystem:
             ) from None
 
     def clear_task(self, task: Task) -> None:
-        """Stop it and forget it."""
+        """Stop a task, release its resources and remove it."""
         self.stop(task)
         self.release(task)
         self.tasks.pop(task.name, None)
         self.changed.notify_all()
 
     def reset_device(self, device: NiDevice) -> None:
-        """Abort what runs on a device; its outputs fall to zero, except on an E Series card.
+        """Abort the tasks on a device; its outputs fall to 0 V, except on an E Series card.
 
         docs/hardware.md, "All NI cards": "on device reset E Series AO unchanged, M/C/X Series AO go to 0 V".
         """
@@ -114,7 +114,7 @@ class NiSystem:
         self._injected[device] = code
 
     def injected(self, task: Task) -> DAQmxErrors | None:
-        """The failure that waits for a read of `task`, once."""
+        """Return, once, the failure injected for the next read of `task`, or None."""
         for device in task.devices:
             if device.name in self._injected:
                 return self._injected.pop(device.name)
@@ -123,7 +123,7 @@ class NiSystem:
     # States
 
     def verify(self, task: Task) -> None:
-        """Check what only makes sense as a whole. Raises DaqmxError."""
+        """Check the combination of a task's settings. Raises DaqmxError."""
         task.verify()
         for (kind, name), terminal in task.settings.items():
             if kind == "ExportedSignal" and name.endswith("_OUTPUT_TERM") and terminal:
@@ -132,7 +132,7 @@ class NiSystem:
                 )
 
     def reserve(self, task: Task) -> None:
-        """Take every resource that the task needs, or none of them."""
+        """Reserve all resources of a task, or none. Raises DaqmxError."""
         if task.state >= State.RESERVED:
             return
         if task.watchdog is not None:
@@ -151,7 +151,7 @@ class NiSystem:
         task.state = State.RESERVED
 
     def commit(self, task: Task) -> None:
-        """Reserve, and see that its clocks and triggers can be routed."""
+        """Reserve a task, and check that its clocks and triggers can be routed. Raises DaqmxError."""
         self.reserve(task)
         if task.state < State.COMMITTED:
             if task.watchdog is None:
@@ -159,13 +159,13 @@ class NiSystem:
             task.state = State.COMMITTED
 
     def release(self, task: Task) -> None:
-        """Give every resource back."""
+        """Stop a task and release its resources."""
         self.stop(task)
         self._reserved = {key: t for key, t in self._reserved.items() if t is not task}
         task.state = State.UNVERIFIED
 
     def start(self, task: Task, auto: bool = False) -> None:
-        """Run, or wait for the clock or trigger that the task runs on."""
+        """Start a task, at once or when its clock or trigger comes. Raises DaqmxError."""
         if task.running:
             raise DaqmxError(
                 DAQmxErrors.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING,
@@ -213,7 +213,7 @@ class NiSystem:
         self.changed.notify_all()
 
     def stop(self, task: Task) -> None:
-        """Stop sampling; outputs hold their last value."""
+        """Stop a task; outputs hold their last value."""
         if not task.running:
             return
         if task.watchdog is not None:
@@ -235,11 +235,11 @@ class NiSystem:
         self.changed.notify_all()
 
     def rows(self, task: Task) -> list[str]:
-        """Terminals of a task, one a row of its buffer."""
+        """Return the terminals of a task, one for each row of its buffer."""
         return [f"{c.device.name}/{p}" for c in task.channels for p in c.physical]
 
     def is_driven(self, device: NiDevice, line: str) -> bool:
-        """Whether a task holds a digital line as an output now."""
+        """Return True when a task has reserved a digital line as an output."""
         return (device.name, f"do {line}") in self._reserved
 
     # Waiting
@@ -251,10 +251,10 @@ class NiSystem:
         timeout: float,
         alive: Callable[[], bool] = lambda: True,
     ) -> bool:
-        """Let time pass until `done()`; False when `timeout` (s; negative: for ever) passed first.
+        """Wait until `done()`; return False when `timeout` (s; negative for no limit) passes first.
 
-        `due()` says when it will be done, as far as that is known. A virtual clock jumps there; real
-        time is waited out. Gives up when the client that waits is gone.
+        `due()` returns the expected time of completion (s), or None if unknown. A virtual clock jumps to
+        that time; a real clock is waited for. Also returns False when the waiting client is gone.
         """
         deadline = self.clock.now() + (timeout if timeout >= 0 else _LONGEST_WAIT)
         while not done():
@@ -273,9 +273,9 @@ class NiSystem:
     # Clocks and triggers between tasks
 
     def _sources(self, task: Task) -> tuple[str | None, set[str]]:
-        """The other task's sample clock that this one runs on, and the triggers that it waits for.
+        """Return the terminal of the other task whose sample clock this one uses, and its triggers.
 
-        Whatever comes from outside the simulated devices is there at once, as on NI's own.
+        A signal from outside the simulated devices is present at once, as on NI's simulated devices.
         """
         shares = None
         source = task.setting("Timing", "SAMP_CLK_SRC", "")
@@ -290,7 +290,7 @@ class NiSystem:
         return shares, triggers
 
     def _signal(self, task: Task, terminal: str) -> str | None:
-        """`terminal` when another task has to drive it, else None."""
+        """Return `terminal` if another task must drive it, else None. Raises DaqmxError without a route."""
         match = _SIGNAL.fullmatch(terminal)
         if match is None or terminal in self._emits(task):
             return None
@@ -313,7 +313,7 @@ class NiSystem:
         }
 
     def _joins(self, task: Task, terminal: str, now: float) -> bool:
-        """Run on the clock at `terminal` from its next edge; False when it does not run."""
+        """Join a task to the clock at `terminal` from its next edge; return False if it is not running."""
         for other in self.tasks.values():
             if other is task or not other.channels or not other.running or other.waits_for:
                 continue
@@ -324,7 +324,7 @@ class NiSystem:
         return False
 
     def _go(self, task: Task, now: float) -> None:
-        """The first sample is now; whoever waited for this task goes as well."""
+        """Begin sampling now, and start the tasks that waited for this one."""
         if task.shares is None:
             task.clock.start = now
             task.clock.total = task.total
@@ -340,17 +340,17 @@ class NiSystem:
                         self._go(other, now)
 
     def play(self, task: Task) -> None:
-        """Give a generation's buffer to its terminals."""
+        """Pass a generation's buffer to its output terminals."""
         for name, row in zip(self.rows(task), task.buffer, strict=True):
             self.outputs[name].play(row, task.clock, task.offset, task.total, self.regenerates(task))
 
     @staticmethod
     def regenerates(task: Task) -> bool:
-        """Whether the buffer goes round when its end is reached."""
+        """Return True when the output buffer repeats after its end."""
         return bool(task.setting("Write", "REGEN_MODE", 10097) == 10097)
 
     def _resources(self, task: Task) -> set[tuple[str, str]]:
-        """What only one task at a time may have: a sampling engine, an output, a counter."""
+        """Return the exclusive resources of a task: sampling engine, outputs, counters."""
         keys: set[tuple[str, str]] = set()
         for channel in task.channels:
             device = channel.device.name

@@ -1,4 +1,4 @@
-"""What a read takes: wait for samples of a task, and hand over those that the program wants."""
+"""Common part of the read calls: wait for a task's samples, and return the requested channels."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from haploop.mocks.daq.ni.tasks import Channel, Task
 __all__ = ["Alive", "Taken", "take", "wanted_channels"]
 
 Alive = Callable[[], bool]
-"""Whether the client that waits is still there."""
+"""Returns True while the waiting client is connected."""
 
 
 @dataclass(frozen=True)
 class Taken:
-    """What one read took: (rows, samples) of `channels`, from sample `first`."""
+    """Samples of one read: (rows, samples) of `channels`, from sample `first`."""
 
     channels: tuple[Channel, ...]
     rows: Any
@@ -39,10 +39,10 @@ class Taken:
 def take(
     system: NiSystem, task: Task, wanted: int, timeout: float, alive: Alive, space: int | None = None
 ) -> Taken:
-    """Wait for `wanted` samples per channel.
+    """Wait for `wanted` samples per channel and return them. Raises DaqmxError.
 
-    -1 asks for all of a finite task, or for those there are now, as far as `space` samples of the
-    program's array hold them: it made the array a moment ago.
+    -1 means all samples of a finite task, or the samples available now, at most `space` per channel: the
+    program allocated its array before more samples arrived.
     """
     _refuse_unreadable(system, task)
     if not task.running:
@@ -53,7 +53,7 @@ def take(
         if task.auto_started:
             count = task.on_demand
             system.stop(task)
-            # A program that polls a line by software sees it count on from read to read.
+            # A program that polls a line by software sees the count continue from read to read.
             task.on_demand = count
         return result
     first = _position(system, task)
@@ -102,17 +102,18 @@ def take(
 
 
 def _refuse_unreadable(system: NiSystem, task: Task) -> None:
-    """Outputs and counters cannot be read, nor a device with an injected failure."""
+    """Raise DaqmxError for a task of outputs or counters, or for an injected failure."""
     if not task.is_input and (task.kind != "do" or task.timed):
         raise DaqmxError(
             DAQmxErrors.READ_NO_INPUT_CHANS_IN_TASK,
-            f"Read cannot be performed, because task {task.name!r} has no input channels: only the lines "
-            "of an output that programs step can be read back.",
+            f"Read cannot be performed, because task {task.name!r} has no input channels: only digital "
+            "lines written on demand can be read back.",
         )
     if task.kind == "ci":
         system.unserved["reading a counter"] += 1
         raise DaqmxError(
-            DAQmxErrors.ATTR_NOT_SUPPORTED, f"haploop's NI wire counts nothing: {task.name!r} cannot be read."
+            DAQmxErrors.ATTR_NOT_SUPPORTED,
+            f"haploop's NI wire does not simulate counting: {task.name!r} cannot be read.",
         )
     injected = system.injected(task)
     if injected is not None:
@@ -121,7 +122,7 @@ def _refuse_unreadable(system: NiSystem, task: Task) -> None:
 
 
 def wanted_channels(task: Task) -> tuple[Channel, ...]:
-    """The channels that the program wants to read."""
+    """Return the channels that the program selected for reading."""
     names = task.setting("Read", "CHANNELS_TO_READ")
     if not names:
         return tuple(task.channels)
@@ -130,7 +131,7 @@ def wanted_channels(task: Task) -> tuple[Channel, ...]:
 
 
 def _wanted(task: Task, rows: Any) -> tuple[tuple[Channel, ...], Any]:
-    """The channels that the program wants to read, and their rows."""
+    """Return the channels that the program selected for reading, and their rows."""
     wanted = wanted_channels(task)
     places: list[int] = []
     row = 0
@@ -142,7 +143,7 @@ def _wanted(task: Task, rows: Any) -> tuple[tuple[Channel, ...], Any]:
 
 
 def _position(system: NiSystem, task: Task) -> int:
-    """The sample that the next read begins with."""
+    """Return the index of the next read's first sample."""
     relative = task.setting("Read", "RELATIVE_TO", ReadRelativeTo.CURRENT_READ_POSITION.value)
     offset = int(task.setting("Read", "OFFSET", 0))
     acquired = task.count(system.clock.now())
@@ -161,7 +162,7 @@ def _overwrites(task: Task) -> bool:
 
 
 def _refuse_lost(system: NiSystem, task: Task, first: int) -> None:
-    """A circular buffer has written over what was not read in time."""
+    """Raise DaqmxError when the circular buffer has overwritten unread samples."""
     if (
         task.total is None
         and task.count(system.clock.now()) - first > task.buffer_size

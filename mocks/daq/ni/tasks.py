@@ -1,4 +1,4 @@
-"""A task and its channels: what a program configured, and how far it has run."""
+"""A task and its channels: their configuration and progress."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ __all__ = ["Channel", "Chunk", "Kind", "State", "Task"]
 Kind = Literal["ai", "ao", "di", "do", "ci", "co"]
 
 _TIMEBASE_HZ = {"E Series": 20e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
-"""Clock that sample clocks are divided from, by family (X Series from its manual, others estimates)."""
+"""Timebase of the sample clocks, by family (X Series from its manual, others estimates; docs/hardware.md,
+"PCIe-6321 (X Series)")."""
 
 
 class State(IntEnum):
-    """How far a task has got; each includes the ones before it."""
+    """State of a task; each state includes the ones before it."""
 
     UNVERIFIED = 0
     RESERVED = 1
@@ -43,33 +44,33 @@ class Channel:
     kind: Kind
     device: NiDevice
     physical: tuple[str, ...]
-    """Names without the device: ("ai0",), or lines as named ("port0/line0", ...), the highest of a whole
-    port first: also the order of a digital waveform's columns."""
+    """Names without the device: ("ai0",), or lines in the order given ("port0/line0", ...), a whole port from
+    its highest line down. It is also the order of a digital waveform's columns."""
     values: dict[str, Any] = field(default_factory=dict)
-    """Properties that were set, by the name of the attribute."""
+    """Properties that were set, by attribute name."""
     ports: bool = False
-    """A digital channel of whole ports."""
+    """True for a digital channel of whole ports."""
     scale: Scale | None = None
-    """Custom scale between volts and what the program works in."""
+    """Custom scale between volts and the program's units."""
 
     @property
     def product(self) -> Product:
-        """The product that it is a channel of."""
+        """Product of the channel's device."""
         return self.device.product
 
     @property
     def low(self) -> float:
-        """Lowest value that the program asked for."""
+        """Lowest value that the program requested."""
         return float(self.values.get(f"{self.kind.upper()}_MIN", -10.0))
 
     @property
     def high(self) -> float:
-        """Highest value that the program asked for."""
+        """Highest value that the program requested."""
         return float(self.values.get(f"{self.kind.upper()}_MAX", 10.0))
 
     @property
     def volts(self) -> FloatArray:
-        """The limits that the program asked for, at the terminal: (2,) V, in rising order."""
+        """Limits that the program requested, as voltages at the terminal: (2,) V, rising."""
         limits = np.array([self.low, self.high])
         return limits if self.scale is None else np.sort(self.scale.to_volts(limits))
 
@@ -77,6 +78,13 @@ class Channel:
     def full_scale(self) -> float:
         """Range of the converter, as +- full scale (V)."""
         if self.kind == "ao":
+            wanted = float(np.abs(self.volts).max())
+            if wanted > self.product.ao_range * (1 + 1e-9):
+                raise DaqmxError(
+                    DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
+                    f"Requested value is not a supported value for this property: {self.name} of "
+                    f"{self.product.name} puts out +-{self.product.ao_range:g} V, not +-{wanted:g} V.",
+                )
             return self.product.ao_range
         forced = self.values.get("AI_RNG_HIGH")
         wanted = forced if forced is not None else float(np.abs(self.volts).max())
@@ -102,14 +110,14 @@ class Channel:
 
 @dataclass
 class Chunk:
-    """Samples that an input has made and still remembers; (channels, samples) from index `first`."""
+    """Acquired samples that are still kept: (channels, samples) from index `first`."""
 
     first: int
     samples: Any
 
 
 class Task:
-    """See the module. Guarded by the system's lock."""
+    """One task: its channels, settings and progress. Guarded by the system's lock."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -117,15 +125,15 @@ class Task:
         self.settings: dict[tuple[str, str], Any] = {}
         self.state = State.UNVERIFIED
         self.state_before = State.UNVERIFIED
-        """The state that stopping leads back to."""
+        """State before the start, to which a stop returns."""
         self.auto_started = False
         self.clock = Timebase(1000.0)
         self.offset = 0
-        """Edges of the clock that had passed when this task joined it."""
+        """Number of clock edges before this task joined the clock."""
         self.waits_for: set[str] = set()
-        """Signals of other tasks that still have to come."""
+        """Signals of other tasks for which it waits."""
         self.shares: str | None = None
-        """Terminal of the other task whose sample clock this one runs on."""
+        """Terminal of the sample clock that it shares with another task."""
         self.starts = 0
         self.read_position = 0
         self.on_demand = 0
@@ -136,13 +144,13 @@ class Task:
         self.phase = 0
         self.overloaded: list[str] = []
         self.buffer: FloatArray = np.zeros((0, 0))
-        """(rows, samples) still to be played, one row a terminal."""
+        """Samples still to be played, (rows, samples), one row for each terminal."""
         self.written = 0
         """Samples per channel written since the start, or since the buffer was begun."""
         self.first_write = 0
-        """Samples per channel of the write that began the buffer: its size, if none was asked for."""
+        """Samples per channel of the buffer's first write: the buffer's size unless the program set one."""
         self.dropped = 0
-        """Samples at the buffer's beginning that have been played and let go of."""
+        """Number of played samples removed from the buffer's beginning."""
         self.failure: DaqmxError | None = None
         self.watchdog: Watchdog | None = None
         """Set for a watchdog timer task, which has no channels."""
@@ -153,38 +161,38 @@ class Task:
         if not self.channels:
             raise DaqmxError(
                 DAQmxErrors.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK,
-                f"Task {self.name!r} contains no channels, so this cannot be done.",
+                f"Operation cannot be performed, because task {self.name!r} contains no channels.",
             )
         return self.channels[0].kind
 
     @property
     def device(self) -> NiDevice:
-        """Device of the first channel."""
+        """Device of the first channel. Raises DaqmxError without channels."""
         _ = self.kind
         return self.channels[0].device
 
     @property
     def devices(self) -> list[NiDevice]:
-        """Every device that it uses."""
+        """Devices of all channels."""
         return list({channel.device.name: channel.device for channel in self.channels}.values())
 
     @property
     def is_input(self) -> bool:
-        """Whether it acquires."""
+        """True for a task that acquires."""
         return self.kind in ("ai", "di", "ci")
 
     @property
     def running(self) -> bool:
-        """Whether it was started, and not stopped since."""
+        """True from the start to the stop."""
         return self.state is State.RUNNING
 
     def setting(self, kind: str, name: str, default: Any = None) -> Any:
-        """A property of the task that a program set, or `default`."""
+        """Return a property of the task that a program has set, or `default`."""
         return self.settings.get((kind, name), default)
 
     @property
     def timed(self) -> bool:
-        """Whether a sample clock, and not the program, says when to sample."""
+        """True when a sample clock, rather than the program, times the samples."""
         return bool(
             self.setting("Timing", "SAMP_TIMING_TYPE", SampleTimingType.ON_DEMAND.value)
             != SampleTimingType.ON_DEMAND.value
@@ -192,7 +200,7 @@ class Task:
 
     @property
     def rate_hz(self) -> float:
-        """The sample rate, as the card can divide it from its timebase."""
+        """Actual sample rate: the timebase divided by an integer."""
         divisor = self.setting("Timing", "SAMP_CLK_TIMEBASE_DIV")
         asked = float(self.setting("Timing", "SAMP_CLK_RATE", 1000.0))
         timebase = self.timebase_hz
@@ -200,17 +208,17 @@ class Task:
 
     @property
     def timebase_hz(self) -> float:
-        """Frequency that the sample clock is divided from."""
+        """Frequency of the sample clock's timebase."""
         return _TIMEBASE_HZ.get(self.device.product.family, 100e6)
 
     @property
     def samples_asked(self) -> int:
-        """Samples per channel, as configured."""
+        """Configured number of samples per channel."""
         return int(self.setting("Timing", "SAMP_QUANT_SAMP_PER_CHAN", 1000))
 
     @property
     def total(self) -> int | None:
-        """Samples per channel after which the task is done; None goes on until it is stopped."""
+        """Samples per channel of a finite task; None for a task that runs until it is stopped."""
         mode = self.setting("Timing", "SAMP_QUANT_SAMP_MODE", AcquisitionType.CONTINUOUS.value)
         if mode != AcquisitionType.FINITE.value or self.setting("Trig", "START_TRIG_RETRIGGERABLE", False):
             return None
@@ -218,12 +226,12 @@ class Task:
 
     @property
     def has_start_trigger(self) -> bool:
-        """Whether it waits for something before its first sample."""
+        """True when the task has a start trigger."""
         return bool(self.setting("Trig", "START_TRIG_TYPE", TriggerType.NONE.value) != TriggerType.NONE.value)
 
     @property
     def interval(self) -> float:
-        """Seconds from one channel's conversion to the next channel's."""
+        """Interval between the conversions of neighbouring channels (s)."""
         rate = self.setting("Timing", "AI_CONV_RATE")
         product = self.device.product
         if rate and not product.ai_simultaneous:
@@ -232,21 +240,21 @@ class Task:
         return convert_interval(product, self.rate_hz if self.timed else 1.0, len(same))
 
     def delay(self, index: int) -> float:
-        """When channel `index` is converted after the clock's edge (s): in its own card's order."""
+        """Return the delay of channel `index`'s conversion after the clock edge (s), in its card's order."""
         device = self.channels[index].device
         before = sum(channel.device == device for channel in self.channels[:index])
         return 0.0 if device.product.ai_simultaneous else before * self.interval
 
     @property
     def skew(self) -> float:
-        """When the last channel has been converted (s after the clock's edge)."""
+        """Delay of the last channel's conversion after the clock edge (s)."""
         if self.kind != "ai":
             return 0.0
         return max(self.delay(i) for i in range(len(self.channels)))
 
     @property
     def buffer_size(self) -> int:
-        """Samples per channel that the host keeps; NI's own sizes where the program says nothing."""
+        """Size of the host's buffer (samples per channel): as the program set it, or NI's default."""
         kind = "INPUT_BUF_SIZE" if self.is_input else "OUTPUT_BUF_SIZE"
         asked = self.setting("Buffer", kind)
         if asked is not None:
@@ -260,21 +268,21 @@ class Task:
         return max(usual, self.samples_asked)
 
     def count(self, now: float) -> int:
-        """Samples per channel that are whole at `now`: acquired, or put out."""
+        """Return the samples per channel completed at `now` (s): acquired or put out."""
         if not self.timed:
             return self.on_demand
         count = max(0, self.clock.edges(now - self.skew) - self.offset)
         return count if self.total is None else min(count, self.total)
 
     def ready(self, samples: int) -> float | None:
-        """When `samples` samples per channel are whole (s); None: never, or not known yet."""
+        """Return the time when `samples` samples per channel are complete (s); None if never or unknown."""
         if self.total is not None and samples > self.total:
             return None
         edge = self.clock.time(self.offset + samples - 1)
         return None if edge is None else edge + self.skew
 
     def done(self, now: float) -> bool:
-        """Whether there is nothing more to come."""
+        """Return True when the task has no more samples to acquire or put out."""
         if not self.running or not self.timed:
             return True
         if self.failure is not None:
@@ -285,8 +293,11 @@ class Task:
         return bool(self.clock.total is not None and self.clock.edges(now - self.skew) >= self.clock.total)
 
     def verify(self) -> None:
-        """Check what only makes sense as a whole. Raises DaqmxError."""
+        """Check the combination of the settings. Raises DaqmxError."""
         kind = self.kind
+        if kind == "ao":
+            for channel in self.channels:
+                _ = channel.full_scale
         if self.has_start_trigger and not self.timed and kind not in ("co", "ci"):
             raise DaqmxError(
                 DAQmxErrors.TRIG_WHEN_ON_DEMAND_SAMP_TIMING,
@@ -312,5 +323,5 @@ class Task:
             raise DaqmxError(
                 DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
                 "Requested value is not a supported value for this property: "
-                "a finite task takes 2 samples per channel or more.",
+                "a finite task needs at least 2 samples per channel.",
             )

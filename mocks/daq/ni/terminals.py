@@ -1,4 +1,4 @@
-"""Output terminals: what each holds now, what it held, and the steps that it still has to make."""
+"""Output terminals: the present value, past values and future steps of each."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from haploop.mocks.plant import Run
 __all__ = ["OutputTerminal", "Timebase"]
 
 _MEMORY = 60.0
-"""Seconds of its own past that a terminal can be asked for."""
+"""Past for which a terminal's values are kept (s)."""
 _EDGE = 1e-6
-"""Fraction of a sample period within which a clock edge counts as reached: rounding, not time."""
+"""Tolerance for counting a clock edge as reached, as a fraction of the period: it absorbs rounding."""
 
 
 @dataclass
@@ -26,13 +26,13 @@ class Timebase:
 
     rate_hz: float
     start: float | None = None
-    """Time of edge 0 (s); None while it waits for its start."""
+    """Time of edge 0 (s); None before the start."""
     total: int | None = None
-    """Edges after which it stops by itself."""
+    """Number of edges after which it stops; None for no limit."""
     stopped: float | None = None
 
     def edges(self, now: float) -> int:
-        """How many edges there have been at `now`."""
+        """Return the number of edges up to `now` (s)."""
         if self.start is None:
             return 0
         until = now if self.stopped is None else min(now, self.stopped)
@@ -42,7 +42,7 @@ class Timebase:
         return count if self.total is None else min(count, self.total)
 
     def time(self, edge: int) -> float | None:
-        """When edge `edge` comes (s), or None: never, or not known yet."""
+        """Return the time of edge `edge` (s); None if never or unknown."""
         if self.start is None or (self.total is not None and edge >= self.total):
             return None
         when = self.start + edge / self.rate_hz
@@ -50,7 +50,7 @@ class Timebase:
 
 
 class OutputTerminal:
-    """One analog output or digital line. Has a lock of its own, so a plant may ask at any time."""
+    """One analog output or digital line. Its own lock allows the plant to call `take` at any time."""
 
     def __init__(self, wired: bool = False) -> None:
         self._wired = wired
@@ -65,31 +65,31 @@ class OutputTerminal:
         self._dropped = 0
         self._repeat = True
         self.driven = False
-        """Whether anything was ever written here."""
+        """True once a value has been written."""
 
     def hold(self, value: float, now: float) -> None:
-        """Step to `value` at `now` (s) and stay."""
+        """Step to `value` at `now` (s) and hold it."""
         with self._lock:
             self._advance(now)
             self._append(Run(now, 1.0, np.array([float(value)])))
 
     def play(self, data: FloatArray, clock: Timebase, offset: int, limit: int | None, repeat: bool) -> None:
-        """Step through `data` on the clock's edges from edge `offset`, `limit` steps at most.
+        """Step through `data` on the clock's edges from edge `offset`, at most `limit` steps.
 
-        With `repeat` the data go round and round, else the last value stays until more is given.
+        With `repeat` the data repeat; otherwise the last value is held until more data come.
         """
         with self._lock:
             self._clock, self._offset, self._limit = clock, offset, limit
             self._data, self._repeat, self._made, self._dropped = data, repeat, 0, 0
 
     def replace(self, data: FloatArray, now: float, dropped: int = 0) -> None:
-        """Go on with other data from the step after `now`; they lack the first `dropped` steps."""
+        """Replace the data from the step after `now` (s) on; `data` omits the first `dropped` steps."""
         with self._lock:
             self._advance(now)
             self._data, self._dropped = data, dropped
 
     def stop(self, now: float) -> None:
-        """Make no step after `now`; the value stays."""
+        """Stop stepping at `now` (s); the value is held."""
         with self._lock:
             self._advance(now)
             self._clock = None
@@ -109,7 +109,7 @@ class OutputTerminal:
             return runs
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Values held at `times` (s, none of them in the future)."""
+        """Return the values held at `times` (s, rising and not in the future)."""
         with self._lock:
             if len(times):
                 self._advance(float(times[-1]))
@@ -128,7 +128,7 @@ class OutputTerminal:
             return values
 
     def _advance(self, until: float) -> None:
-        """Make the steps that are due at `until`."""
+        """Make the steps that are due at `until` (s)."""
         clock = self._clock
         if clock is None or clock.start is None or not len(self._data):
             return

@@ -1,6 +1,6 @@
-"""Watchdog timers: a task that is told again and again that its program lives, and notices when not.
+"""Watchdog timers, which expire unless the program resets them in time.
 
-What it would put out when it expires is kept and reported, but not put out.
+The outputs' expiration states are stored and reported, but not put out.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ class Watchdog:
     values: dict[tuple[str, str], Any] = field(default_factory=dict)
     """Properties by (physical channel or "", name)."""
     _since: float | None = None
-    """When the timer was last reset; None while it does not run."""
+    """Time of the last reset (s); None while the timer is stopped."""
     _expired: bool = False
 
     def start(self, now: float) -> None:
-        """Let the timer run from zero."""
+        """Start the timer from zero."""
         self._since, self._expired = now, False
 
     def stop(self) -> None:
@@ -42,7 +42,7 @@ class Watchdog:
         self._since = None
 
     def control(self, action: WDTTaskAction, now: float) -> None:
-        """Reset the timer, or take the outputs out of their expiration state; either starts from zero."""
+        """Reset the timer or clear its expiration; both restart it from zero. Raises DaqmxError."""
         if action is WDTTaskAction.CLEAR_EXPIRATION:
             self._expired = False
         elif self.expired(now):
@@ -54,7 +54,9 @@ class Watchdog:
             self._since = now
 
     def expired(self, now: float) -> bool:
-        """Whether the timer ran out since it was started or cleared. Raises DaqmxError before a start."""
+        """Return True when the timer has expired since its start or clearing. Raises DaqmxError before a
+        start.
+        """
         if self._since is None:
             raise DaqmxError(
                 DAQmxErrors.CANNOT_GET_PROPERTY_WHEN_TASK_NOT_RESERVED_COMMITTED_OR_RUNNING,
@@ -65,5 +67,5 @@ class Watchdog:
         return self._expired
 
     def get(self, channel: str, name: str) -> Any:
-        """A property of the task ("") or of one physical channel; None where there is none."""
+        """Return a property of the task ("") or of one physical channel, or None."""
         return self.values.get((channel, name), None if channel else _DEFAULTS.get(name))

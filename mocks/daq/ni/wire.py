@@ -1,4 +1,4 @@
-"""The wire of a rig: its cards, each terminal connected to what the rig file connects it to."""
+"""NI wire of a rig: its cards, with their terminals connected as in the rig file."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["wire", "wiring_of"]
 
 @contextmanager
 def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
-    """Serve the cards of `settings` on `plant`; gives the setting that points the driver at them.
+    """Serve the cards of `settings` on `plant`; yield the setting that points the driver at them.
 
-    Channels and outputs are nodes of the plant by their own names.
+    Channels and outputs are nodes of the plant with the same names.
     """
     inventory, wiring, rtsi = inventory_of(settings.devices), wiring_of(settings), plant.has_rtsi()
     with NiServer(inventory, plant, wiring, rtsi=rtsi, seed=plant.settings.seed) as server:
@@ -26,6 +26,6 @@ def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
 
 
 def wiring_of(settings: NiDaq.Settings) -> dict[str, str]:
-    """The plant's node at each terminal of the cards."""
+    """Return the plant's node for each terminal of the cards."""
     inputs = {channel.terminal: name for name, channel in settings.channels.items()}
     return inputs | {output.terminal: name for name, output in settings.outputs.items()}

@@ -1,4 +1,4 @@
-"""The write calls: software-timed steps, and buffers that a sample clock plays."""
+"""Write calls: software-timed steps, and buffers played by a sample clock."""
 
 from __future__ import annotations
 
@@ -23,21 +23,24 @@ Alive = Callable[[], bool]
 
 
 def space(system: NiSystem, task: Task) -> int:
-    """Samples per channel that can be written at once without waiting."""
+    """Return the samples per channel that can be written without waiting."""
     if system.regenerates(task) or not task.running:
         return task.buffer_size
     return max(0, _capacity(task) - (task.written - task.count(system.clock.now())))
 
 
 def _capacity(task: Task) -> int:
-    """Samples per channel that the host buffer and the card's own hold together."""
+    """Return the joint capacity of the host's and the card's buffers (samples per channel)."""
     return task.buffer_size + task.device.product.ao_fifo
 
 
 def _write(
     system: NiSystem, task: Task, rows: FloatArray, auto_start: bool, timeout: float, alive: Alive
 ) -> int:
-    """Put (terminals, samples) out, or into the buffer. Returns samples per channel written."""
+    """Put (terminals, samples) out or into the buffer; return the samples per channel written.
+
+    Raises DaqmxError.
+    """
     if task.is_input:
         raise DaqmxError(
             DAQmxErrors.WRITE_NO_OUTPUT_CHANS_IN_TASK,
@@ -81,7 +84,7 @@ def _step(system: NiSystem, task: Task, rows: FloatArray, auto_start: bool) -> N
 
 
 def _fill(system: NiSystem, task: Task, rows: FloatArray) -> None:
-    """Write into a buffer that is not playing, or that goes round."""
+    """Write into a buffer that is not playing, or that repeats."""
     count = rows.shape[1]
     asked = task.setting("Buffer", "OUTPUT_BUF_SIZE")
     position = task.written
@@ -92,7 +95,7 @@ def _fill(system: NiSystem, task: Task, rows: FloatArray) -> None:
         raise DaqmxError(
             DAQmxErrors.NO_MORE_SPACE,
             f"Write cannot be performed, because there is no space for {count} samples per channel in the "
-            f"buffer of {task.name!r}, which does not play yet and holds {asked}.",
+            f"buffer of {task.name!r}, which is not playing yet and has room for {asked}.",
             written=0,
         )
     if not task.running and not task.written:
@@ -116,7 +119,7 @@ def _fill(system: NiSystem, task: Task, rows: FloatArray) -> None:
 
 
 def _queue(system: NiSystem, task: Task, rows: FloatArray, timeout: float, alive: Alive) -> None:
-    """Append to what plays without going round; wait for space, which is how such a program is paced."""
+    """Append to a playing buffer without repetition; the wait for space paces the program."""
     _refuse_underflow(system, task)
     excess = task.written + rows.shape[1] - _capacity(task)
 
@@ -170,11 +173,11 @@ def _refuse_values(task: Task, rows: FloatArray) -> None:
             )
 
 
-# The calls
+# Calls
 
 
 def _matrix(request: Any, data: Any, channels: int) -> Any:
-    """A flat array as (channels, samples), whichever way round the call lays it out."""
+    """Reshape a flat array to (channels, samples), according to the call's data layout."""
     array = np.asarray(data)
     samples = array.size // channels
     if field(request, "data_layout") == FillMode.GROUP_BY_SCAN_NUMBER.value:
@@ -209,7 +212,7 @@ def _octets(request: Any) -> Any:
 
 
 def _volts(task: Task, matrix: Any) -> FloatArray:
-    """As it is given: the limits are of what the program asks for, before the converter."""
+    """Return the values unchanged: the limits apply to the program's values, before the converter."""
     return np.asarray(matrix, dtype=np.float64)
 
 
@@ -219,7 +222,7 @@ def _from_codes(task: Task, matrix: Any) -> FloatArray:
 
 
 def _signed(bits: int) -> Callable[[Task, Any], FloatArray]:
-    """Unsigned codes stand for the two's complement of the converter's."""
+    """Make a conversion from unsigned codes, which are the two's complement of the converter's."""
     half = 2 ** (bits - 1)
     return lambda task, matrix: _from_codes(task, (matrix + half) % (2 * half) - half)
 
@@ -331,4 +334,4 @@ WRITES: dict[str, Callable[[NiSystem, Any, Alive], Any]] = {
     "WriteAnalogWaveforms": _analog_waveforms,
     "WriteDigitalWaveforms": _digital_waveforms,
 }
-"""Every write call that is served, by its name."""
+"""Write calls that are served, by name."""

@@ -101,6 +101,30 @@ def test_rows_come_in_the_order_asked_for_with_their_delays(daq: NiDaq, bench: B
     assert not capture.overload.any()
 
 
+def test_zero_asks_for_the_outputs_own_range(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A card whose outputs reach less than the library's default of +-10 V would refuse to go to zero."""
+    monkeypatch.setitem(PRODUCTS, "PCIe-6321", replace(PRODUCTS["PCIe-6321"], ao_range=3.5))
+    narrow = {"amplifier": {"terminal": "Dev2/ao0", "range": 3.5}}
+    with (
+        NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True) as card,
+        opened(card, bench, outputs=narrow) as daq,
+    ):
+        with daq.stream(["laser"], 5000, 100, 200, {"amplifier": np.full(100, 2.0)}) as stream:
+            stream.capture()
+        daq.zero()
+        assert card.output("Dev2/ao0") == 0.0
+
+
+@pytest.mark.parametrize("rate_hz", [12_800, 48_000, 51_200])
+def test_with_two_cards_the_rate_is_the_masters(daq: NiDaq, rate_hz: int) -> None:
+    """The other card samples on the master's clock; a rate of its own timebase would be off by 1000 ppm."""
+    with daq.stream(["laser"], rate_hz, 100, 200) as alone:
+        master = alone.rate_hz
+    with daq.stream(["laser", "force"], rate_hz, 100, 200) as both:
+        assert both.rate_hz == master
+        assert both.capture().rate_hz == master
+
+
 def test_blocks_are_gapless_and_the_last_is_shorter(daq: NiDaq) -> None:
     with daq.stream(["laser"], 5000, 400, 1000) as stream:
         blocks = list(stream)

@@ -295,6 +295,14 @@ def test_what_a_card_cannot_do_is_refused(task: nidaqmx.Task) -> None:
     assert caught.value.error_code == DAQmxErrors.INVALID_ATTRIBUTE_VALUE
 
 
+def test_an_output_beyond_the_cards_range_is_refused(options: nidaqmx.GrpcSessionOptions) -> None:
+    with nidaqmx.Task(grpc_options=options) as task:
+        task.ao_channels.add_ao_voltage_chan("Card/ao0", min_val=-20, max_val=20)
+        with pytest.raises(nidaqmx.DaqError) as caught:
+            task.write(0.0, auto_start=True)
+        assert caught.value.error_code == DAQmxErrors.INVALID_ATTRIBUTE_VALUE
+
+
 def test_output_by_software_holds_after_the_task(
     server: NiServer, options: nidaqmx.GrpcSessionOptions
 ) -> None:
