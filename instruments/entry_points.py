@@ -17,6 +17,7 @@ __all__ = [
     "DRIVERS",
     "FAULTS",
     "ROLES",
+    "SIMULATION",
     "TWINS",
     "WIRES",
     "driver_class",
@@ -27,7 +28,7 @@ __all__ = [
 ]
 
 ROLES, DRIVERS, TWINS, WIRES = "haploop.roles", "haploop.drivers", "haploop.twins", "haploop.wires"
-FAULTS = "haploop.faults"
+FAULTS, SIMULATION = "haploop.faults", "haploop.simulation"
 
 
 def installed(group: str) -> tuple[str, ...]:

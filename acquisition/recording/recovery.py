@@ -34,7 +34,7 @@ from haploop.acquisition.recording.salvage import (
     write_finished,
 )
 from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.files import existing
+from haploop.instruments.files import existing, os_error_text, publish
 from haploop.instruments.safety import is_marked, marked
 
 __all__ = ["recover", "set_aside"]
@@ -77,11 +77,17 @@ def set_aside(path: Path) -> Path | None:
             return None
     except DataError:
         return None
-    with marked(path):
-        number = 1
-        while (aside := path.with_name(f"{path.stem}.empty-{number}{path.suffix}")).exists():
-            number += 1
-        return path.rename(aside)
+    number = 1
+    try:
+        with marked(path):
+            while (aside := path.with_name(f"{path.stem}.empty-{number}{path.suffix}")).exists():
+                number += 1
+            publish(path, aside)
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path} holds no press, and cannot be renamed ({os_error_text(error)}): move it away yourself."
+        ) from None
+    return aside
 
 
 def _whole(path: Path) -> tuple[Header, Contents, str] | None:

@@ -7,7 +7,7 @@ import hashlib
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
@@ -235,8 +235,9 @@ class RigFile(_Section):
     @property
     def devices(self) -> dict[str, Device]:
         """Table of each role of the rig, in the order of opening."""
-        tables = {role: getattr(self, role, None) for role in roles()}
-        return {role: device for role, device in tables.items() if device is not None}
+        # Not attributes: another package may call its role like a table or a method of this class.
+        tables = dict(self)
+        return {role: tables[role] for role in roles() if isinstance(tables.get(role), Device)}
 
     @property
     def digest(self) -> str:
@@ -351,8 +352,7 @@ def validate_kind(
 
 def fault_kinds() -> Mapping[str, type[BaseModel]]:
     """Settings of each kind of fault of the installed plant."""
-    (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
-    kinds: Mapping[str, type[BaseModel]] = entry.load().fault_kinds
+    kinds: Mapping[str, type[BaseModel]] = entry_points.load(entry_points.SIMULATION, "plant").fault_kinds
     return kinds
 
 

@@ -11,9 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from types import TracebackType
-from typing import Self
-
-import numpy as np
+from typing import Self, TypeVar
 
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.instruments.clock import Clock, RealClock
@@ -21,6 +19,8 @@ from haploop.instruments.daq import Block
 from haploop.instruments.sensors import Sensors
 
 __all__ = ["Feed", "LiveBlock", "Run", "Tap"]
+
+Array = TypeVar("Array", FloatArray, BoolArray)
 
 _POLL = 0.1
 """Longest single wait (s): on Windows, Ctrl-C does not interrupt a wait without a time-out."""
@@ -188,7 +188,7 @@ class Feed:
         def publish(block: Block) -> None:
             if not self._taps:
                 return
-            live = LiveBlock(run, block.first, _read_only(block.volts), block.overload)
+            live = LiveBlock(run, block.first, _read_only(block.volts), _read_only(block.overload))
             for tap in self._taps:
                 tap.offer(live)
 
@@ -205,8 +205,8 @@ class Feed:
             self._taps = tuple(other for other in self._taps if other is not tap)
 
 
-def _read_only(volts: FloatArray) -> FloatArray:
-    """Return a read-only view, so that no viewer can change the samples of others."""
-    view = np.asarray(volts).view()
+def _read_only(values: Array) -> Array:
+    """Return a read-only view, so that no viewer can change the values of others."""
+    view: Array = values.view()
     view.flags.writeable = False
     return view

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +37,8 @@ def open_rig(
     world: Simulation | None = None
     if mode is not None:
         file = simulated_file(file, simulation or {})
-        (entry,) = metadata.entry_points(group="haploop.simulation", name="plant")
-        world = entry.load()(file)
+        simulation_class = entry_points.load(entry_points.SIMULATION, "plant")
+        world = simulation_class(file)
     pieces = hardware(file, mode)
     opened = Rig(file, world.clock if world else RealClock(), world, mode, pieces)
     try:

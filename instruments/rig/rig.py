@@ -65,6 +65,7 @@ class Rig(Instruments):
         self._roles[role] = instrument
         if hasattr(instrument, "close"):
             self._stack.callback(self._safe.let_go, role)
+        self._safe.adopt(role)
 
     def complete(self) -> None:
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""

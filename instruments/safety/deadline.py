@@ -28,8 +28,13 @@ def run_within(what: str, action: Callable[[], object]) -> None:
     def run() -> None:
         try:
             outcome.set_result(action())
-        except BaseException as error:
+        except Exception as error:
             outcome.set_exception(error)
+        except BaseException as error:
+            # A driver that calls sys.exit does not end the program before every step was taken.
+            told = InstrumentError(f"{what} raised {type(error).__name__}.")
+            told.__cause__ = error
+            outcome.set_exception(told)
 
     thread = threading.Thread(target=run, name=what, daemon=True)
     try:

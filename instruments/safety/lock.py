@@ -71,7 +71,8 @@ def marked(path: Path) -> Iterator[None]:
     mark = _mark_of(path)
     descriptor = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
     try:
-        if not any(_taken(descriptor) for _ in range(_TRIES)):
+        # A mark that its holder has removed since it was opened here is seen by nobody.
+        if not any(_taken(descriptor) for _ in range(_TRIES)) or not _still(mark, descriptor):
             raise InUse(f"{path} is being written by another program: wait until it has ended, or end it.")
         try:
             yield
@@ -95,6 +96,16 @@ def is_marked(path: Path) -> bool:
         return not _taken(descriptor, shared=True)
     finally:
         os.close(descriptor)
+
+
+def _still(mark: Path, descriptor: int) -> bool:
+    """Whether an open mark has its name still. On Windows no file that is open loses it."""
+    if sys.platform == "win32":
+        return True
+    try:
+        return os.path.samestat(os.fstat(descriptor), mark.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _mark_of(path: Path) -> Path:

@@ -7,6 +7,7 @@ from typing import Any
 
 from haploop.instruments.clock import Clock
 from haploop.instruments.errors import InstrumentError
+from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety.audit import Audit
 from haploop.instruments.safety.deadline import run_within
 
@@ -25,6 +26,11 @@ class SafeState:
         self._clock = clock
         self._audit = audit
         self._hung: set[str] = set()
+        self._names: dict[str, str] = {}
+
+    def adopt(self, role: str) -> None:
+        """Note the name of an instrument while it answers: on the way out, asking it may hang."""
+        self._names[role] = f"The {role} ({getattr(self._instruments[role], 'identity', '')})"
 
     def reach(self) -> None:
         """See `Rig.make_safe`."""
@@ -33,9 +39,11 @@ class SafeState:
             ("player", lambda player: player.stop()),
             ("daq", lambda daq: daq.zero()),
             ("generator", lambda generator: generator.off()),
-            *((role, lambda other: other.make_safe()) for role in self._others()),
+            *((role, _make_safe) for role in self._others(volts=True)),
             ("relay", lambda _: self._clock.sleep(_REST)),
             ("relay", lambda relay: relay.connect(())),
+            # What puts out no volts comes last: if it hangs, it keeps no relay closed.
+            *((role, _make_safe) for role in self._others(volts=False)),
         )
         for role, step in steps:
             if role not in self._instruments:
@@ -51,9 +59,12 @@ class SafeState:
                 f"The safe state was not confirmed: {why} Switch the amplifier off by hand."
             ) from failures[0]
 
-    def _others(self) -> list[str]:
-        """Roles of other packages that have a safe state."""
-        return [role for role, instrument in self._instruments.items() if hasattr(instrument, "make_safe")]
+    def _others(self, volts: bool) -> list[str]:
+        """Roles without a step of their own: those that put out volts, or those that do not."""
+        own = ("player", "daq", "generator", "relay")
+        return [
+            r for r, i in self._instruments.items() if r not in own and isinstance(i, Interlocked) == volts
+        ]
 
     def let_go(self, role: str) -> None:
         """Close an instrument. Raises InstrumentError when it hangs, and any error of its `close`."""
@@ -62,7 +73,7 @@ class SafeState:
 
     def _run_within(self, role: str, step: Callable[[Any], object]) -> None:
         instrument = self._instruments[role]
-        name = f"The {role} ({getattr(instrument, 'identity', '')})"
+        name = self._names.get(role, f"The {role}")
         if role in self._hung:
             raise InstrumentError(f"{name} still hangs.")
         try:
@@ -70,3 +81,8 @@ class SafeState:
         except TimeoutError as error:
             self._hung.add(role)
             raise InstrumentError(str(error)) from None
+
+
+def _make_safe(instrument: Any) -> None:
+    """The safe state of an instrument that has one. Looked up here, because that may fail or hang too."""
+    getattr(instrument, "make_safe", lambda: None)()

@@ -13,6 +13,7 @@ import pytest
 
 from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
 from haploop.instruments.config import roles
+from haploop.instruments.interlock import Interlocked
 from haploop.instruments.rig import rig_schema
 
 LAMP = """
@@ -132,6 +133,54 @@ def test_a_safe_state_from_outside_that_fails_is_told_and_the_relay_still_opens(
     rig.close()
 
 
+def dead(_self: object) -> None:
+    raise RuntimeError("The line is dead.")
+
+
+def leaving(_self: object) -> None:
+    sys.exit("The vendor's library ends the program.")
+
+
+@pytest.mark.parametrize("broken", [property(dead), leaving], ids=["a property", "sys.exit"])
+def test_whatever_a_safe_state_from_outside_does_the_relay_opens(
+    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: object
+) -> None:
+    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
+    rig.relay.connect(["A"])
+    monkeypatch.setattr(lamp.AcmeLamp, "make_safe", broken)
+    with pytest.raises(InstrumentError, match="The safe state was not confirmed"):
+        rig.make_safe()
+    assert rig.relay.connected() == frozenset()
+    monkeypatch.undo()
+    rig.close()
+
+
+@pytest.mark.parametrize("volts", [False, True])
+def test_only_what_puts_out_volts_is_made_safe_before_the_relay_opens(
+    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, volts: bool
+) -> None:
+    kind = type("Source", (Interlocked, lamp.AcmeLamp), {}) if volts else lamp.AcmeLamp
+    monkeypatch.setattr(lamp.AcmeLamp, "open", lambda _settings, _clock: kind())
+    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
+    rig.relay.connect(["A"])
+    connected: list[frozenset[str]] = []
+    monkeypatch.setattr(lamp.AcmeLamp, "make_safe", lambda _self: connected.append(rig.relay.connected()))
+    rig.make_safe()
+    assert connected == [frozenset("A" if volts else "")]
+    rig.close()
+
+
+def test_an_identity_that_hangs_later_keeps_no_relay_closed(
+    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = open_rig(rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n'))
+    rig.relay.connect(["A"])
+    monkeypatch.setattr(lamp.AcmeLamp, "identity", property(dead))
+    rig.make_safe()
+    assert rig.relay.connected() == frozenset()
+    rig.close()
+
+
 def test_a_rig_without_the_role_says_so(lamp: Any) -> None:
     with open_rig("simulated") as rig, pytest.raises(ConfigurationError, match=r"has no \[lamp\]"):
         rig.role(lamp.Lamp)
@@ -142,6 +191,13 @@ def test_a_role_need_not_be_called_like_its_class(package: Package, tmp_path: Pa
     lamp = __import__(name)
     with open_rig(rig_file(tmp_path, '[beam]\ndriver = "acme-lamp"\nport = "COM9"\n')) as rig:
         assert rig.role(lamp.Lamp) is rig.instruments["beam"]
+
+
+@pytest.mark.parametrize("role", ["table", "name", "devices", "digest", "model_dump"])
+def test_a_role_with_an_unfortunate_name_stops_no_other_rig(package: Package, role: str) -> None:
+    package("acme-lamp", LAMP, roles={role: "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
+    with open_rig("simulated") as rig:
+        assert role not in rig.instruments
 
 
 def test_the_schema_has_its_table(lamp: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 
@@ -97,6 +98,7 @@ def test_the_same_world_gives_the_same_recording_and_a_reading_is_in_its_hash(tm
         (lambda: [Reading("level", "high", "m")], "could not convert"),
         (lambda: [Reading("n" * 300, 1.0, "m")], "too long for an event"),
         (lambda: None, "not iterable"),
+        (lambda: sys.exit(3), "SystemExit: 3."),
     ],
 )
 def test_what_fails_is_one_event_and_the_presses_are_kept(tmp_path, read, says):
@@ -137,6 +139,13 @@ def test_one_that_does_not_stop_is_an_event(tmp_path):
     )
     assert recording.complete
     assert "does not stop" in errors(recording)[0]
+
+
+def test_one_that_would_end_the_program_does_not(tmp_path):
+    with pytest.raises(InstrumentError, match=r"cannot be recorded along: .* raised SystemExit"):
+        record(rig_with(Meter(start=lambda *_: sys.exit(3))), "push", "P01", 1, tmp_path)
+    recording = record(rig_with(Meter(stop=lambda: sys.exit(3))), "push", "P01", 1, tmp_path)
+    assert recording.complete and "raised SystemExit" in errors(recording)[0]
 
 
 def test_one_that_hangs_costs_no_press_and_is_waited_for_once(tmp_path, monkeypatch):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
+import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,7 +13,7 @@ import pytest
 from haploop.acquisition import Protocol, Recording, load_study, record, recover, set_aside, verify
 from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press
-from haploop.instruments.safety import is_marked, marked
+from haploop.instruments.safety import is_marked, lock, marked
 from haploop.instruments.safety.lock import InUse
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.session.studying import recording_until_told
@@ -88,6 +91,21 @@ def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path: Path,
     assert load_study(tmp_path).progress()[0].complete
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no file that is open")
+def test_a_mark_that_its_holder_removes_meanwhile_is_not_taken_for_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, taken = tmp_path / "file.h5", lock._taken
+
+    def after_its_holder(descriptor: int) -> bool:
+        (tmp_path / ".file.h5.lock").unlink()
+        return taken(descriptor)
+
+    monkeypatch.setattr(lock, "_taken", after_its_holder)
+    with pytest.raises(InUse), marked(path):
+        pytest.fail("Marked, and nobody else can see it.")
+
+
 def test_a_mark_can_be_looked_at_and_is_had_by_one(tmp_path: Path) -> None:
     path = tmp_path / "file.h5"
     assert not is_marked(path)
@@ -151,6 +169,24 @@ def test_an_empty_recording_does_not_refuse_the_next_and_is_kept(tmp_path: Path)
     assert [one.read_bytes() for one in aside] == contents
     with pytest.raises(ConfigurationError, match="already exists"):
         record(world_rig(), "push", "P01", 1, tmp_path)
+
+
+def test_one_that_cannot_be_set_aside_is_a_sentence_and_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(DataError, match="No press 1 of 1"):
+        record(world_rig(answers=False), "push", "P01", 1, tmp_path)
+
+    def refuse(*_paths: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(os, "link", refuse)
+    monkeypatch.setattr(os, "open", refuse)
+    monkeypatch.setattr(Path, "rename", refuse)
+    with pytest.raises(ConfigurationError, match=r"P01-push\.h5 holds no press, and cannot be renamed"):
+        record(world_rig(), "push", "P01", 1, tmp_path)
+    monkeypatch.undo()
+    assert [one.name for one in tmp_path.iterdir()] == ["P01-push.h5"]
 
 
 def test_what_holds_a_press_or_cannot_be_read_is_not_set_aside(tmp_path: Path) -> None:

@@ -116,6 +116,8 @@ def test_viewers_cannot_change_what_the_writer_has(feed: Feed) -> None:
     assert taken is not None
     with pytest.raises(ValueError, match="read-only"):
         taken.volts[0, 0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        taken.overload[0] = True
     block.volts[0, 0] = 0.0  # its owner still can
 
 
