@@ -28,8 +28,11 @@ def run_within(what: str, action: Callable[[], object]) -> None:
     def run() -> None:
         try:
             outcome.set_result(action())
-        except BaseException as error:
+        except Exception as error:
             outcome.set_exception(error)
+        except BaseException as error:
+            # Another's code may raise SystemExit, say: it must not end what its caller has yet to do.
+            outcome.set_exception(InstrumentError(f"{what} raised {type(error).__name__}: {error}."))
 
     thread = threading.Thread(target=run, name=what, daemon=True)
     try:
