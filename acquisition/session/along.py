@@ -182,7 +182,7 @@ class _Poller:
             try:
                 for read in self._instrument.read():
                     self.events.append(reading_event(index, self._role, read, self._folder))
-            except Exception as error:  # whatever a driver raises must not end the recording
+            except BaseException as error:  # whatever a driver raises must not end the recording
                 if not self._failing:
                     self._fail(index, error)
                 self._failing = True
@@ -192,11 +192,11 @@ class _Poller:
                 self._asked, self._hung = None, False
                 self._change.notify_all()
 
-    def _fail(self, index: int, error: Exception) -> None:
+    def _fail(self, index: int, error: BaseException) -> None:
         self.events.append(Event(index, "along-error", f"{self._name}: {_told(error)}"))
 
 
-def _told(error: Exception) -> str:
+def _told(error: BaseException) -> str:
     """What an error says, in a line; haploop's own errors are sentences already."""
     told = " ".join(str(error).split())
     return told if isinstance(error, HaploopError | TimeoutError) else f"{type(error).__name__}: {told}."
