@@ -32,6 +32,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 _TAKEN = ("force", "acceleration", "activation", "drive", "saturated", "time", "axis")
+_TAKEN += ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 """Names of what every recording and its exports have."""
 
 _G = 9.80665
@@ -208,6 +209,12 @@ class Divider(Sensor):
         return np.zeros(volts.shape[1], dtype=np.bool_)
 
 
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("use characters that can be printed")
+    return text
+
+
 class AnalogChannel(BaseModel):
     """Any channel of the DAQ that is recorded along: `value = scale * volts + offset`, in `unit`."""
 
@@ -218,8 +225,8 @@ class AnalogChannel(BaseModel):
     """Units per volt."""
     offset: Finite = 0.0
     """Value at 0 V, in `unit`."""
-    unit: Annotated[str, Field(max_length=16)] = "V"
-    name: Annotated[str, Field(max_length=60)] = ""
+    unit: Annotated[str, Field(max_length=16), AfterValidator(_printable)] = "V"
+    name: Annotated[str, Field(max_length=60), AfterValidator(_printable)] = ""
     """What it is, for people: shown and plotted; empty for the key in the rig file."""
 
     def to_si(self, volts: FloatArray) -> FloatArray:

@@ -309,6 +309,12 @@ def test_extra_channels_and_readings_are_exported(tmp_path, monkeypatch):
         ('room = { channel = "laser", scale = 0 }', "a scale of 0 would lose"),
         ('room = { channel = "laser", scale = nan }', "sensors.extra.room.scale"),
         ('force = { channel = "laser" }', "'force' is the name of something"),
+        ('Fz = { channel = "laser" }', "'Fz' is the name of something"),
+        (
+            r'room = { channel = "laser", name = "\u001b[2J" }',
+            "room.name: use characters that can be printed",
+        ),
+        (r'room = { channel = "laser", unit = "a\nb" }', "room.unit: use characters that can be printed"),
         ('"a b" = { channel = "laser" }', "'a b' is not a valid name"),
         ("room = {}", "'sensors.extra.room.channel' is missing"),
     ],
