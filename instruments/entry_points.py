@@ -53,7 +53,7 @@ def load(group: str, name: str) -> Any:
         )
     try:
         loaded = found[0].load()
-    except Exception as error:  # importing another's package runs its code, which may raise anything
+    except (Exception, SystemExit) as error:  # importing another's package runs its code: anything may come
         told = " ".join(f"{type(error).__name__}: {error}".split())
         raise ConfigurationError(
             f"{named(group, name)} cannot be loaded ({told}): install that package again, or ask its author."

@@ -1,6 +1,6 @@
 """The four kinds of error that haploop raises, each with a one-sentence message.
 
-The command line turns them into exit codes (docs/design: rule 8): a wrong request or
+The command line turns them into exit codes: a wrong request or
 configuration is 2, an instrument that failed is 3.
 """
 

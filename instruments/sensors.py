@@ -31,8 +31,11 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-_TAKEN = ("force", "acceleration", "activation", "drive", "saturated", "time", "axis")
-"""Names that every recording and its exports already use."""
+_TAKEN = (
+    *("force", "acceleration", "activation", "drive", "saturated", "time", "axis"),
+    *("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"),
+)
+"""Names that every recording, its exports and live views already use."""
 
 _G = 9.80665
 _TILT = 0.35 * _G
@@ -207,6 +210,12 @@ class Divider(Sensor):
         return np.zeros(volts.shape[1], dtype=np.bool_)
 
 
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("use characters that can be printed")
+    return text
+
+
 class AnalogChannel(BaseModel):
     """A further channel of the DAQ recorded with presses: `value = scale * volts + offset`, in `unit`."""
 
@@ -217,8 +226,8 @@ class AnalogChannel(BaseModel):
     """Units per volt."""
     offset: Finite = 0.0
     """Value at 0 V, in `unit`."""
-    unit: Annotated[str, Field(max_length=16)] = "V"
-    name: Annotated[str, Field(max_length=60)] = ""
+    unit: Annotated[str, Field(max_length=16), AfterValidator(_printable)] = "V"
+    name: Annotated[str, Field(max_length=60), AfterValidator(_printable)] = ""
     """Label in displays and plots; empty for the key in the rig file."""
 
     def to_si(self, volts: FloatArray) -> FloatArray:

@@ -52,6 +52,8 @@ def reading_event(sample: int, instrument: str, read: Reading | NewFile, folder:
     `folder` is the recording's. Raises DataError for content that an event cannot hold, OSError for a
     file that cannot be read.
     """
+    if not (read.name + getattr(read, "unit", "")).isprintable():
+        raise DataError(f"The name or unit of {read.name[:20]!r} has characters that cannot be printed.")
     about: dict[str, object] = {"instrument": instrument, "name": read.name}
     if isinstance(read, NewFile):
         kind = "file"

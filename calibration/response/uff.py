@@ -81,7 +81,20 @@ def write_uff(path: str | Path, responses: Sequence[Response]) -> None:
         if len(response.coherence):
             sets.append(_function(response, _COHERENCE, response.coherence))
     with new_file(path) as part:
-        pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
+        try:
+            pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
+        except Exception as error:  # pyuff turns the disk's error into a bare Exception
+            raise DataError(f"{path} cannot be written: {_disk_error(error)}.") from error
+
+
+def _disk_error(error: BaseException) -> str:
+    """The operating system's message, of the error or of what it was raised from or during."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, OSError):
+            return os_error_text(cause)
+        cause = cause.__cause__ or cause.__context__
+    return f"{type(error).__name__}: {error}"
 
 
 def read_uff(

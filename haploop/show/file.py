@@ -60,11 +60,12 @@ def show_file(path: Path, as_json: bool, plot: Path | None = None) -> None:
         print_line(f"Plot: {plot}")
 
 
-def file_contents(path: Path) -> FileContents:
+def file_contents(path: str | Path) -> FileContents:
     """Read the contents of a file, or of the folder of a vibration map.
 
     Raises DataError for a file that is missing, damaged, or of another kind.
     """
+    path = Path(path)
     if path.is_dir():
         mapped = VibrationMap.load(path)
         return FileContents(*map_contents(mapped), lambda: figures.map_figure(mapped))

@@ -12,7 +12,7 @@ from haploop.instruments.clock import RealClock
 from haploop.instruments.config import Device, RigFile, SimulationSettings, load_rig_file, validate
 from haploop.instruments.daq import Daq
 from haploop.instruments.driver import Driver, Mode, Simulation, hardware_of
-from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
 from haploop.instruments.rig.rig import Rig
 from haploop.instruments.safety import hold
 
@@ -74,11 +74,22 @@ def simulated_file(file: RigFile, changes: Mapping[str, Any]) -> RigFile:
 def _connect(rig: Rig) -> None:
     """Open each instrument that the rig file names."""
     for role, device, driver in _drivers(rig.file):
-        if rig.simulation and rig.mode:
-            instrument = rig.simulation.instrument(role, device, driver, rig.mode)
-        else:
-            settings = validate(driver.Settings, device.settings, f"[{role}] of {rig.name}")
-            instrument = driver.open(settings, rig.clock)
+        try:
+            if rig.simulation and rig.mode:
+                instrument = rig.simulation.instrument(role, device, driver, rig.mode)
+            else:
+                settings = validate(driver.Settings, device.settings, f"[{role}] of {rig.name}")
+                instrument = driver.open(settings, rig.clock)
+        except HaploopError:
+            raise
+        except (Exception, SystemExit) as error:
+            if driver.__module__.startswith("haploop."):
+                raise
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            raise InstrumentError(
+                f"{entry_points.named(entry_points.DRIVERS, device.driver)} failed to open its instrument "
+                f"({told}): ask the package's author."
+            ) from error
         if not isinstance(instrument, entry_points.role_class(role)):
             raise ConfigurationError(
                 f"What the driver {device.driver!r} opened is no {role}, but an object of "

@@ -32,7 +32,7 @@ def run_within(what: str, action: Callable[[], object]) -> None:
             outcome.set_exception(error)
         except BaseException as error:
             # A driver that calls sys.exit does not end the program before every step was taken.
-            told = InstrumentError(f"{what} raised {type(error).__name__}.")
+            told = InstrumentError(f"{what} raised {type(error).__name__}: {error}.")
             told.__cause__ = error
             outcome.set_exception(told)
 

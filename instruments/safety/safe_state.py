@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from haploop.instruments.clock import Clock
-from haploop.instruments.errors import InstrumentError
+from haploop.instruments.errors import HaploopError, InstrumentError
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety.audit import Audit
 from haploop.instruments.safety.deadline import run_within
@@ -67,9 +67,15 @@ class SafeState:
         ]
 
     def let_go(self, role: str) -> None:
-        """Close an instrument. Raises InstrumentError when it hangs, and any error of its `close`."""
-        if role not in self._hung:
+        """Close an instrument. Raises InstrumentError when it hangs or cannot be closed."""
+        if role in self._hung:
+            return
+        try:
             self._run_within(role, lambda instrument: instrument.close())
+        except HaploopError:
+            raise
+        except Exception as error:
+            raise InstrumentError(f"The {role} was not closed ({type(error).__name__}: {error}).") from error
 
     def _run_within(self, role: str, step: Callable[[Any], object]) -> None:
         instrument = self._instruments[role]

@@ -92,7 +92,7 @@ with haploop.open_rig("simulated") as rig:
         print(error)
 print(*[entry["kind"] for entry in haploop.log_entries("simulated")])
 print(haploop.verify(recording.path))
-print(haploop.file_contents(recording.path).values["presses_accepted"])
+print(haploop.file_contents(str(recording.path)).values["presses_accepted"])
 """
 
 

@@ -181,6 +181,23 @@ def test_an_identity_that_hangs_later_keeps_no_relay_closed(
     rig.close()
 
 
+@pytest.mark.parametrize("error", [ValueError("two\nlines"), SystemExit("bye")])
+def test_a_driver_from_outside_that_cannot_be_opened_or_closed_is_named(
+    lamp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    monkeypatch.setattr(lamp.AcmeLamp, "close", fail)
+    rig = open_rig(path)
+    with pytest.raises(InstrumentError, match=type(error).__name__):
+        rig.close()
+    monkeypatch.setattr(lamp.AcmeLamp, "open", fail)
+    with pytest.raises(InstrumentError, match=r"'acme-lamp' of the package acme-lamp failed to open"):
+        open_rig(path)
+
+
 def test_a_rig_without_the_role_says_so(lamp: Any) -> None:
     with open_rig("simulated") as rig, pytest.raises(ConfigurationError, match=r"has no \[lamp\]"):
         rig.role(lamp.Lamp)
@@ -228,6 +245,7 @@ def test_what_is_wrong_with_a_table_is_one_sentence(lamp: Any, tmp_path: Path, t
 BROKEN = {
     "gone": ("import no_such_library\n", "AcmeLamp", "no_such_library"),
     "raises": ("raise RuntimeError('two\\nlines')\n", "AcmeLamp", "RuntimeError: two lines"),
+    "exits": ("raise SystemExit('bye')\n", "AcmeLamp", "SystemExit: bye"),
     "syntax": ("def (\n", "AcmeLamp", "SyntaxError"),
     "no such name": (LAMP, "Nobody", "Nobody"),
     "an instance": (LAMP, "an_instance", "must be a class or a function, and is an object of AcmeLamp"),

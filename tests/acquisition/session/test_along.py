@@ -99,6 +99,7 @@ def test_the_same_world_gives_the_same_recording_and_a_reading_is_in_its_hash(tm
         (lambda: [Reading("n" * 300, 1.0, "m")], "too long for an event"),
         (lambda: None, "not iterable"),
         (lambda: sys.exit(3), "SystemExit: 3."),
+        (lambda: [Reading("level", 1.0, "\x1b[2J")], "cannot be printed"),
     ],
 )
 def test_what_fails_is_one_event_and_the_presses_are_kept(tmp_path, read, says):
@@ -131,6 +132,14 @@ def test_one_that_does_not_start_is_refused_before_anything_is_recorded(tmp_path
         record(rig_with(meter), "push", "P01", 1, tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert meter.calls == ["stop"]
+
+
+def test_one_that_ends_the_program_when_it_starts_or_stops_does_not(tmp_path):
+    with pytest.raises(InstrumentError, match="SystemExit"):
+        record(rig_with(Meter(start=raises(SystemExit(3)))), "push", "P01", 1, tmp_path)
+    recording = record(rig_with(Meter(stop=raises(SystemExit(3)))), "push", "P01", 1, tmp_path)
+    assert recording.complete
+    assert "SystemExit" in errors(recording)[0]
 
 
 def test_one_that_does_not_stop_is_an_event(tmp_path):
@@ -308,6 +317,12 @@ def test_extra_channels_and_readings_are_exported(tmp_path, monkeypatch):
         ('room = { channel = "laser", scale = 0 }', "a scale of 0 would lose"),
         ('room = { channel = "laser", scale = nan }', "sensors.extra.room.scale"),
         ('force = { channel = "laser" }', "'force' is the name of something"),
+        ('Fz = { channel = "laser" }', "'Fz' is the name of something"),
+        (
+            r'room = { channel = "laser", name = "\u001b[2J" }',
+            "room.name: use characters that can be printed",
+        ),
+        (r'room = { channel = "laser", unit = "a\nb" }', "room.unit: use characters that can be printed"),
         ('"a b" = { channel = "laser" }', "'a b' is not a valid name"),
         ("room = {}", "'sensors.extra.room.channel' is missing"),
     ],

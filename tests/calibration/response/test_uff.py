@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,21 @@ def response() -> Response:
         deviation=np.full(kept.sum(), 1e-7),
         point="20",
     )
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_nothing(
+    tmp_path: Path, response: Response, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_arguments: Any, **_settings: Any) -> None:
+        try:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        except OSError:
+            raise Exception("Error writing data-set #58") from None
+
+    monkeypatch.setattr("pyuff.UFF.write_sets", full)
+    with pytest.raises(DataError, match=r"full\.uff cannot be written: No space left on device"):
+        write_uff(tmp_path / "full.uff", [response])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_written_is_read(response: Response, tmp_path: Path) -> None:

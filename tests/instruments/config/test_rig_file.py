@@ -10,7 +10,7 @@ import pytest
 
 from haploop.instruments import ConfigurationError, load_rig_file
 from haploop.instruments.config.toml_lines import key_lines
-from haploop.instruments.rig.schema import rig_schema
+from haploop.instruments.rig.json_schema import rig_schema
 
 SHIPPED = Path(__file__).parents[3] / "rigs" / "simulated.toml"
 

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from haploop.cli import cli
 from haploop.instruments import ConfigurationError, load_rig_file, open_rig
-from haploop.instruments.rig.schema import rig_schema
+from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import KINDS, fault_class
 from tests.conftest import OpenRig
 
