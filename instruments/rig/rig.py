@@ -13,6 +13,7 @@ from haploop.instruments.clock import Clock
 from haploop.instruments.config import RigFile
 from haploop.instruments.daq import Block, Capture
 from haploop.instruments.driver import Mode, Simulation
+from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.generator import Sweep
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.limits import Limits
@@ -22,7 +23,7 @@ from haploop.instruments.rig.declared_settings import DeclaredSettings
 from haploop.instruments.rig.monitoring import Monitoring
 from haploop.instruments.rig.playing import Playing
 from haploop.instruments.rig.ratings import ratings
-from haploop.instruments.rig.roles import Instruments
+from haploop.instruments.rig.roles import Instruments, Role
 from haploop.instruments.safety import Audit, Limiter, Lockout, SafeState, combined, state_folder
 from haploop.instruments.signals import at_console_close, ending_in_order, uninterrupted
 
@@ -53,6 +54,7 @@ class Rig(Instruments):
         self._feed = Feed()
         self._stack = ExitStack()
         self._signals = ExitStack()
+        self._closed = False
 
     def holding(self, context: AbstractContextManager[object]) -> None:
         """Enter a context that must outlast the instruments: a lock on them, or their simulation."""
@@ -79,7 +81,7 @@ class Rig(Instruments):
     @property
     def simulated(self) -> bool:
         """True when any measurement of this rig is simulated, as far as its cards report it."""
-        return self.simulation is not None or self.daq.simulated
+        return self.simulation is not None or bool(self._roles["daq"].simulated)
 
     @property
     def limits(self) -> Limits:
@@ -198,9 +200,19 @@ class Rig(Instruments):
             with uninterrupted():
                 self._stack.close()
         finally:
+            self._closed = True
             self._feed.close()
             self._signals.close()
             atexit.unregister(self.close)
+
+    def role(self, kind: type[Role]) -> Role:
+        """See `Instruments.role`. Raises ConfigurationError also for a rig that was closed.
+
+        A closed rig has given up its lock: another program may hold the same hardware.
+        """
+        if self._closed:
+            raise ConfigurationError(f"The rig {self.name!r} was closed: open it again with open_rig.")
+        return super().role(kind)
 
     def __enter__(self) -> Self:
         return self

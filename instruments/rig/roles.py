@@ -18,7 +18,7 @@ from haploop.instruments.relay import Relay
 from haploop.instruments.sensors import Divider, Sensors
 from haploop.instruments.vibrometer import Vibrometer
 
-__all__ = ["Instruments"]
+__all__ = ["Instruments", "Role"]
 
 Role = TypeVar("Role")
 

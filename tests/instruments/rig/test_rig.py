@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.acquisition import record
 from haploop.instruments import ConfigurationError, InstrumentError, LimitError, Rig, open_rig
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.generator.role import Sweep
@@ -265,3 +266,18 @@ def test_that_the_safe_state_failed_matters_more_than_a_second_ctrl_c() -> None:
     assert signal.getsignal(signal.SIGINT) is before
     with pytest.raises(KeyboardInterrupt), uninterrupted():
         signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.requires("simulation")
+def test_a_closed_rig_neither_plays_nor_records(open: OpenRig, tmp_path: Path) -> None:
+    """It has given up its lock: another program may hold the same hardware by now."""
+    rig = open()
+    simulated = rig.simulated
+    rig.close()
+    with pytest.raises(ConfigurationError, match="was closed: open it again"):
+        rig.excite(np.zeros(100), ["A"], ["laser"])
+    with pytest.raises(ConfigurationError, match="was closed: open it again"):
+        record(rig, "latch", "P01", 1, tmp_path)
+    assert not list(tmp_path.iterdir())
+    assert rig.simulated == simulated
+    rig.close()

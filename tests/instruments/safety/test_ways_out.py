@@ -81,10 +81,10 @@ def test_a_stream_that_hangs_when_it_is_closed_does_not_keep_the_relay_closed(
 @pytest.mark.usefixtures("patient")
 def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InstrumentError, match=r"The relay .* hangs"), open_rig("simulated") as rig:
-        connect = rig.relay.connect
-        monkeypatch.setattr(rig.relay, "connect", lambda p: connect(p) if p else for_ever())
+        relay, connect = rig.relay, rig.relay.connect
+        monkeypatch.setattr(relay, "connect", lambda p: connect(p) if p else for_ever())
         rig.excite(DRIVE, ["A"], ["drive"])
-    rig.clock.sleep(rig.relay.dead_man + 0.1)
+    rig.clock.sleep(relay.dead_man + 0.1)
     assert safe(rig)  # by the box's own timer
 
 
