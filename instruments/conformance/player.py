@@ -45,10 +45,10 @@ class PlayerConformance(Conformance):
         bypass_interlock(request.getfixturevalue("player"))
 
     def test_says_what_it_is(self, player: Player) -> None:
-        """Identity and the amplifier input it feeds are named; `room` is seconds, `declared` a sentence."""
+        """Identity and the amplifier input are named; `max_latency` is seconds, `declared` a sentence."""
         assert player.identity.strip() and "\n" not in player.identity
         assert player.output.strip()
-        assert 0 <= player.room <= 10, f"room is {player.room} s"
+        assert 0 <= player.max_latency <= 10, f"max_latency is {player.max_latency} s"
         if player.declared is not None:
             one_sentence(player.declared)
 
@@ -146,7 +146,7 @@ class PlayerConformance(Conformance):
         return np.asarray(self.peak * volts / np.abs(volts).max())
 
     def _wait_for(self, player: Player, volts: FloatArray) -> None:
-        self.clock().sleep(player.room + 1.1 * len(volts) / self.rate_hz)
+        self.clock().sleep(player.max_latency + 1.1 * len(volts) / self.rate_hz)
 
     def _refused(self, player: Player, volts: FloatArray) -> None:
         with refused(LimitError):

@@ -26,14 +26,14 @@ class Player(Interlocked, ABC):
     """Name of the amplifier input that its output is wired to."""
     declared: str | None
     """Settings that only a person can check, as a sentence to confirm; None when they are read back."""
-    room: float
+    max_latency: float
     """Longest time from the call of `play` to the waveform's first sample (s)."""
 
     @final
     def play(self, volts: FloatArray, rate_hz: float) -> AbstractContextManager[None]:
         """Start to play `volts` ((samples,) V at the output, at `rate_hz`) once, in the background.
 
-        Leave the context after `room` and the waveform's length have passed: its exit stops the
+        Leave the context after `max_latency` and the waveform's length have passed: its exit stops the
         play, and raises InstrumentError when the waveform was not played completely and without a
         gap. When the body raises, the play stops at once, and the body's error is raised.
 

@@ -82,14 +82,14 @@ class SoundCard(Player):
         """Native sample rate (Hz); any other rate is resampled by an unknown stage."""
         high_pass_hz: Annotated[float, Field(ge=0, le=20)] = 5.0
         """Corner of its AC coupling; an estimate (docs/hardware.md, "Sound card")."""
-        room: Annotated[float, Field(gt=0, le=5)] = 0.5
+        max_latency: Annotated[float, Field(gt=0, le=5)] = 0.5
         """Longest time until the first sample comes out (s)."""
 
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
         """Query the device's name; nothing is opened. Raises InstrumentError."""
         self.audio = audio
         self.output = settings.output
-        self.room = settings.room + _LEAD
+        self.max_latency = settings.max_latency + _LEAD
         self._settings = settings
         self._device = None if settings.device == "" else settings.device
         self._stream: AudioStream | None = None
@@ -224,7 +224,7 @@ class _Playing:
             done = min(self._next / len(self._samples), 1.0)
             return (
                 f"had not played to the end when recording ended (it had asked for {done:.0%}): is it still "
-                "plugged in, and is 'room' in [player] long enough?"
+                "plugged in, and is 'max_latency' in [player] long enough?"
             )
         return None
 

@@ -135,7 +135,8 @@ def _refuse(timing: Timing) -> None:
     if not correlation >= _LEAST:
         raise InstrumentError(
             f"The drive monitor does not show the drive that was played (correlation {correlation:.2f}): "
-            "check the player's cable and volume, the amplifier, the relay, the monitor, 'room' in [player]."
+            "check the player's cable and volume, the amplifier, the relay, the monitor, and 'max_latency' "
+            "in [player]."
         )
     if timing.gain < 0:
         raise InstrumentError(

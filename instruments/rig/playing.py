@@ -152,7 +152,7 @@ class Playing:
     ) -> Capture:
         rig = self._rig
         rate_hz, monitor = rig.table.rate_hz, rig.drive_monitor()
-        total = count + round(rig.player.room * rate_hz)
+        total = count + round(rig.player.max_latency * rate_hz)
         with (
             self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
             self._connected(patches),

@@ -70,7 +70,7 @@ def test_a_waveform_comes_out_whole_at_the_cards_rate() -> None:
     bench = Bench()
     wave = burst(0.9)
     with bench.driver.play(wave, RATE):
-        bench.wait(0.4 + bench.driver.room)
+        bench.wait(0.4 + bench.driver.max_latency)
     out = bench.volts
     t = np.arange(round(0.4 * 48_000)) / 48_000
     wanted = np.interp(t, np.arange(len(wave)) / RATE, wave)
