@@ -12,8 +12,6 @@ __all__ = ["check_destination", "check_new_file", "check_new_picture", "new_file
 
 def check_new_file(path: Path) -> None:
     """Raise ConfigurationError if `path` cannot be written as a new file."""
-    if path.exists():
-        raise ConfigurationError(f"{path} already exists and is not overwritten: choose another name.")
     if not path.parent.is_dir():
         raise ConfigurationError(
             f"There is no folder {path.parent} for {path.name}: create it, or choose another folder."

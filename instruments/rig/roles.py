@@ -131,4 +131,4 @@ class Instruments:
 
     def feeds_amplifier(self, role: Literal["player", "generator"]) -> bool:
         """True when this role's output feeds the amplifier."""
-        return role in self._roles and self._roles[role].output == self.amplifier.input
+        return self.has(role) and self._roles[role].output == self.amplifier.input
