@@ -135,7 +135,7 @@ class _Pane:
     amplifier: float
     laser: float
     """Poles of amplifier and laser (rad/s)."""
-    _weights: dict[tuple[float, float], ComplexArray] = field(default_factory=dict)
+    _weights: dict[tuple[tuple[float, float], bool], ComplexArray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, plate: Plate, amplifier: float, laser: float) -> _Pane:
@@ -150,23 +150,28 @@ class _Pane:
             inputs[count + 2 * patches + i, patches + i] = 1.0
         return cls(plate, Poles(poles, inputs), amplifier, laser)
 
-    def velocity(self, place: tuple[float, float]) -> ComplexArray:
-        """Return the partial fractions of amplifier x plate x laser, (poles,).
+    def velocity(self, place: tuple[float, float], measured: bool = True) -> ComplexArray:
+        """Return the partial fractions of amplifier x plate, (poles,), and x laser if `measured`.
 
         They are doubled for a pole with a conjugate, so that the real part of the sum is the velocity.
         """
-        if place not in self._weights:
+        key = place, measured
+        if key not in self._weights:
             a, c, plate = self.amplifier, self.laser, self.plate
             shape = plate.shape(place)
             w, count, patches = 2 * np.pi * plate.natural_hz, len(shape), len(plate.patches)
             s = self.poles.poles[:count]
             own = np.zeros(len(self.poles.poles), dtype=np.complex128)
-            own[:count] = shape * s / (1j * s.imag) * a / (s + a) * c / (s + c)
-            for at, share in ((-a, a * c / (c - a)), (-c, c * a / (a - c))):
+            own[:count] = shape * s / (1j * s.imag) * a / (s + a)
+            shares = [(-a, a)]
+            if measured:
+                own[:count] *= c / (s + c)
+                shares = [(-a, a * c / (c - a)), (-c, c * a / (a - c))]
+            for at, share in shares:
                 modal = shape * at / (at**2 + 2 * plate.damping * w * at + w**2)
                 own[count + (at == -c) : -patches : 2] = share * (modal @ self.poles.inputs[:count, :patches])
-            self._weights[place] = own
-        return self._weights[place]
+            self._weights[key] = own
+        return self._weights[key]
 
     def voltage(self, patch: str) -> ComplexArray:
         """Return the weights that give a patch's voltage, (poles,)."""
@@ -227,6 +232,18 @@ class TouchTable:
     def velocity(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
         """Return the velocity at a position behind the laser's pole, (times,) m/s, at rising times (s)."""
         return self._seen(times, lambda pane: pane.velocity(place))
+
+    def true_velocity(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
+        """Return the surface's own velocity at a position, (times,) m/s, at rising times (s).
+
+        Raises ValueError for times that are no longer remembered.
+        """
+        if len(times) and times[0] < self._stretches[0][1].start:
+            raise ValueError(
+                f"The table's motion at {times[0]:.3f} s is no longer remembered: ask for times at most "
+                f"{_REMEMBERED:.0f} s before the last output step."
+            )
+        return self._seen(times, lambda pane: pane.velocity(place, measured=False))
 
     def voltage(self, patch: str, times: FloatArray) -> FloatArray:
         """Return the voltage across a patch, (times,) V, at rising times (s)."""

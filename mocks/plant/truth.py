@@ -34,6 +34,20 @@ class Truth:
         """Return the response without hysteresis, (frequencies,) m/s per V at the patch."""
         return self._scene.plate.velocity(patch, self._scene.place(point), frequencies)
 
+    def velocity(self, point: str, times: FloatArray) -> FloatArray:
+        """Return the surface's own velocity at a point, (times,) m/s, at rising times (s of the rig's clock).
+
+        No laser is in it: no pole, delay, noise, clipping or fault, so that a judge can be compared with it.
+        Times reach from 30 s before the last output step to the clock's present time, which the first call
+        brings the plant to. Raises ValueError for times outside.
+        """
+        scene, times = self._scene, np.asarray(times, dtype=np.float64)
+        now = scene.clock.now()
+        if len(times) and times[-1] > now:
+            raise ValueError(f"The motion at {times[-1]:.3f} s lies in the future: it is {now:.3f} s.")
+        scene.advance(now)
+        return scene.table.true_velocity(scene.place(point), times)
+
     @property
     def patch_voltages(self) -> dict[str, float]:
         """Present voltage across each patch (V)."""

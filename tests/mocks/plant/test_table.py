@@ -47,6 +47,31 @@ def test_the_staircase_response_is_the_plates_own(plate: Plate) -> None:
     assert np.linalg.norm(measured - truth) < 2e-3 * np.linalg.norm(truth)
 
 
+def test_the_true_velocity_is_what_the_laser_filters(plate: Plate) -> None:
+    """Its FFT ratio is plate x staircase x amplifier, up to 2.5 kHz, without the laser's pole."""
+    table, n = TouchTable(plate, 0.0, LASER_HZ), 100_000
+    t = np.arange(n) / RATE_HZ
+    volts = 50 * np.sin(np.pi * 2500 * t**2) * (t < 1)
+    swing(table, volts, [5000, 40_000])
+    f = np.fft.rfftfreq(n, 1 / RATE_HZ)
+    band = (f > 20) & (f < 2500)
+    measured = (np.fft.rfft(table.true_velocity(PLACE, 10 + t)) / np.fft.rfft(volts))[band]
+    f = f[band]
+    stairs = np.sinc(f / RATE_HZ) * np.exp(-1j * np.pi * f / RATE_HZ)
+    truth = plate.velocity("A", PLACE, f) * stairs / (1 + 1j * f / AMPLIFIER_POLE_HZ)
+    assert np.linalg.norm(measured - truth) < 3e-3 * np.linalg.norm(truth)
+    assert np.linalg.norm(measured / (1 + 1j * f / LASER_HZ) - truth) > 0.02 * np.linalg.norm(truth)
+
+
+def test_a_motion_that_is_forgotten_is_no_longer_told(plate: Plate) -> None:
+    table = TouchTable(plate, 0.0, LASER_HZ)
+    for start in (10.0, 30.0, 60.0):
+        swing(table, np.array([1.0, 0.0]), [], start=start)
+    table.true_velocity(PLACE, np.array([30.0]))
+    with pytest.raises(ValueError, match=r"remembered: .* 30 s"):
+        table.true_velocity(PLACE, np.array([9.0]))
+
+
 def test_how_the_drive_is_cut_into_steps_changes_nothing(plate: Plate) -> None:
     rng = np.random.default_rng(1)
     volts = 40 * rng.uniform(-1, 1, 3000)
