@@ -94,7 +94,8 @@ def summary(**changes: object) -> dict[str, object]:
         "wideband_nrmse": 0.31, "wideband_interval": [0.3, 0.32], "wideband_floor": 0.05,
         "judged_hz": 2500.0, "nrmse": 0.3, "outside": 0.08, "correlation": 0.95, "envelope_correlation": 0.97,
         "third_octave_error_db": 2.0, "floor": 0.05, "tolerance": 0.2,
-        "passed": False, "verdict": "fail", "notes": [], "reasons": ["The surface differs by 31 % <rms>."], "left_out": [],
+        "passed": False, "verdict": "fail", "notes": [],
+        "reasons": ["The surface differs by 31 % <rms>."], "left_out": [],
         "sources": [{"file": "P01-latch.h5", "sha256": "ab12"}],
     }  # fmt: skip
     values: dict[str, object] = {
