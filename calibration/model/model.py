@@ -10,7 +10,7 @@ from scipy.io import savemat
 from scipy.linalg import block_diag, eigvals
 from scipy.signal import zpk2sos
 
-from haploop.calibration.model.rational import Lines, complex_residues, fit_poles, residues
+from haploop.calibration.model.rational import Lines, Projection, fit_poles
 from haploop.calibration.response import Response
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -139,7 +139,8 @@ class Model:
         stacked = np.concatenate([basis.real, basis.imag]) / norms
         H = self.velocity(f)
         solution = np.linalg.lstsq(stacked, np.concatenate([H.real, H.imag]), rcond=None)[0] / norms
-        r = complex_residues(self.poles, solution)
+        r = solution[:first].astype(np.complex128)
+        r[paired] += 1j * solution[first:-2]
         return _cascade(self.poles, z, r, solution[-2:])
 
     def save_mat(self, path: str | Path, rate_hz: float | None = None) -> None:
@@ -177,14 +178,14 @@ def fit(response: Response) -> Model:
     by least squares; poles are always stable. Raises DataError when no resonance is found.
     """
     noise, H = _noise(response), response.velocity
-    lines = Lines(response.frequencies, H / noise)
+    lines = Lines.of(response.frequencies, H, np.full(len(H), noise))
     poles = fit_poles(lines)
-    found = noise * residues(poles, lines)[0]
+    found = Projection.of(poles, lines)
     model = Model(
         poles=poles,
-        residues=complex_residues(poles, found),
-        constant=float(found[-2]),
-        slope=float(found[-1]),
+        residues=found.residues(),
+        constant=float(found.solution[-2]),
+        slope=float(found.solution[-1]),
         band=(float(lines.f[0]), float(lines.f[-1])),
         error=0.0,
     )
@@ -205,7 +206,11 @@ def _noise(response: Response) -> float:
             "no model fits it."
         )
     known = float(np.sqrt(np.mean(response.deviation**2))) if len(response.deviation) else 0.0
-    return known if known > 0 else _UNKNOWN * size
+    if known > 0:
+        return known
+    rough = response.velocity[1:-1] - (response.velocity[:-2] + response.velocity[2:]) / 2
+    guess = float(np.sqrt(np.median(np.abs(rough) ** 2) / 1.5 / np.log(2))) if len(rough) else 0.0
+    return max(guess, _UNKNOWN * size)
 
 
 def _cascade(
