@@ -15,9 +15,9 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 __all__ = ["Lines", "Projection", "fit_poles"]
 
 _MOST_POLES = 100
-_STEPS, _LAST = 8, 30
+_STEPS, _LAST = 6, 30
 """Largest number of refinement steps during the search for the order, and of the last refinement."""
-_SETTLED, _CONVERGED = 1e-3, 1e-5
+_SETTLED, _CONVERGED = 1e-2, 1e-4
 """Relative gain of a step below which refinement ends: during the search, and at the end."""
 _PENALTY = 4.0
 """Cost of a real parameter in twice the log-likelihood: between Akaike's 2 and the logarithm of the number
@@ -30,11 +30,11 @@ _AT_ONCE = 4
 """Pole pairs that are added at a time, at most."""
 _NOISY = 1.5
 """Power of the residual, over the known noise, up to which it counts as noise."""
-_GOOD = 0.009
+_GOOD = 0.008
 """Relative error up to which a pair is added only if it leaves a quarter less power than without it."""
 _LESS = 0.75
 """That part."""
-_LESS_COARSE = 0.88
+_LESS_COARSE = 0.92
 _COINCIDENT = 0.1
 """Distance of two poles, over their decay, within which one response cannot distinguish them."""
 _NARROWEST = 0.02
@@ -208,8 +208,12 @@ class Projection:
     def worth_over(self, other: Projection) -> bool:
         """True when it gains, and leaves only noise or a quarter less: a smaller gain may be distortion."""
         pairs = max(len(self.poles) - len(other.poles), 1)
-        less = _LESS if other.error < _GOOD else _LESS_COARSE
-        return self.gain_over(other) > 0 and self.power < max(_NOISY, less**pairs * other.power)
+        return self.gain_over(other) > 0 and self.power < max(_NOISY, other.most_left**pairs * other.power)
+
+    @property
+    def most_left(self) -> float:
+        """Largest part of the residual's power that another pair may leave."""
+        return _LESS if self.error < _GOOD else _LESS_COARSE
 
 
 def fit_poles(lines: Lines) -> ComplexArray:
@@ -260,7 +264,11 @@ class _Candidates:
         narrow = 2 * np.pi * (1j * lines.centres[np.argsort(-around)[:_NARROW]] - 0.5 * spacing)
         places = np.concatenate([likely, narrow, _beyond(lines)])
         explained = fit.explained(places)
-        least = max(2 * _PENALTY * fit.power * len(left) / fit.independent, 0.5 * float(explained.max()))
+        # Refinement can make a pair explain several times as much, but not arbitrarily more.
+        hopeless = (1 - fit.most_left) / 4 * fit.power * len(left)
+        if fit.power < _NOISY:
+            hopeless = 2 * _PENALTY * fit.power * len(left) / fit.independent
+        least = max(hopeless, 0.5 * float(explained.max()))
         found: list[complex] = []
         for k in np.argsort(-explained):
             if len(found) == _AT_ONCE or explained[k] < least:
