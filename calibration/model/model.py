@@ -109,6 +109,17 @@ class Model:
         return tuple(found[k] for k in order if k == order[0] or heights[k] * (1 + spread[k]) >= least)
 
     @property
+    def ambiguity(self) -> str:
+        """Sentence that names all carriers; empty when there is one."""
+        named = [f"{r.frequency_hz:.2f}" for r in self.carriers]
+        if len(named) == 1:
+            return ""
+        return (
+            f"The carrier is ambiguous: {', '.join(named[:-1])} and {named[-1]} Hz respond so nearly alike that "
+            "another measurement may find another one the strongest."
+        )
+
+    @property
     def resonance_hz(self) -> float:
         """Resonance with the largest velocity response (Hz): the paper's carrier frequency."""
         return self.carriers[0].frequency_hz
@@ -216,14 +227,14 @@ def fit(response: Response) -> Model:
     """
     f, H = response.frequencies, response.velocity
     noise = _noise(response)
-    lines = Lines.of(f, H, np.full(len(H), noise))
+    lines = Lines(f, H / noise)
     poles = fit_poles(lines)
     found = Projection.of(poles, lines)
     model = Model(
         poles=poles,
-        residues=found.residues(),
-        constant=float(found.solution[-2]),
-        slope=float(found.solution[-1]),
+        residues=noise * found.residues(),
+        constant=noise * float(found.solution[-2]),
+        slope=noise * float(found.solution[-1]),
         band=(float(f[0]), float(f[-1])),
         error=0.0,
         resonant=resonant(found),
@@ -231,9 +242,7 @@ def fit(response: Response) -> Model:
         spacing=lines.spacing,
     )
     if not model.stable or not model.resonances:
-        raise DataError(
-            f"No resonance of {_place(response)} could be fitted: look at the measured response."
-        )
+        raise DataError(f"No resonance of {_place(response)} could be fitted: look at the measured response.")
     return replace(model, error=float(np.linalg.norm(model.velocity(f) - H) / np.linalg.norm(H)))
 
 
@@ -253,7 +262,7 @@ def _noise(response: Response) -> float:
     if not np.isfinite(size) or size == 0:
         raise DataError(f"The response of {_place(response)} is zero, NaN or infinite: no model fits it.")
     known = float(np.sqrt(np.mean(response.deviation**2))) if len(response.deviation) else 0.0
-    if known > 0:
+    if np.isfinite(known) and known > 0:
         return known
     # The median of the second differences is noise alone where lines are closer than resonances are wide.
     rough = np.abs(H[1:-1] - (H[:-2] + H[2:]) / 2) ** 2

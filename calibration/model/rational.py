@@ -17,26 +17,31 @@ __all__ = ["Lines", "Projection", "fit_poles"]
 _MOST_POLES = 100
 _STEPS, _LAST = 6, 30
 """Largest number of refinement steps during the search for the order, and of the last refinement."""
-_SETTLED, _CONVERGED = 1e-2, 1e-4
+_SETTLED, _CONVERGED = 5e-3, 1e-4
 """Relative gain of a step below which refinement ends: during the search, and at the end."""
 _PENALTY = 4.0
 """Cost of a real parameter in twice the log-likelihood: between Akaike's 2 and the logarithm of the number
 of lines, because a pole with a free frequency fits more noise than a linear parameter."""
-_DAMPINGS = (0.012, 0.04)
+_DAMPINGS = (0.015, 0.05)
 """Damping ratios of the candidate pole pairs for the residual of a fit, besides narrow ones at its peaks."""
 _BELOW, _ABOVE = np.array([0.5, 0.8]), np.array([1.03, 1.1, 1.3, 1.8])
+"""Further candidates, over the band's ends: modes outside the band bend the response within it."""
 _LIKELY, _NARROW = 16, 8
+"""Number of candidates, and of narrow ones at the largest residuals, for which the explained energy is computed."""
 _AT_ONCE = 4
 """Pole pairs that are added at a time, at most."""
 _NOISY = 1.5
 """Power of the residual, over the known noise, up to which it counts as noise."""
-_GOOD = 0.008
-"""Relative error up to which a pair is added only if it leaves a quarter less power than without it."""
-_LESS = 0.75
-"""That part."""
-_LESS_COARSE = 0.92
+_GOOD = 0.0095
+"""Relative error below which more than noise is described only by pairs that each take away a quarter."""
+_LESS, _LESS_COARSE = 0.75, 0.92
+"""Largest part of the residual's power that another pair may leave, below and above that error."""
+_EXACT = 1e-5
+"""Relative error below which no pair is added."""
 _COINCIDENT = 0.1
 """Distance of two poles, over their decay, within which one response cannot distinguish them."""
+_TRUST, _TRIES = 0.1, 3
+"""Initial damping of the refinement's steps (Levenberg-Marquardt), and attempts at each."""
 _NARROWEST = 0.02
 """Smallest half-power width of a fitted pole pair, over the lines' spacing."""
 _ALIKE = 30
@@ -47,20 +52,14 @@ _ENOUGH = 1000
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """A response as a problem of least squares: `f` (lines,) Hz; `H` (rows,), of unit noise by `weight` (lines,).
+    """A response: `f` (lines,) Hz, and `H` (rows,), scaled to a noise power of one.
 
     Each row is the sum of `block` lines over the root of `block`, which leaves the noise power at one.
     """
 
     f: FloatArray
     H: ComplexArray
-    weight: FloatArray
     block: int = 1
-
-    @classmethod
-    def of(cls, f: FloatArray, H: ComplexArray, noise: FloatArray) -> Lines:
-        """Lines of a response `H` at `f` (Hz), whose standard deviation is `noise`; all (lines,)."""
-        return cls(f, H / noise, 1 / noise)
 
     @cached_property
     def spacing(self) -> float:
@@ -79,14 +78,13 @@ class Lines:
             return self
         kept = len(self.f) // block * block
         H = self.H[:kept].reshape(-1, block).sum(axis=1) / np.sqrt(block)
-        return Lines(self.f[:kept], H, self.weight[:kept], block)
+        return Lines(self.f[:kept], H, block)
 
-    def stacked(self, real: FloatArray, imag: FloatArray) -> FloatArray:
-        """Real and imaginary parts (columns, lines) as weighted rows, (columns, 2 rows)."""
-        both = np.concatenate([real * self.weight, imag * self.weight], axis=1)
-        if self.block == 1:
-            return both
-        return np.asarray(both.reshape(len(both), -1, self.block).sum(axis=2) / np.sqrt(self.block))
+    def gathered(self, values: FloatArray) -> FloatArray:
+        """Combine real and imaginary parts (columns, 2, lines) into rows, (columns, 2 rows)."""
+        if self.block > 1:
+            values = values.reshape(len(values), 2, -1, self.block).sum(axis=3) / np.sqrt(self.block)
+        return np.asarray(values.reshape(len(values), -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +98,8 @@ class Projection:
 
     poles: ComplexArray
     lines: Lines
+    quadratic: FloatArray
+    """(2, pairs, lines): real and imaginary part of 1 / ((s - p)(s - p*))."""
     basis: FloatArray
     norms: FloatArray
     inverse: FloatArray
@@ -111,7 +111,8 @@ class Projection:
     @classmethod
     def of(cls, poles: ComplexArray, lines: Lines) -> Projection:
         """Solve for the linear unknowns."""
-        basis = _basis(poles, lines)
+        quadratic = _inverse_quadratic(poles[poles.imag > 0], 2 * np.pi * lines.f)
+        basis = _basis(poles, quadratic, lines)
         norms = np.sqrt(np.einsum("ij,ij->i", basis, basis))
         basis /= norms[:, None]
         # The tiny ridge keeps coincident poles solvable; the second pass makes up for it, and for rounding.
@@ -121,7 +122,7 @@ class Projection:
         found = found + inverse @ (basis @ (measured - found @ basis))
         left = measured - found @ basis
         power = float(left @ left) / (len(left) // 2)
-        return cls(poles, lines, basis, norms, inverse, found / norms, left, power)
+        return cls(poles, lines, quadratic, basis, norms, inverse, found / norms, left, power)
 
     @property
     def residual(self) -> ComplexArray:
@@ -161,25 +162,32 @@ class Projection:
         paired = self.poles.imag > 0
         pairs, real = self.poles[paired], self.poles[~paired].real[:, None]
         count, w = len(pairs), 2 * np.pi * self.lines.f
-        re, im = _inverse_quadratic(pairs, w)
+        re, im = self.quadratic
         b, a = self.solution[:count, None], self.solution[count : 2 * count, None]
-        # -(a + b s) / quadratic^2, which the derivatives of the quadratic, 2 (s + decay) and 2 frequency, multiply.
+        # -(a + b s) / quadratic^2, times the derivatives of the quadratic: 2 (s + decay) and 2 frequency.
         square_re, square_im = re**2 - im**2, 2 * re * im
-        top_re, top_im = -(a * square_re - b * w * square_im), -(a * square_im + b * w * square_re)
+        top_re, top_im = b * w * square_im - a * square_re, -a * square_im - b * w * square_re
         d, own = -pairs.real[:, None], 2 * pairs.imag[:, None] ** 2
-        size = self.solution[2 * count : -2, None] / (w**2 + real**2) ** 2
-        # d/d(log d) of c / (s + d) is -c d / (s + d)^2.
-        by_real = real * size * (real**2 - w**2), real * size * (2 * real * w)
-        slope_re = np.concatenate([2 * d * (d * top_re - w * top_im), own * top_re, by_real[0]])
-        slope_im = np.concatenate([2 * d * (d * top_im + w * top_re), own * top_im, by_real[1]])
-        return self.lines.stacked(slope_re, slope_im)
+        slopes = np.empty((2 * count + len(real), 2, len(w)))
+        slopes[:count, 0], slopes[:count, 1] = (
+            2 * d * (d * top_re - w * top_im),
+            2 * d * (d * top_im + w * top_re),
+        )
+        slopes[count : 2 * count, 0], slopes[count : 2 * count, 1] = own * top_re, own * top_im
+        # -decay / (s + decay)^2
+        size = real * self.solution[2 * count : -2, None] / (w**2 + real**2) ** 2
+        slopes[2 * count :, 0], slopes[2 * count :, 1] = size * (real**2 - w**2), size * 2 * real * w
+        return self.lines.gathered(slopes)
 
     def explained(self, candidates: ComplexArray) -> FloatArray:
         """Energy of the residual (candidates,) that each pair of poles would take away if it were added."""
-        added = _basis(candidates, self.lines)[:-2].reshape(2, len(candidates), -1)
+        quadratic = _inverse_quadratic(candidates, 2 * np.pi * self.lines.f)
+        added = _basis(candidates, quadratic, self.lines)[:-2].reshape(2, len(candidates), -1)
         added /= np.linalg.norm(added, axis=2)[:, :, None]
         seen = added @ self.basis.T
-        gram = np.einsum("ikn,jkn->kij", added, added) - np.einsum("iku,uv,jkv->kij", seen, self.inverse, seen)
+        gram = np.einsum("ikn,jkn->kij", added, added) - np.einsum(
+            "iku,uv,jkv->kij", seen, self.inverse, seen
+        )
         along = (added @ self.left).T[:, :, None]
         return np.asarray((along * np.linalg.solve(gram + 1e-9 * np.eye(2), along)).sum(axis=(1, 2)))
 
@@ -206,7 +214,7 @@ class Projection:
         return gained - _PENALTY * (self.parameters - other.parameters)
 
     def worth_over(self, other: Projection) -> bool:
-        """True when it gains, and leaves only noise or a quarter less: a smaller gain may be distortion."""
+        """True when it gains, and leaves only noise or sufficiently less: a smaller gain may be distortion."""
         pairs = max(len(self.poles) - len(other.poles), 1)
         return self.gain_over(other) > 0 and self.power < max(_NOISY, other.most_left**pairs * other.power)
 
@@ -225,7 +233,7 @@ def fit_poles(lines: Lines) -> ComplexArray:
     lines = lines.averaged()
     with threadpool_limits(1):
         best, candidates = _refined(_peaks(lines), lines), _Candidates.of(lines)
-        while len(best.poles) < _MOST_POLES:
+        while len(best.poles) < _MOST_POLES and best.error > _EXACT:
             missing = candidates.missing(best)
             for count in sorted({len(missing), min(len(missing), 1)} - {0}, reverse=True):
                 found = _refined(np.append(best.poles, missing[:count]), lines)
@@ -234,7 +242,8 @@ def fit_poles(lines: Lines) -> ComplexArray:
                     break
             else:
                 break
-        return _refined(_pruned(best).poles, lines, _LAST, _CONVERGED).poles
+        best = _pruned(best)
+        return _refined(best.poles, lines, _LAST, _CONVERGED if best.power < _NOISY else _SETTLED).poles
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +274,7 @@ class _Candidates:
         places = np.concatenate([likely, narrow, _beyond(lines)])
         explained = fit.explained(places)
         # Refinement can make a pair explain several times as much, but not arbitrarily more.
-        hopeless = (1 - fit.most_left) / 4 * fit.power * len(left)
+        hopeless = (1 - fit.most_left) / 2.5 * fit.power * len(left)
         if fit.power < _NOISY:
             hopeless = 2 * _PENALTY * fit.power * len(left) / fit.independent
         least = max(hopeless, 0.5 * float(explained.max()))
@@ -286,15 +295,17 @@ def _beyond(lines: Lines) -> ComplexArray:
 
 
 def _shapes(poles: ComplexArray, lines: Lines) -> ComplexArray:
-    w, weight = (2 * np.pi * lines.f).astype(np.float32), lines.weight.astype(np.float32)
+    """Conjugates of partial fractions (poles, rows) of unit norm, in single precision, which is enough to choose."""
+    w = (2 * np.pi * lines.f).astype(np.float32)
     d, off = -poles.real.astype(np.float32)[:, None], w - poles.imag.astype(np.float32)[:, None]
-    size = weight / (d**2 + off**2)
-    # The conjugate of 1 / (s - p), because it multiplies the residual.
+    size = 1 / (d**2 + off**2)
+    size /= np.sqrt(size.sum(axis=1))[:, None]
     shape = np.empty(size.shape, dtype=np.complex64)
-    shape.real, shape.imag = d * size, off * size
+    np.multiply(d, size, out=shape.real)
+    np.multiply(off, size, out=shape.imag)
     if lines.block > 1:
         shape = shape.reshape(len(shape), -1, lines.block).sum(axis=2)
-    return np.asarray(shape / np.linalg.norm(shape, axis=1)[:, None])
+    return shape
 
 
 def _pruned(best: Projection) -> Projection:
@@ -341,28 +352,30 @@ def _peaks(lines: Lines) -> ComplexArray:
     return np.append(pairs, -2 * np.pi * lines.f[0] / 5)
 
 
-def _basis(poles: ComplexArray, lines: Lines) -> FloatArray:
+def _basis(poles: ComplexArray, quadratic: FloatArray, lines: Lines) -> FloatArray:
     """Rows (unknowns, 2 rows) of the linear unknowns, as `Projection` orders them."""
-    pairs, real = poles[poles.imag > 0], poles[poles.imag == 0].real[:, None]
-    w = 2 * np.pi * lines.f
-    re, im = _inverse_quadratic(pairs, w)
+    real, w = poles[poles.imag == 0].real[:, None], 2 * np.pi * lines.f
+    count = quadratic.shape[1]
+    basis = np.empty((2 * count + len(real) + 2, 2, len(w)))
+    np.multiply(-w, quadratic[1], out=basis[:count, 0])
+    np.multiply(w, quadratic[0], out=basis[:count, 1])
+    basis[count : 2 * count] = quadratic.transpose(1, 0, 2)
     size = 1 / (w**2 + real**2)
-    count = len(pairs)
-    both = np.empty((2, 2 * count + len(real) + 2, len(w)))
-    both[0, :count], both[1, :count] = -w * im, w * re
-    both[0, count : 2 * count], both[1, count : 2 * count] = re, im
-    both[0, 2 * count : -2], both[1, 2 * count : -2] = -real * size, -w * size
-    both[0, -2:], both[1, -2:] = [[1.0], [0.0]], 0.0
-    both[1, -1] = w
-    return lines.stacked(both[0], both[1])
+    basis[2 * count : -2, 0], basis[2 * count : -2, 1] = -real * size, -w * size
+    basis[-2:] = 0
+    basis[-2, 0], basis[-1, 1] = 1, w
+    return lines.gathered(basis)
 
 
-def _inverse_quadratic(pairs: ComplexArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Real and imaginary part of 1 / ((s - p)(s - p*)) at s = j w, (pairs, lines)."""
+def _inverse_quadratic(pairs: ComplexArray, w: FloatArray) -> FloatArray:
+    """Real and imaginary part of 1 / ((s - p)(s - p*)) at s = j w, (2, pairs, lines)."""
     d, own = -pairs.real[:, None], pairs.imag[:, None]
+    found = np.empty((2, len(pairs), len(w)))
     re, im = (own - w) * (own + w) + d**2, 2 * d * w
-    size = 1 / (re**2 + im**2)
-    return re * size, -im * size
+    size = 1 / (re * re + im * im)
+    np.multiply(re, size, out=found[0])
+    np.multiply(-im, size, out=found[1])
+    return found
 
 
 def _refined(poles: ComplexArray, lines: Lines, steps: int = _STEPS, settled: float = _SETTLED) -> Projection:
@@ -372,7 +385,7 @@ def _refined(poles: ComplexArray, lines: Lines, steps: int = _STEPS, settled: fl
     Problems 19, 2003). Logarithms of decay and frequency keep every pole stable.
     """
     poles = np.concatenate([poles[poles.imag > 0], poles[poles.imag == 0]])
-    best, trust = Projection.of(_moved(poles, np.zeros(2 * len(poles)), lines), lines), 1e-3
+    best, trust = Projection.of(_moved(poles, np.zeros(2 * len(poles)), lines), lines), _TRUST
     for _ in range(steps):
         change = best.slope()
         seen = best.basis @ change.T
@@ -381,7 +394,7 @@ def _refined(poles: ComplexArray, lines: Lines, steps: int = _STEPS, settled: fl
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         normal = normal / np.outer(scale, scale)
         before = best.power
-        for _ in range(4):
+        for _ in range(_TRIES):
             step = np.linalg.solve(normal + trust * np.eye(len(scale)), gradient / scale) / scale
             tried = Projection.of(_moved(best.poles, step, lines), lines)
             if tried.power < before:
@@ -402,5 +415,7 @@ def _moved(poles: ComplexArray, step: FloatArray, lines: Lines) -> ComplexArray:
     moved = -decay.astype(np.complex128)
     own = poles.imag[:count]
     most = np.minimum(np.maximum(-2 * poles.real[:count], 2 * np.pi * lines.spacing) / own, 1)
-    moved[:count] += 1j * np.clip(own * np.exp(np.clip(step[count : 2 * count], -most, most)), w[0] / 10, 3 * w[-1])
+    moved[:count] += 1j * np.clip(
+        own * np.exp(np.clip(step[count : 2 * count], -most, most)), w[0] / 10, 3 * w[-1]
+    )
     return moved

@@ -38,7 +38,7 @@ def resonant(fit: Projection) -> BoolArray:
     for own in np.argsort(-sizes.max(axis=1)):
         p = poles[index[own]]
         nearest = int(np.argmin(np.abs(lines.f - p.imag / (2 * np.pi))))
-        inside = lines.f[1] < p.imag / (2 * np.pi) < lines.f[-2]
+        inside = lines.f[2] < p.imag / (2 * np.pi) < lines.f[-3]
         if not inside or -p.real > _DAMPED * abs(p) or _run(sizes[own] >= _SHARE * whole, nearest) < _SUPPORT:
             continue
         others = poles[found]
