@@ -1,8 +1,8 @@
 """Our fit beside scikit-rf's `VectorFitting.auto_fit`: `python benchmarks/fits.py`.
 
 Prints Markdown: a measured beam, synthetic beams and plates, and with `--tables N` the carriers of simulated
-tables that are calibrated as by default. CPU is `time.process_time` in this process, the best of three, with one
-thread for linear algebra. "Error" is the relative rms difference from the response as measured.
+tables that are calibrated as by default. CPU is `time.process_time` in this process, the best of three, with
+one thread for linear algebra. "Error" is the relative rms difference from the response as measured.
 """
 
 from __future__ import annotations
@@ -110,9 +110,9 @@ def carriers(tables: int) -> None:
             both += len(model.carriers) > 1
         if off[-1] > 0.3:
             print(f"\nseed {seed}: {off[-1]:.2f} Hz off", flush=True)
+    median, worst = 1e3 * np.median(off), 1e3 * max(off)
     print(
-        f"\n{tables} tables: carrier off by {np.median(off) * 1e3:.1f} mHz (median), {max(off) * 1e3:.1f} mHz (worst); "
-        f"{both} ambiguous."
+        f"\n{tables} tables: carrier off by {median:.1f} mHz (median), {worst:.1f} (worst); {both} ambiguous."
     )
 
 
@@ -128,8 +128,8 @@ def main() -> None:
     f, accelerance = f[kept], accelerance[kept]
     velocity = accelerance / (2j * np.pi * f)
     print(
-        "| response | number | error | auto_fit | worse | from the truth | auto_fit | resonances | extra | pole pairs "
-        "| CPU | over auto_fit |"
+        "| response | number | error | auto_fit | worse | from the truth | auto_fit | resonances | extra "
+        "| pole pairs | CPU | over auto_fit |"
     )
     print("|" + "---|" * 12)
     count = options.count

@@ -34,7 +34,7 @@ _GRID = 2000
 
 @dataclass(frozen=True)
 class Resonance:
-    """One resonance: natural frequency |s| / 2 pi, damping ratio, and strength (peak of its pole pair, m/s/V).
+    """One resonance: natural frequency |s| / 2 pi, damping ratio, strength (peak of its pole pair, m/s/V).
 
     `damping_interval` is where the damping ratio lies with 95 %. It begins at zero when the response only
     bounds the damping: the resonance is narrower than the lines' spacing, or than its uncertainty.
@@ -115,8 +115,8 @@ class Model:
         if len(named) == 1:
             return ""
         return (
-            f"The carrier is ambiguous: {', '.join(named[:-1])} and {named[-1]} Hz respond so nearly alike that "
-            "another measurement may find another one the strongest."
+            f"The carrier is ambiguous: {', '.join(named[:-1])} and {named[-1]} Hz respond so nearly alike "
+            "that another measurement may find another one the strongest."
         )
 
     @property
@@ -222,8 +222,8 @@ class Model:
 def fit(response: Response) -> Model:
     """Fit a model to a response, with an order selected from the data.
 
-    All lines have equal weight, because their noise is nearly equal. Poles are always stable. Raises DataError
-    for a response that is not finite or has too few lines, and when no resonance is found.
+    All lines have equal weight, because their noise is nearly equal. Poles are always stable. Raises
+    DataError for a response that is not finite or has too few lines, and when no resonance is found.
     """
     f, H = response.frequencies, response.velocity
     noise = _noise(response)

@@ -27,7 +27,7 @@ _DAMPINGS = (0.015, 0.05)
 _BELOW, _ABOVE = np.array([0.5, 0.8]), np.array([1.03, 1.1, 1.3, 1.8])
 """Further candidates, over the band's ends: modes outside the band bend the response within it."""
 _LIKELY, _NARROW = 16, 8
-"""Number of candidates, and of narrow ones at the largest residuals, for which the explained energy is computed."""
+"""Number of candidates, and of narrow ones at the largest residuals, that are looked at closely."""
 _AT_ONCE = 4
 """Pole pairs that are added at a time, at most."""
 _NOISY = 1.5
@@ -92,8 +92,9 @@ class Projection:
     """Least-squares solution for given poles (rad/s, one of each conjugate pair).
 
     The response is a sum of (a + b s) / ((s - p)(s - p*)), or of a / (s - p) for real poles, a constant and
-    a slope. `basis` (unknowns, 2 rows) has rows of unit norm, `norms` before: those of b, then those of a, the
-    constant and the slope. `inverse` is that of its Gram matrix; `left` (2 rows,) is the residual, real parts first.
+    a slope. `basis` (unknowns, 2 rows) has rows of unit norm, `norms` before: b of pairs, a of pairs, a of
+    real poles, constant, slope. `inverse` is that of its Gram matrix; `left` (2 rows,) is the residual, real
+    parts first.
     """
 
     poles: ComplexArray
@@ -158,7 +159,7 @@ class Projection:
         return found
 
     def slope(self) -> FloatArray:
-        """Derivative (parameters, 2 rows) of the response by log decay of pairs, log frequency, log decay of real."""
+        """Derivative (parameters, 2 rows) by logarithms: pairs' decay and frequency, real poles' decay."""
         paired = self.poles.imag > 0
         pairs, real = self.poles[paired], self.poles[~paired].real[:, None]
         count, w = len(pairs), 2 * np.pi * self.lines.f
@@ -214,7 +215,7 @@ class Projection:
         return gained - _PENALTY * (self.parameters - other.parameters)
 
     def worth_over(self, other: Projection) -> bool:
-        """True when it gains, and leaves only noise or sufficiently less: a smaller gain may be distortion."""
+        """True when it gains, and leaves only noise or clearly less: a smaller gain may be distortion."""
         pairs = max(len(self.poles) - len(other.poles), 1)
         return self.gain_over(other) > 0 and self.power < max(_NOISY, other.most_left**pairs * other.power)
 
@@ -227,8 +228,8 @@ class Projection:
 def fit_poles(lines: Lines) -> ComplexArray:
     """Fit the poles (rad/s), one of each conjugate pair.
 
-    The first pairs are the peaks. Then those that explain most of the residual are added, as long as they gain
-    more than their parameters cost. Every step is followed by a least-squares refinement of all poles.
+    The first pairs are the peaks. Then those that explain most of the residual are added, as long as they
+    gain more than their parameters cost. Every step is followed by a least-squares refinement of all poles.
     """
     lines = lines.averaged()
     with threadpool_limits(1):
@@ -295,7 +296,7 @@ def _beyond(lines: Lines) -> ComplexArray:
 
 
 def _shapes(poles: ComplexArray, lines: Lines) -> ComplexArray:
-    """Conjugates of partial fractions (poles, rows) of unit norm, in single precision, which is enough to choose."""
+    """Conjugates of partial fractions (poles, rows) of unit norm, in single precision."""
     w = (2 * np.pi * lines.f).astype(np.float32)
     d, off = -poles.real.astype(np.float32)[:, None], w - poles.imag.astype(np.float32)[:, None]
     size = 1 / (d**2 + off**2)

@@ -12,7 +12,9 @@ __all__ = ["decay_deviation", "resonant"]
 _SHARE = 0.5
 """Part of the response that a resonance makes up at its own frequency, at least."""
 _SUPPORT = 5
-"""Neighbouring lines at which it does: a pole pair has four parameters, so that it fits two lines whatever they are."""
+"""Neighbouring lines at which it does: with its four parameters, a pole pair fits any two lines."""
+_ENERGY = 25.0
+"""Energy of a resonance over the power of the noise; pairs are added to a fit from 8 on."""
 _ONE = 1.5
 """Distance (lines) of two pole pairs up to which they are one resonance."""
 _DAMPED = 0.3
@@ -22,9 +24,9 @@ _DAMPED = 0.3
 def resonant(fit: Projection) -> BoolArray:
     """Find the pole pairs (poles,) that are resonances; the others describe what is left of the response.
 
-    A resonance makes up half of the response at five neighbouring lines around its frequency, or more, and is
-    not at the end of the band. Pairs whose distance is less than their decay, or than one and a half lines, are one
-    resonance, the strongest.
+    A resonance makes up half of the response at five neighbouring lines around its frequency, or more, has
+    far more energy than a pair needs to be added, and is not within three lines of the band's ends. Pairs whose
+    distance is less than their decay, or than one and a half lines, are one resonance, the strongest.
     """
     lines, poles = fit.lines, fit.poles
     paired = poles.imag > 0
@@ -33,9 +35,13 @@ def resonant(fit: Projection) -> BoolArray:
     parts = scaled[:count, None] * fit.basis[:count] + scaled[count:, None] * fit.basis[count : 2 * count]
     sizes = np.hypot(parts[:, :rows], parts[:, rows:])
     whole = np.abs(lines.H - fit.residual)
+    noise = float(np.median(np.abs(fit.residual) ** 2)) / np.log(2)
+    strong = (sizes**2).sum(axis=1) > _ENERGY * noise
     found: list[int] = []
     index = np.flatnonzero(paired)
     for own in np.argsort(-sizes.max(axis=1)):
+        if not strong[own]:
+            continue
         p = poles[index[own]]
         nearest = int(np.argmin(np.abs(lines.f - p.imag / (2 * np.pi))))
         inside = lines.f[2] < p.imag / (2 * np.pi) < lines.f[-3]

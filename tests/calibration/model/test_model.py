@@ -75,11 +75,11 @@ def test_poles_that_coincide_become_one() -> None:
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(("damping_scale", "snr_db", "most"), [(1, 37, 1.3), (3, 37, 1.7), (1, 27, 1.5)])
+@pytest.mark.parametrize(("damping_scale", "snr_db", "most"), [(1, 37, 1.4), (3, 37, 1.7), (1, 27, 1.5)])
 def test_the_fit_is_as_good_as_its_number_of_parameters_allows(
     full: bool, damping_scale: float, snr_db: float, most: float
 ) -> None:
-    """Within 1.3 of the bound of 12 pole pairs, a constant and a slope: 50 parameters; always stable.
+    """Within 1.4 of the bound of 12 pole pairs, a constant and a slope: 50 parameters; always stable.
 
     The bound is of the mean square; a fit that is told the order strays to 1.13 of it. Where modes overlap
     or noise hides them, one plate in ten gets a pair too many or too few, and is further off.
@@ -87,7 +87,7 @@ def test_the_fit_is_as_good_as_its_number_of_parameters_allows(
     lines = 1228
     bound = 10 ** (-snr_db / 20) * np.sqrt(50 / (2 * lines))
     errors = []
-    for seed in range(100, 120) if full else (101, 102):
+    for seed in range(100, 200 if full else 108):
         response, truth, strongest = plate(seed, damping_scale, snr_db, lines)
         model = fit(response)
         assert model.stable
