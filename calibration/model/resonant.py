@@ -25,8 +25,8 @@ def resonant(fit: Projection) -> BoolArray:
     """Find the pole pairs (poles,) that are resonances; the others describe what is left of the response.
 
     A resonance makes up half of the response at five neighbouring lines around its frequency, or more, has
-    far more energy than a pair needs to be added, and is not within three lines of the band's ends. Pairs whose
-    distance is less than their decay, or than one and a half lines, are one resonance, the strongest.
+    far more energy than a pair needs to be added, and is not within three lines of the band's ends. Pairs
+    whose distance is less than their decay, or than one and a half lines, are one resonance, the strongest.
     """
     lines, poles = fit.lines, fit.poles
     paired = poles.imag > 0
