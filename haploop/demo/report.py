@@ -35,6 +35,7 @@ def summarise(demo: Demo) -> dict[str, Any]:
         "point": response.point,
         "resonance_hz": _number(model.resonance_hz),
         "resonance_true_hz": _number(demo.true_resonance_hz),
+        "carriers_hz": [_number(r.frequency_hz) for r in model.carriers],
         "model_error": _number(model.error),
         "coherence_min_in_band": _number(float(np.min(response.coherence[inside]))) if inside.any() else None,
         "band_hz": [_number(low), _number(high)],
@@ -140,7 +141,7 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
 
 
 def _software() -> dict[str, str]:
-    packages = ("haploop", "numpy", "scipy", "h5py", "nidaqmx", "dtaidistance", "scikit-rf", "matplotlib")
+    packages = ("haploop", "numpy", "scipy", "h5py", "nidaqmx", "dtaidistance", "matplotlib")
     return {**{name: metadata.version(name) for name in packages}, "python": platform.python_version()}
 
 

@@ -161,7 +161,9 @@ def _loop(
         calibration=calibration,
         true_response=truth.velocity_response(response.patch, response.point, response.frequencies),
         true_resonance_hz=truth.resonance_hz,
-        notes=tuple(n for n in [_loss(rig, calibration.model.resonance_hz)] if n),
+        notes=tuple(
+            n for n in [_loss(rig, calibration.model.resonance_hz), calibration.model.ambiguity] if n
+        ),
         simulated_s=rig.clock.now() - start,
         wall_s=wall(),
     )

@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from haploop.calibration import Calibration, Drive
-from haploop.show.formatting import json_number, percent, property_table
+from haploop.show.formatting import damping, json_number, percent, property_table
 
 __all__ = ["calibration_contents", "drive_contents"]
 
@@ -31,12 +31,15 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
         "coherence_min": json_number(response.coherence.min()),
         "coherence_median": json_number(np.median(response.coherence)),
         "resonance_hz": json_number(model.resonance_hz),
+        "carriers_hz": [json_number(r.frequency_hz) for r in model.carriers],
         "model_error": json_number(model.error),
         "stable": bool(model.stable),
         "resonances": [
             {
                 "frequency_hz": json_number(r.frequency_hz),
                 "damping": json_number(r.damping),
+                "damping_interval": [json_number(limit) for limit in r.damping_interval],
+                "damping_is_bound": r.damping_is_bound,
                 "strength": json_number(r.strength),
             }
             for r in model.resonances
@@ -55,6 +58,9 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
         "Coherence", f"median {values['coherence_median']:.4f}, lowest {values['coherence_min']:.4f}"
     )
     table.add_row("Resonance", f"{model.resonance_hz:.2f} Hz (the strongest of {len(model.resonances)})")
+    table.add_row("Damping ratio", damping(model.carriers[0]))
+    if model.ambiguity:
+        table.add_row("Carrier", model.ambiguity)
     table.add_row(
         "Model", f"{percent(model.error)} from the response, {'stable' if model.stable else 'UNSTABLE'}"
     )

@@ -10,7 +10,18 @@ from rich.box import SIMPLE
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["SIMULATED", "fixed", "interval", "json_number", "percent", "property_table", "verdict"]
+from haploop.calibration import Resonance
+
+__all__ = [
+    "SIMULATED",
+    "damping",
+    "fixed",
+    "interval",
+    "json_number",
+    "percent",
+    "property_table",
+    "verdict",
+]
 
 SIMULATED = "Simulated: no real instrument measured this."
 """Printed after every result of a simulated rig."""
@@ -49,3 +60,11 @@ def fixed(value: float | None, digits: int, unit: str = "") -> str:
 def json_number(value: Any) -> float | None:
     """A finite float for JSON; None for None, NaN and infinity."""
     return float(value) if value is not None and math.isfinite(value) else None
+
+
+def damping(resonance: Resonance) -> str:
+    """Damping ratio of a resonance in percent, with its interval of 95 %, or the bound that is known."""
+    low, high = resonance.damping_interval
+    if resonance.damping_is_bound:
+        return f"at most {100 * high:.2g} %"
+    return f"{100 * resonance.damping:.3g} % ({100 * low:.3g} to {100 * high:.3g} %)"

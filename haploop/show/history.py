@@ -11,6 +11,7 @@ from rich.table import Table
 
 from haploop.calibration import Calibration
 from haploop.calibration.upkeep import Generation, History, PlaceMetrics, buttons_of, calibrations_of
+from haploop.show.formatting import damping
 
 __all__ = ["describe", "difference", "listing", "simulated"]
 
@@ -97,7 +98,7 @@ def describe(history: History, generation: Generation) -> tuple[dict[str, Any], 
     for c in calibrations:
         f = PlaceMetrics.of(c)
         told = (
-            f"{f.resonance_hz:.2f} Hz, damping {f.damping:.2%}, gain {f.gain:.3g} m/s² per V, "
+            f"{f.resonance_hz:.2f} Hz, damping {damping(c.model.carriers[0])}, gain {f.gain:.3g} m/s² per V, "
             f"coherence {f.coherence:.4f}"
         )
         table.add_row(f"Patch {c.response.patch}, {c.response.point}", told)

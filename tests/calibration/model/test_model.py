@@ -8,37 +8,14 @@ import pytest
 from scipy.io import loadmat
 from scipy.signal import StateSpace, freqresp, sosfreqz
 
-from haploop.calibration import Response, fit
+from benchmarks.fits import auto_fit, found
+from benchmarks.synthetic_responses import beam, generator, response_of
+from benchmarks.synthetic_responses import plate as plate_of
+from haploop.calibration import Model, Response, calibrate, fit
 from haploop.calibration.model import rational
-from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments import ConfigurationError, DataError, open_rig
 
 BEAM = Path(__file__).parents[2] / "data" / "beam_accelerance_point1.txt"
-
-
-def response_of(f: np.ndarray, velocity: np.ndarray, sigma: float = 0.0) -> Response:
-    ones = np.ones(len(f))
-    return Response(
-        patch="A",
-        point="button",
-        frequencies=f,
-        velocity=velocity,
-        deviation=sigma * ones if sigma else np.zeros(0),
-        coherence=ones,
-        path=ones.astype(complex),
-        noise=1e-7 * ones,
-        distortion=np.zeros((0, 0)),
-        repeats=3,
-        level=48.0,
-        levels=np.zeros(0),
-        level_gain=np.zeros(0, complex),
-        velocity_range=0.02,
-        excitation="made for a test; 0.0 s of measuring",
-        source="measured",
-        rig="made for a test",
-        rig_file="",
-        simulated=True,
-        created="2026-01-01T00:00:00+00:00",
-    )
 
 
 def plate(
@@ -72,6 +49,8 @@ def test_the_carrier_is_a_peak_of_the_response_whatever_two_poles_cancel() -> No
         model,
         poles=np.append(model.poles, [double, 1.00001 * double]),
         residues=np.append(model.residues, [1e-2, -1e-2 + 1e-7]),
+        resonant=np.append(model.resonant, [True, True]),
+        decay_deviation=np.append(model.decay_deviation, [0.0, 0.0]),
     )
     assert max(cancelling.resonances, key=lambda r: r.strength).frequency_hz == pytest.approx(63.68, rel=1e-3)
     assert cancelling.resonance_hz == pytest.approx(model.resonance_hz)
@@ -88,7 +67,7 @@ def test_poles_that_coincide_become_one() -> None:
     single = rational.fit_poles(lines)
     strong = single[np.argsort(np.abs(single.imag / (2 * np.pi) - 263.5))[0]]
     doubled = np.append(single[single != strong], strong + np.array([0.02, -0.02]) * strong.real)
-    pruned = rational._pruned(rational._Fit.of(doubled, lines), lines)
+    pruned = rational._pruned(rational.Projection.of(doubled, lines)).poles
     assert len(pruned) == len(single)
     apart = np.abs(pruned[:, None] - pruned) + np.diag(np.full(len(pruned), np.inf))
     assert np.all(apart.min(axis=1) > 0.1 * -pruned.real)
@@ -96,11 +75,11 @@ def test_poles_that_coincide_become_one() -> None:
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(("damping_scale", "snr_db", "most"), [(1, 37, 1.3), (3, 37, 1.7), (1, 27, 1.5)])
+@pytest.mark.parametrize(("damping_scale", "snr_db", "most"), [(1, 37, 1.4), (3, 37, 1.7), (1, 27, 1.5)])
 def test_the_fit_is_as_good_as_its_number_of_parameters_allows(
     full: bool, damping_scale: float, snr_db: float, most: float
 ) -> None:
-    """Within 1.3 of the bound of 12 pole pairs, a constant and a slope: 50 parameters; always stable.
+    """Within 1.4 of the bound of 12 pole pairs, a constant and a slope: 50 parameters; always stable.
 
     The bound is of the mean square; a fit that is told the order strays to 1.13 of it. Where modes overlap
     or noise hides them, one plate in ten gets a pair too many or too few, and is further off.
@@ -108,7 +87,7 @@ def test_the_fit_is_as_good_as_its_number_of_parameters_allows(
     lines = 1228
     bound = 10 ** (-snr_db / 20) * np.sqrt(50 / (2 * lines))
     errors = []
-    for seed in range(100, 120) if full else (101, 102):
+    for seed in range(100, 200 if full else 108):
         response, truth, strongest = plate(seed, damping_scale, snr_db, lines)
         model = fit(response)
         assert model.stable
@@ -151,26 +130,139 @@ def test_what_is_no_response_is_refused(velocity: np.ndarray) -> None:
         fit(response_of(np.linspace(20, 600, 50), velocity))
 
 
-def test_a_real_beam_is_fitted_stably_and_the_error_is_said() -> None:
-    """One that no simulator of ours made: six resonances, all far narrower than its lines of 1 Hz.
-
-    Measured by the pyuff project (ladisk/pyuff, MIT licence). Natural frequencies of a free beam go
-    as the squares of those below (Blevins, Formulas for Natural Frequency and Mode Shape, table 8-1).
-    """
+def measured_beam(lowest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lines (Hz) and accelerance, measured by the pyuff project (ladisk/pyuff, MIT licence)."""
     accelerance = np.array([complex(line) for line in BEAM.read_text().split()])
     f = np.arange(len(accelerance), dtype=np.float64)
-    kept = (f >= 10) & (f <= 999)
-    response = response_of(f[kept], accelerance[kept] / (2j * np.pi * f[kept]))
-    model = fit(response)
-    print(f"beam: {len(model.poles)} pole pairs, error {model.error:.2%}")
-    assert model.stable
-    assert model.error < 0.05
-    left = (model.velocity(f[kept]) - response.velocity) * 2j * np.pi * f[kept]
-    assert np.linalg.norm(left) < 0.05 * np.linalg.norm(accelerance[kept])
-    resonances = np.array([r.frequency_hz for r in model.resonances])
-    for beta in (4.730, 7.853, 10.996, 14.137, 17.279, 20.420):
-        expected = 51.5 * (beta / 4.730) ** 2
-        assert np.abs(resonances / expected - 1).min() < 0.01
+    return f[f >= lowest], accelerance[f >= lowest]
+
+
+def assert_six(model: Model) -> None:
+    """Natural frequencies of a free beam go as the squares of these (Blevins, table 8-1)."""
+    expected = 51.5 * (np.array([4.730, 7.853, 10.996, 14.137, 17.279, 20.420]) / 4.730) ** 2
+    named = np.array([r.frequency_hz for r in model.resonances])
+    assert len(named) == 6
+    assert np.abs(named / expected - 1).max() < 0.01
+
+
+@pytest.mark.parametrize("lowest", [5, 10, 20])
+@pytest.mark.parametrize("quantity", ["velocity", "accelerance"])
+def test_six_resonances_of_a_real_beam_are_six(lowest: int, quantity: str) -> None:
+    """All are far narrower than the lines of 1 Hz, and no simulator of ours made them."""
+    f, accelerance = measured_beam(lowest)
+    H = accelerance if quantity == "accelerance" else accelerance / (2j * np.pi * f)
+    model = fit(response_of(f, H))
+    print(f"beam: {len(model.poles)} poles, error {model.error:.2%}")
+    assert model.stable and model.error < 0.01
+    assert_six(model)
+    # pyEMA finds 0.057 % at the first one; lines of 1 Hz only bound it.
+    first = model.resonances[0]
+    assert first.damping_is_bound and first.damping_interval[1] > 0.00057
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "accelerance"])
+def test_a_real_beam_is_fitted_no_worse_than_by_scikit_rf(quantity: str) -> None:
+    f, accelerance = measured_beam(10)
+    H = accelerance if quantity == "accelerance" else accelerance / (2j * np.pi * f)
+    peer = auto_fit(f, H)
+    assert fit(response_of(f, H)).error <= np.linalg.norm(peer - H) / np.linalg.norm(H)
+
+
+def test_modes_of_synthetic_beams_are_named_and_nothing_else(full: bool) -> None:
+    for number in range(200 if full else 8):
+        case = beam(number)
+        hits, extra = found(fit(case.response), case.natural)
+        assert (hits, extra) == (len(case.natural), 0), number
+
+
+def test_a_plate_of_twelve_modes_names_no_thirteenth(full: bool) -> None:
+    for number in range(200 if full else 4):
+        case = plate_of(number)
+        assert found(fit(case.response), case.natural)[1] == 0, number
+
+
+def test_damping_lies_in_its_interval_or_is_said_to_be_a_bound(full: bool) -> None:
+    """The line spacing is 0.49 Hz: a mode of 0.1 % at 100 Hz is narrower, one of 1 % is not."""
+    count, inside = (100, 0) if full else (8, 0)
+    f = np.linspace(20, 620, 1228)
+    for number in range(count):
+        rng = generator("damping", number)
+        natural, damping = np.array([100.0, 300.0]) + rng.uniform(-5, 5, 2), np.array([0.001, 0.01])
+        s, w = 2j * np.pi * f[:, None], 2 * np.pi * natural
+        H = (2 * damping * w * s / (s**2 + 2 * damping * w * s + w**2)).sum(axis=1)
+        H = H + 0.003 * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
+        narrow, wide = fit(response_of(f, H, 0.003 * np.sqrt(2))).resonances
+        assert narrow.damping_is_bound and not wide.damping_is_bound
+        inside += narrow.damping_interval[1] > 0.001
+        inside += wide.damping_interval[0] < 0.01 < wide.damping_interval[1]
+    print(f"{inside} of {2 * count} inside")
+    assert inside >= 0.9 * 2 * count
+
+
+@pytest.mark.parametrize(("second", "named"), [(0.95, 2), (0.8, 1)])
+def test_a_carrier_that_another_measurement_may_not_find_is_ambiguous(second: float, named: int) -> None:
+    f = np.linspace(20, 620, 1228)
+    s, w, damping = 2j * np.pi * f[:, None], 2 * np.pi * np.array([150.0, 400.0]), 0.01
+    H = (np.array([1.0, second]) * 2 * damping * w * s / (s**2 + 2 * damping * w * s + w**2)).sum(axis=1)
+    model = fit(response_of(f, H))
+    assert [round(r.frequency_hz) for r in model.carriers] == [150, 400][:named]
+    assert model.resonance_hz == pytest.approx(150, abs=0.01)
+    assert (model.ambiguity == "") is (named == 1)
+    if named == 2:
+        assert "150.00 and 400.00 Hz" in model.ambiguity
+
+
+@pytest.mark.timeout(3600)
+def test_the_carrier_is_the_plants_on_tables_that_nobody_chose(full: bool) -> None:
+    if not full:
+        pytest.skip("200 calibrations: --full")
+    for number in range(200):
+        seed = int(generator("carrier", number).integers(2**32))
+        with open_rig("simulated", simulation={"seed": seed}) as rig:
+            truth = rig.simulation.truth
+            f = np.arange(20, 620, 0.05)
+            strongest = f[np.argmax(np.abs(truth.velocity_response("A", "button", f)))]
+            assert strongest == pytest.approx(truth.resonance_hz, abs=0.1)
+            assert calibrate(rig).model.resonance_hz == pytest.approx(truth.resonance_hz, abs=0.3), seed
+
+
+@pytest.mark.parametrize(
+    ("f", "of"),
+    [
+        (np.linspace(20, 600, 7), "7 lines"),
+        (np.linspace(600, 20, 50), "ascending"),
+        (np.linspace(0, 600, 50), "above 0 Hz"),
+    ],
+)
+def test_lines_that_no_fit_can_use_are_refused(f: np.ndarray, of: str) -> None:
+    with pytest.raises(DataError, match=of):
+        fit(response_of(f, np.ones(len(f), complex)))
+
+
+@pytest.mark.parametrize("shape", ["real pole", "constant", "slope", "delay"])
+def test_a_response_without_a_resonance_is_refused(shape: str) -> None:
+    f = np.linspace(20, 620, 600)
+    s = 2j * np.pi * f
+    H = {
+        "real pole": 1 / (s + 300),
+        "constant": np.ones(600, complex),
+        "slope": s,
+        "delay": np.exp(-1e-3 * s),
+    }
+    with pytest.raises(DataError, match="No resonance"):
+        fit(response_of(f, H[shape]))
+
+
+@pytest.mark.parametrize(("modes", "damping", "lines"), [(1, 0.1, 9), (1, 0.01, 1228), (30, 0.002, 1228)])
+def test_a_response_without_noise_is_fitted_exactly(modes: int, damping: float, lines: int) -> None:
+    rng, f = generator("exact", modes), np.linspace(20, 620, lines)
+    s, w = (
+        2j * np.pi * f[:, None],
+        2 * np.pi * np.linspace(60, 580, modes + 2)[1:-1] * rng.uniform(0.99, 1.01, modes),
+    )
+    H = (s / (s**2 + 2 * damping * w * s + w**2)).sum(axis=1)
+    model = fit(response_of(f, H))
+    assert model.error < 1e-6 and len(model.resonances) == modes
 
 
 @pytest.fixture(scope="module")
