@@ -46,8 +46,8 @@ class BoucWen:
             zip(begins.tolist(), ends.tolist(), rising.tolist(), strict=True)
         ):
             states[k] = state
-            sign = 1.0 if rises else -1.0
-            state = sign * _after(sign * state, sign * (end - begin))
+            way = 1.0 if rises else -1.0
+            state = way * _after(way * state, way * (end - begin))
         sign = np.repeat(np.where(rising, 1.0, -1.0), lengths)
         start = sign * np.repeat(states, lengths)
         moved = sign * (volts - np.repeat(begins, lengths))
