@@ -13,6 +13,7 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config import RigFile
 from haploop.instruments.errors import ConfigurationError
 from haploop.mocks.plant.modal import ModalSurface, Modes
+from haploop.mocks.plant.softening import SofteningSurface
 from haploop.mocks.plant.surface import PlantSettings, place_of, table_of
 
 __all__ = ["Modal", "random_modal"]
@@ -34,6 +35,11 @@ class Modal(PlantSettings):
     shapes: dict[str, tuple[Real, ...]]
     """Mode shapes at each point, "button" or a point's number: a number for each mode."""
 
+    softening: Annotated[float, Field(ge=0, lt=0.2)] = 0.0
+    """Relative fall of a mode's frequency when its coordinate is `soft_at`."""
+    soft_at: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 3e-6
+    """Amplitude of a mode's coordinate (m) at which `softening` is meant."""
+
     @model_validator(mode="after")
     def _one_number_a_mode(self) -> Modal:
         lists = {"damping": self.damping}
@@ -54,7 +60,10 @@ class Modal(PlantSettings):
         points = {place_of(file, str(n)): str(n) for n in range(table.rows * table.columns)}
         coupling = {patch: np.array(values) for patch, values in self.coupling.items()}
         shape = _Shape(known, points)
-        return ModalSurface(Modes(np.array(self.natural_hz), np.array(self.damping), coupling, shape))
+        modes = Modes(np.array(self.natural_hz), np.array(self.damping), coupling, shape)
+        if self.softening:
+            return SofteningSurface(modes, self.softening, self.soft_at)
+        return ModalSurface(modes)
 
 
 @dataclass(frozen=True, eq=False)
