@@ -88,7 +88,10 @@ class Rigs:
                 if not _has(file, needed, simulated):
                     pytest.skip(f"the rig {file.name!r} has no {needed}")
         if simulated:
-            return instruments.open_rig(file, simulate=simulate, simulation=plant)  # type: ignore[arg-type]
+            settings = dict(plant)
+            # A plant's name is a key like any other; an object replaces the plant.
+            given = None if isinstance(plant.get("plant"), str) else settings.pop("plant", None)
+            return instruments.open_rig(file, simulate=simulate, simulation=settings, plant=given)  # type: ignore[arg-type]
         self._hold()
         try:
             return instruments.open_rig(file)
@@ -137,9 +140,9 @@ def open_rig(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[OpenRig]:
     """Function that opens a rig as --rig selects: `open_rig(name=None, **simulation)`.
 
     `name` is a rig file to simulate instead of pytest's setting `rig_file`; `simulation` holds keys of
-    `[simulation]`. On hardware, the file of --rig is opened and `name` is ignored; a test with simulation
-    settings is skipped, and so is every test whose hardware cannot be opened. The rigs are closed after
-    the test.
+    `[simulation]`, where `plant` may also be an object. On hardware, the file of --rig is opened and `name`
+    is ignored; a test with simulation settings is skipped, and so is every test whose hardware cannot be
+    opened. The rigs are closed after the test.
     """
     with ExitStack() as stack:
 

@@ -7,6 +7,7 @@ package affects only the rigs that use it.
 from __future__ import annotations
 
 from importlib import metadata
+from inspect import isabstract
 from typing import Any
 
 from pydantic import BaseModel
@@ -108,7 +109,7 @@ def driver_class(name: str, role: str | None = None) -> type[Any]:
 def plant_class(name: str) -> type[BaseModel]:
     """Load the settings of the plant `name`. Raises ConfigurationError, which names the package."""
     kind = load(PLANTS, name)
-    if not _is_model(kind):
+    if not _is_model(kind) or not callable(getattr(kind, "make", None)) or isabstract(kind):
         raise ConfigurationError(
             f"{named(PLANTS, name)} must be a pydantic model, with a method make(file, rng): ask the "
             "package's author."

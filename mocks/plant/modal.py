@@ -16,7 +16,7 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.mocks.plant.poles import Course, Poles
 from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ, REMEMBERED, Surface
 
-__all__ = ["ModalSurface", "Modes"]
+__all__ = ["ModalPoles", "ModalSurface", "Modes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +43,11 @@ class Modes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Poles:
+class ModalPoles:
     """Modes between amplifier and laser, as poles driven by the linear volts of all patches.
 
-    There are the poles of the modes, and an amplifier and a laser pole for each patch.
+    There are the poles of the modes, and an amplifier and a laser pole for each patch. `forced` ones have
+    further inputs: a force on each mode, which passes no amplifier, with the mode's pole and a laser pole.
     """
 
     modes: Modes
@@ -57,15 +58,19 @@ class _Poles:
     _weights: dict[tuple[tuple[float, float], bool], ComplexArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, modes: Modes, amplifier: float, laser: float) -> _Poles:
+    def of(cls, modes: Modes, amplifier: float, laser: float, forced: bool) -> ModalPoles:
+        """Return the poles of modes; `amplifier` and `laser` are rad/s."""
         w, zeta = 2 * np.pi * modes.natural_hz, modes.damping
         own = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
         count, patches = len(own), len(modes.coupling)
-        poles = np.concatenate([own, [-amplifier, -laser] * patches])
-        inputs = np.zeros((len(poles), patches))
+        direct = np.concatenate([own, np.full(count, -laser)]) if forced else own[:0]
+        poles = np.concatenate([own, [-amplifier, -laser] * patches, direct])
+        inputs = np.zeros((len(poles), patches + len(direct) // 2))
         for i, coupling in enumerate(modes.coupling.values()):
             inputs[:count, i] = coupling
             inputs[count + 2 * i : count + 2 * i + 2, i] = 1.0
+        if forced:
+            inputs[count + 2 * patches :, patches:] = np.vstack([np.eye(count), np.eye(count)])
         return cls(modes, Poles(poles, inputs), amplifier, laser)
 
     def velocity(self, place: tuple[float, float], measured: bool) -> ComplexArray:
@@ -77,17 +82,19 @@ class _Poles:
         if key not in self._weights:
             a, c, modes = self.amplifier, self.laser, self.modes
             shape = modes.shape(place)
-            w, count = 2 * np.pi * modes.natural_hz, len(shape)
-            s = self.poles.poles[:count]
+            w, count, patches = 2 * np.pi * modes.natural_hz, len(shape), len(modes.coupling)
+            s, end = self.poles.poles[:count], count + 2 * patches
             own = np.zeros(len(self.poles.poles), dtype=np.complex128)
-            own[:count] = shape * s / (1j * s.imag) * a / (s + a)
-            shares = [(-a, a)]
-            if measured:
-                own[:count] *= c / (s + c)
-                shares = [(-a, a * c / (c - a)), (-c, c * a / (a - c))]
+            moved = shape * s / (1j * s.imag) * (c / (s + c) if measured else 1.0)
+            own[:count] = moved * a / (s + a)
+            shares = [(-a, a * c / (c - a)), (-c, c * a / (a - c))] if measured else [(-a, a)]
             for at, share in shares:
                 modal = shape * at / (at**2 + 2 * modes.damping * w * at + w**2)
-                own[count + (at == -c) :: 2] = share * (modal @ self.poles.inputs[:count])
+                own[count + (at == -c) : end : 2] = share * (modal @ self.poles.inputs[:count, :patches])
+            if len(own) > end:
+                own[end : end + count] = moved
+                if measured:
+                    own[end + count :] = c * modal
             self._weights[key] = own
         return self._weights[key]
 
@@ -95,13 +102,16 @@ class _Poles:
 class ModalSurface(Surface):
     """See `Surface`. `modes` are constant, or a function of time (s) that is asked anew `every` so many s."""
 
+    _forced = False
+    """True when forces on single modes are added."""
+
     def __init__(self, modes: Modes | Callable[[float], Modes], every: float = np.inf) -> None:
         self._modes_at = modes if callable(modes) else lambda _time: modes
         self._every = every
         self.patches = tuple(self.modes(0.0).coupling)
         self._tuned = 0.0
-        self._poles: _Poles | None = None
-        self._course: Course[_Poles] | None = None
+        self._poles: ModalPoles | None = None
+        self._course: Course[ModalPoles] | None = None
 
     def modes(self, time: float) -> Modes:
         """Return the modes at a time (s)."""
@@ -125,8 +135,19 @@ class ModalSurface(Surface):
             course, poles = self._at(at)
             left = self._tuned + self._every - at
             last = steps if left >= (steps - first) * period else first + max(1, round(left / period))
-            course.step(poles, poles.poles, at, period, levels[:, first:last])
+            self._add(course, poles, at, period, levels[:, first:last])
             first = last
+
+    def _add(
+        self,
+        course: Course[ModalPoles],
+        poles: ModalPoles,
+        start: float,
+        period: float,
+        levels: FloatArray,
+    ) -> None:
+        """Add linear volts of the patches, (patches, steps), during which the modes are constant."""
+        course.step(poles, poles.poles, start, period, levels)
 
     def velocity(self, place: tuple[float, float], times: FloatArray) -> FloatArray:
         """See `Surface.velocity`. Raises ValueError for times that are no longer remembered."""
@@ -156,14 +177,13 @@ class ModalSurface(Surface):
             return super().resonance_hz(patch, place, time)
         return float(modes.natural_hz[modes.main])
 
-    def _at(self, time: float) -> tuple[Course[_Poles], _Poles]:
+    def _at(self, time: float) -> tuple[Course[ModalPoles], ModalPoles]:
         """Return the course so far, and the poles in effect from `time` (s) on."""
         if self._poles is None or time - self._tuned >= self._every:
             # Equal poles would need another formula; shift one of them by a ten-thousandth.
             apart = 1.0001 if self.laser_pole_hz == AMPLIFIER_POLE_HZ else 1.0
-            self._poles = _Poles.of(
-                self.modes(time), 2 * np.pi * AMPLIFIER_POLE_HZ, 2 * np.pi * self.laser_pole_hz * apart
-            )
+            amplifier, laser = 2 * np.pi * AMPLIFIER_POLE_HZ, 2 * np.pi * self.laser_pole_hz * apart
+            self._poles = ModalPoles.of(self.modes(time), amplifier, laser, self._forced)
             self._tuned = time
         if self._course is None:
             self._course = Course(self._poles, self._poles.poles, REMEMBERED)

@@ -15,6 +15,7 @@ from pydantic import Field
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config import RigFile
 from haploop.mocks.plant.modal import ModalSurface, Modes
+from haploop.mocks.plant.softening import SofteningSurface
 from haploop.mocks.plant.surface import PlantSettings, place_of
 
 __all__ = ["PATCHES", "TouchTable", "make_plate", "warmed"]
@@ -42,6 +43,8 @@ PATCHES = {"A": (0.20, 0.15), "B": (0.62, 0.93), "C": (0.08, 0.45), "D": (0.92, 
 MAIN_VELOCITY = 5.0e-3 / 50
 """Velocity at the main mode's antinode (m/s per V): 3 um of displacement at 50 V (estimate;
 docs/hardware.md, "Touch table")."""
+SOFT_AT = 3e-6
+"""Displacement at which `softening` is meant (m)."""
 _DAY = 86_400.0
 _STEP_EVERY, _STEP = 3 * 3600.0, 0.1
 """Interval (s) of temperature steps (a door, a window, a heater), and the largest step as a fraction of the
@@ -62,14 +65,19 @@ class TouchTable(PlantSettings):
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
 
+    softening: Annotated[float, Field(ge=0, lt=0.2)] = 0.0
+    """Relative fall of a mode's frequency at a displacement of 3 um: see `haploop.mocks.plant.softening`."""
+
     def make(self, file: RigFile, rng: np.random.Generator) -> ModalSurface:
         """See `PlantSettings.make`."""
         under = place_of(file, "button") if self.collocated else None
         plate = make_plate(rng, self.mode_drift, self.damping_scale, under)
-        if not self.daily_drift:
-            return ModalSurface(plate)
-        seed = file.simulation.seed
-        return ModalSurface(lambda time: warmed(plate, time, self.daily_drift, seed), every=_TUNED)
+        seed, daily = file.simulation.seed, self.daily_drift
+        every = _TUNED if daily else np.inf
+        modes = (lambda time: warmed(plate, time, daily, seed)) if daily else plate
+        if self.softening:
+            return SofteningSurface(modes, self.softening, SOFT_AT, every)
+        return ModalSurface(modes, every)
 
 
 def make_plate(
