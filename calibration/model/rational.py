@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import fft, ifft
 from scipy.signal import find_peaks, peak_widths
 from threadpoolctl import threadpool_limits
@@ -121,9 +122,19 @@ class Projection:
         measured = np.concatenate([lines.H.real, lines.H.imag])
         found = inverse @ (basis @ measured)
         found = found + inverse @ (basis @ (measured - found @ basis))
-        left = measured - found @ basis
+        left = np.asarray(measured - found @ basis)
         power = float(left @ left) / (len(left) // 2)
-        return cls(poles, lines, quadratic, basis, norms, inverse, found / norms, left, power)
+        return cls(
+            poles,
+            lines,
+            quadratic,
+            basis,
+            norms,
+            np.asarray(inverse, dtype=np.float64),
+            np.asarray(found / norms),
+            left,
+            power,
+        )
 
     @property
     def residual(self) -> ComplexArray:
@@ -252,7 +263,7 @@ class _Candidates:
     """Poles (candidates,) rad/s, and their partial fractions (candidates, rows) of unit norm."""
 
     poles: ComplexArray
-    shapes: ComplexArray
+    shapes: NDArray[np.complex64]
     lines: Lines
 
     @classmethod
@@ -295,7 +306,7 @@ def _beyond(lines: Lines) -> ComplexArray:
     return np.asarray(places * (1j - _DAMPINGS[0]))
 
 
-def _shapes(poles: ComplexArray, lines: Lines) -> ComplexArray:
+def _shapes(poles: ComplexArray, lines: Lines) -> NDArray[np.complex64]:
     """Conjugates of partial fractions (poles, rows) of unit norm, in single precision."""
     w = (2 * np.pi * lines.f).astype(np.float32)
     d, off = -poles.real.astype(np.float32)[:, None], w - poles.imag.astype(np.float32)[:, None]
@@ -306,7 +317,7 @@ def _shapes(poles: ComplexArray, lines: Lines) -> ComplexArray:
     np.multiply(off, size, out=shape.imag)
     if lines.block > 1:
         shape = shape.reshape(len(shape), -1, lines.block).sum(axis=2)
-    return shape
+    return np.asarray(shape, dtype=np.complex64)
 
 
 def _pruned(best: Projection) -> Projection:
@@ -419,4 +430,4 @@ def _moved(poles: ComplexArray, step: FloatArray, lines: Lines) -> ComplexArray:
     moved[:count] += 1j * np.clip(
         own * np.exp(np.clip(step[count : 2 * count], -most, most)), w[0] / 10, 3 * w[-1]
     )
-    return moved
+    return np.asarray(moved)
