@@ -61,14 +61,35 @@ class Feeling:
     """(bands,) noise of the mean of the plays, over the whole record; dB re 1e-6 m/s^2 rms."""
     noise_total: float
     """Noise of the mean of the plays, dB above the resting threshold; NaN if not known."""
-    spans: tuple[tuple[float, float], ...]
-    """Parts in which the measured motion is above the resting threshold, in windows of 20 ms."""
-    sensitive_spans: tuple[tuple[float, float], ...]
-    """Parts in which it is above the lowest threshold of the table."""
-    recorded_spans: tuple[tuple[float, float], ...]
-    """Parts in which the recorded press is above the resting threshold."""
-    lost: tuple[tuple[float, float], ...]
-    """Parts in which the recorded press is above the resting threshold and the measured motion is not."""
+    rate_hz: float
+    measured_level: FloatArray
+    """(samples,) dB of the measured motion above the resting threshold, in 20 ms around each sample."""
+    sensitive_level: FloatArray
+    """(samples,) the same above the lowest threshold of the table."""
+    recorded_level: FloatArray | None
+    """(samples,) dB of the recorded press above the resting threshold, in 20 ms around each sample."""
+
+    @property
+    def spans(self) -> tuple[tuple[float, float], ...]:
+        """Parts in which the measured motion is above the resting threshold."""
+        return spans_above(self.measured_level >= 0, self.rate_hz)
+
+    @property
+    def sensitive_spans(self) -> tuple[tuple[float, float], ...]:
+        """Parts in which the measured motion is above the lowest threshold of the table."""
+        return spans_above(self.sensitive_level >= 0, self.rate_hz)
+
+    @property
+    def recorded_spans(self) -> tuple[tuple[float, float], ...]:
+        """Parts in which the recorded press is above the resting threshold."""
+        return () if self.recorded_level is None else spans_above(self.recorded_level >= 0, self.rate_hz)
+
+    @property
+    def lost(self) -> tuple[tuple[float, float], ...]:
+        """Parts in which the recorded press is above the resting threshold and the measured motion is not."""
+        if self.recorded_level is None:
+            return ()
+        return spans_above((self.recorded_level >= 0) & (self.measured_level < 0), self.rate_hz)
 
     @property
     def felt(self) -> Answer:
@@ -112,6 +133,20 @@ class Feeling:
         return float(10 ** ((self.residual[0].total - self.target[0].total) / 20))
 
     @property
+    def warning(self) -> str:
+        """Sentence for a verdict, if the motion may not be felt or is too weak to judge its error; or ""."""
+        if self.felt != "yes":
+            return _on_level(self)[0]
+        fraction, sensation = _noticeable()
+        if self.comparable:
+            return ""
+        return (
+            f"The target lies {_above(self.target[0].total)} the threshold of a finger at rest: a just "
+            f"noticeable difference of {fraction:.0%} was measured at {sensation:.0f} dB, and is larger "
+            "nearer to threshold."
+        )
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences for the reader of a result."""
         return tuple(note for note in (*_on_level(self), *_on_press(self), *_on_difference(self)) if note)
@@ -130,8 +165,6 @@ def feeling_of(
     (plays, samples) are the single measurements whose mean is `measured`: their differences give the noise.
     """
     residual = measured - target
-    above = running_level(measured, rate_hz, SHORT) >= 0
-    wanted = np.zeros_like(above) if recorded is None else running_level(recorded, rate_hz, SHORT) >= 0
     noise, noise_total = _noise(plays, rate_hz)
     return Feeling(
         octaves_hz=OCTAVES,
@@ -143,10 +176,10 @@ def feeling_of(
         recorded=None if recorded is None else _both(recorded, rate_hz),
         noise=noise,
         noise_total=noise_total,
-        spans=spans_above(above, rate_hz),
-        sensitive_spans=spans_above(running_level(measured, rate_hz, SHORT, sensitive) >= 0, rate_hz),
-        recorded_spans=spans_above(wanted, rate_hz),
-        lost=spans_above(wanted & ~above, rate_hz),
+        rate_hz=rate_hz,
+        measured_level=running_level(measured, rate_hz, SHORT),
+        sensitive_level=running_level(measured, rate_hz, SHORT, sensitive),
+        recorded_level=None if recorded is None else running_level(recorded, rate_hz, SHORT),
     )
 
 
