@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import tomllib
 from importlib import resources
 
 import numpy as np
@@ -143,6 +144,12 @@ def test_a_row_without_a_mark_is_refused() -> None:
     for mark in ("found", "recalled", "estimate"):
         with pytest.raises(DataError, match="has no mark"):
             parse_thresholds(text.replace(f'mark = "{mark}"', 'mark = "known"', 1))
+
+
+def test_every_source_is_that_of_some_row() -> None:
+    text = resources.files("haploop.calibration.perception").joinpath("thresholds.toml").read_text("utf-8")
+    for source in tomllib.loads(text)["sources"]:
+        assert f'source = "{source}"' in text
 
 
 def test_estimates_are_said_to_be_estimates() -> None:
