@@ -64,10 +64,9 @@ class Limits:
         return float(min(self.max, -self.min, self.peak_to_peak / 2))
 
     def headroom(self, drive: FloatArray, rate_hz: float) -> tuple[float, str]:
-        """Return the largest factor that keeps a drive ((samples,) V) within these limits, and the binding one.
+        """Return the largest factor that keeps (samples,) V within these limits, and which one binds.
 
-        Covers voltage, slew rate and current. The factor is infinite, and the sentence empty, for a drive of
-        zeros.
+        The limits are those of voltage, slew rate and current. The factor is infinite for a drive of zeros.
         """
         steps = np.abs(np.diff(drive, prepend=0.0, append=0.0)) * rate_hz
         current = self.capacitance * steps

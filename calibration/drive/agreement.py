@@ -1,8 +1,8 @@
 """Agreement of several plays with a target: errors without the plays' noise, and their confidence intervals.
 
 The squared error is estimated from products of different plays, in which independent noise averages to zero;
-its standard deviation is the jackknife's, which for products of pairs is biased upwards, the conservative side
-(Efron and Stein, Annals of Statistics 9, 1981).
+its standard deviation is the jackknife's, which for products of pairs is biased upwards, the conservative
+side (Efron and Stein, Annals of Statistics 9, 1981).
 """
 
 from __future__ import annotations
@@ -28,14 +28,16 @@ __all__ = [
 
 CONFIDENCE = 0.95
 """Probability that an interval contains the surface's own value."""
-_UNLIKELY = 1e-4
+_UNLIKELY = 1e-5
 """Probability of calling plays without a trend drifting."""
 _MOST_PLAYS = 64
 
 
 @dataclass(frozen=True)
 class SharedPower:
-    """Power that is common to `plays` plays, its standard deviation, and the power of the noise in their mean."""
+    """Power that is common to `plays` plays, its standard deviation, and the power of the noise in "
+    "their mean.
+    """
 
     value: float
     deviation: float
@@ -102,23 +104,23 @@ def plays_needed(power: SharedPower, limit: float) -> int | None:
     return None
 
 
-def trend(spectra: ComplexArray, order: FloatArray) -> float:
-    """Root power of the change along `order` (plays,), from its lowest to its highest value; 0 if not significant.
+def trend(spectra: ComplexArray) -> float:
+    """Root power of the change from the first to the last of (plays, lines) spectra; 0 if not significant.
 
-    The power along the order is compared with that along all others by an F test: stationary noise has the same
-    along each. `spectra` is (plays, lines).
+    The power along the order of the plays is compared with that along all other contrasts by an F test:
+    stationary noise has the same along each. Lines of little noise tell little of its power, so that the
+    degrees of freedom are those of as many lines of equal noise.
     """
-    plays, lines = spectra.shape
-    along = order - order.mean()
+    plays = len(spectra)
+    along = np.arange(plays) - (plays - 1) / 2
     size = float(np.linalg.norm(along))
-    if plays < 3 or not size > 0:
-        return 0.0
     changed = float((np.abs(along @ spectra / size) ** 2).sum())
-    around = spectra - spectra.mean(axis=0)
-    noise = (float((np.abs(around) ** 2).sum()) - changed) / (plays - 2)
-    if not changed > noise * f_distribution.ppf(1 - _UNLIKELY, 2 * lines, 2 * lines * (plays - 2)):
+    around = (np.abs(spectra - spectra.mean(axis=0)) ** 2).sum(axis=0)
+    noise = (float(around.sum()) - changed) / (plays - 2)
+    freedom = 2 * float(around.sum() ** 2 / max((around**2).sum(), 1e-300))
+    if not changed > noise * f_distribution.ppf(1 - _UNLIKELY, freedom, freedom * (plays - 2)):
         return 0.0
-    return float(np.sqrt(changed - noise) * np.ptp(order) / size)
+    return float(np.sqrt(changed - noise) * (plays - 1) / size)
 
 
 def _quantile(plays: int) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -45,6 +45,21 @@ LEAST_MOVED = 0.3
 UNSEEN = "the patch is not connected, or the laser does not see the surface"
 _EXCESS = 1.02
 """Measured volts over the limit that are attributed to the monitor's noise and gain error."""
+_NUMBERS = (
+    "wideband_nrmse",
+    "wideband_floor",
+    "nrmse",
+    "floor",
+    "outside",
+    "correlation",
+    "envelope_correlation",
+    "third_octave_error_db",
+    "drift",
+    "judged_hz",
+    "drive_measured_peak",
+    "tolerance",
+)
+"""Fields of a `Check` that are single numbers."""
 _HELD = 30.0
 """Range (dB) below the strongest third-octave band within which a band is compared."""
 _LOWEST_OCTAVE = 20.0
@@ -55,13 +70,13 @@ _LOWEST_OCTAVE = 20.0
 class Check:
     """Measured motion of a drive against its target, with no gain, lag or filter fitted.
 
-    `accelerations` is (plays, samples) m/s^2: the whole motion in each play, to the highest frequency that laser
-    and card resolve (`judged_hz`); `target` (samples,) is on the same clock. All errors are rms over the
-    target's rms, and without the plays' noise (see `agreement`); an interval is that of 95 % confidence, from
-    the differences between the plays. `octaves_hz` are the centres of third-octave bands, `target_db`,
+    `accelerations` is (plays, samples) m/s^2: the whole motion in each play, to the highest frequency that
+    laser and card resolve (`judged_hz`); `target` (samples,) is on the same clock. All errors are rms over
+    the target's rms, and without the plays' noise (see `agreement`); an interval is that of 95 % confidence,
+    from the differences between the plays. `octaves_hz` are the centres of third-octave bands, `target_db`,
     `measured_db` (mean of the plays) and `floor_db` (noise in that mean) the levels in them (dB re 1 m/s^2);
-    the third-octave error is the rms difference over the bands within 30 dB of the strongest. `reasons` are the
-    reasons for not passing, `notes` are other findings.
+    the third-octave error is the rms difference over the bands within 30 dB of the strongest. `reasons` are
+    the reasons for not passing, `notes` are other findings.
     """
 
     drive: Drive
@@ -112,9 +127,30 @@ class Check:
         return np.asarray(self.accelerations.mean(axis=0))
 
     @property
+    def noise(self) -> FloatArray:
+        """(samples,) m/s^2 of the same power as the noise left in `measured`: of the first two plays' "
+        "difference.
+        """
+        one, other = self.accelerations[:2]
+        return np.asarray((one - other) / np.sqrt(2 * self.plays))
+
+    @property
     def passed(self) -> bool:
         """True when the verdict is "pass"."""
         return self.verdict == "pass"
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON, without the waveforms; NaN (nothing moved) becomes null."""
+        intervals = ("wideband_interval", "nrmse_interval", "outside_interval")
+        return {
+            **{name: _finite(getattr(self, name)) for name in _NUMBERS},
+            **{name: [_finite(edge) for edge in getattr(self, name)] for name in intervals},
+            "plays": self.plays,
+            "verdict": self.verdict,
+            "passed": self.passed,
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+        }
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
@@ -199,7 +235,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         measured_db=measured_db,
         floor_db=_floor_db(accelerations, rate_hz, played.judged_hz),
         third_octave_error_db=float(np.sqrt(np.mean(difference**2))) if len(difference) else 0.0,
-        drift=trend(moved, np.arange(len(moved), dtype=np.float64)),
+        drift=trend(moved[:, inside]),
         drive_measured_peak=played.peak,
         overload=played.overload is not None,
         tolerance=TOLERANCE,
@@ -230,7 +266,8 @@ def _judged(result: Check, whole: SharedPower, moved: float, overload: str | Non
     # Written so that NaN fails too.
     if not low <= result.tolerance:
         failures.append(
-            f"The whole motion of the surface differs from the target by {said}, and {result.tolerance:.0%} is "
+            f"The whole motion of the surface differs from the target by {said}, and "
+            f"{result.tolerance:.0%} is "
             f"accepted: {result.nrmse:.1%} within {drive.band[0]:.0f} to {drive.band[1]:.0f} Hz, and "
             f"{result.outside:.1%} outside."
         )
@@ -255,11 +292,11 @@ def _judged(result: Check, whole: SharedPower, moved: float, overload: str | Non
     remedy = (
         f"{needed} plays would probably show it."
         if needed
-        else "More plays would not: use a range or a filter of the vibrometer with less noise, or a larger output."
+        else "More plays would not: use a range or filter of the vibrometer with less noise, or more output."
     )
     reason = (
-        f"Not shown: the whole motion differs from the target by {said}, which does not tell on which side of "
-        f"the accepted {result.tolerance:.0%} it lies. {remedy}"
+        f"Not shown: the whole motion differs from the target by {said}, which does not tell on "
+        f"which side of the accepted {result.tolerance:.0%} it lies. {remedy}"
     )
     return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
 
@@ -268,7 +305,8 @@ def _notes(result: Check) -> tuple[str, ...]:
     notes = []
     if result.drift > 0:
         notes.append(
-            f"The motion changed by {result.drift:.1%} of the target from the first play to the last: the table "
+            f"The motion changed by {result.drift:.1%} of the target from the first play to the last: the "
+            "table "
             "or the patch had not settled, or its temperature changes."
         )
     drowned = (result.floor_db > result.target_db.max() + 20 * np.log10(result.tolerance)) & (
@@ -277,7 +315,8 @@ def _notes(result: Check) -> tuple[str, ...]:
     if np.any(drowned):
         notes.append(
             f"Above {result.octaves_hz[drowned][0] / 10**0.05:.0f} Hz, the noise left in the mean of "
-            f"{result.plays} plays exceeds {result.tolerance:.0%} of the target's strongest third octave: single "
+            f"{result.plays} plays exceeds {result.tolerance:.0%} of the target's strongest third octave: "
+            "single "
             "tones there would not be seen; more plays, or a narrower filter of the vibrometer, resolve more."
         )
     return tuple(notes)
@@ -305,3 +344,7 @@ def _pearson(a: FloatArray, b: FloatArray) -> float:
     a, b = a - a.mean(), b - b.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0 else 0.0
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

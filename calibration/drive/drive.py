@@ -43,8 +43,8 @@ _BUDGET = 0.005
 some percent) adds to it, and learning needs spare volts to correct that; 3 % would raise the output by a
 tenth."""
 _SPREAD = 0.6
-"""Error of a drive over that which distortion would make if it were spread evenly over the band: part of it stays
-near the drive's own lines, where the table moves little (measured on simulated tables; benchmarks/README.md)."""
+"""Error of a drive over that which distortion would make if it were spread evenly over the band: part of it
+stays near the drive's own lines, where the table moves little (measured on simulated tables)."""
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""
@@ -59,8 +59,8 @@ class Drive:
     `volts` is (samples,) V at the patch as commanded, `target` is (samples,) m/s^2, on the same
     clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
     multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
-    band. `predicted_error` is the error expected of the whole motion: rms of the error over rms of the target.
-    Unmodelled hysteresis of the patch adds some percent, until learning has measured it.
+    band. `predicted_error` is the error expected of the whole motion: rms of the error over rms of the
+    target. Unmodelled hysteresis of the patch adds some percent, until learning has measured it.
     """
 
     button: str
@@ -276,8 +276,8 @@ def plan_for(
 def _distorted(calibration: Calibration, plan: Plan, linear_volts: FloatArray) -> float:
     """Error expected from distortion, over the target's rms.
 
-    Linear volts that the hysteresis model misses are spread over the band by it; the table then moves as it does
-    there, also where the drive itself has little power.
+    Linear volts that the hysteresis model misses are spread over the band by it; the table then moves as it
+    does there, also where the drive itself has little power.
     """
     target = np.abs(plan.target) ** 2
     inside = target > 1e-6 * target.max()

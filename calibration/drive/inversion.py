@@ -27,11 +27,12 @@ class Plan:
     """An inversion problem on one periodic grid that is long enough for the ringing to die out.
 
     `target` is the target's spectrum (lines,), `gain` (lines,) target per volt, `known` (lines,) True where
-    the gain was measured: elsewhere the drive has no power. `uncertainty` (lines,) is the standard deviation of
-    `gain`, `window` (samples,) the share of the limit available to the drive over time: zero where the drive
-    must be zero. `typical` is the median power of the gain within the target's band. `slew` is the largest
-    allowed step from one sample to the next, over the limit. `uncertainty` applies to the difference from
-    `operating_point` (lines,), the spectrum of a drive whose outcome was measured; zero before any was played.
+    the gain was measured: elsewhere the drive has no power. `uncertainty` (lines,) is the standard deviation
+    of `gain`, `window` (samples,) the share of the limit available to the drive over time: zero where the
+    drive must be zero. `typical` is the median power of the gain within the target's band. `slew` is the
+    largest allowed step from one sample to the next, over the limit. `uncertainty` applies to the difference
+    from `operating_point` (lines,), the spectrum of a drive whose outcome was measured; zero before any was
+    played.
     """
 
     target: ComplexArray
@@ -43,11 +44,11 @@ class Plan:
     slew: float = np.inf
     operating_point: ComplexArray | float = 0.0
     ridge: float = 5e-6
-    """Penalty for a difference from `operating_point` on every line, over `typical`: it limits the drive where
-    the table hardly moves."""
+    """Penalty for a difference from `operating_point` on every line, over `typical`: it limits the drive
+    where the table hardly moves."""
 
     def left(self, V: ComplexArray) -> float:
-        """Expected squared error of a drive's spectrum ((lines,)), uncertainty included, over all known lines."""
+        """Expected squared error of a spectrum (lines,) over all known lines, uncertainty included."""
         missed = np.abs(self.target - self.gain * V) ** 2
         unsure = (self.uncertainty * np.abs(V - self.operating_point)) ** 2
         return float((missed + unsure)[self.known].sum())

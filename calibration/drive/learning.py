@@ -42,9 +42,9 @@ _LEAST_STEP = 0.25
 class Iteration:
     """One drive that was played, and its result.
 
-    `volts` is (samples,) V as commanded, `accelerations` (plays, samples) m/s^2, the whole motion in each play,
-    at `rate_hz`. `whole` is the squared error of the whole motion over the target's mean square, `within` the
-    part of it within the drive's band.
+    `volts` is (samples,) V as commanded, `accelerations` (plays, samples) m/s^2, the whole motion in each
+    play, at `rate_hz`. `whole` is the squared error of the whole motion over the target's mean square,
+    `within` the part of it within the drive's band.
     """
 
     volts: FloatArray
@@ -82,8 +82,9 @@ class Learning:
     """Every drive that was tried; the first is the initial one.
 
     `best` is the number of the iteration whose drive is `drive`. `first_again` and `best_again` are the
-    errors (nrmse, within the band) of first and best in the final replay, alternately, after the last iteration: plays that
-    had no part in the selection. Without an improvement they are those of the first iteration.
+    errors (nrmse, within the band) of first and best in the final replay, alternately, after the last
+    iteration: plays that had no part in the selection. Without an improvement they are those of the first
+    iteration.
     """
 
     iterations: tuple[Iteration, ...]
@@ -190,7 +191,8 @@ def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray, rate_
 def _better(before: Iteration, after: Iteration, significance: float) -> bool:
     """True when the error within the band fell significantly, and that of the whole motion did not rise so.
 
-    The plays' noise within the band is a tenth of that of the whole motion: small improvements show there only.
+    The plays' noise within the band is a tenth of that of the whole motion: small improvements show there
+    only.
     """
     return (
         _fallen(before.within, after.within) > significance

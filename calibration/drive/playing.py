@@ -26,7 +26,8 @@ _BEFORE = 0.05
 class Played:
     """Measurements of several plays of one drive: `accelerations` is (plays, samples) m/s^2.
 
-    The first sample is the drive's. All motion up to `judged_hz` is in it; nothing is filtered out below that.
+    The first sample is the drive's. All motion up to `judged_hz` is in it; nothing is filtered out below
+    that.
     """
 
     accelerations: FloatArray

@@ -40,8 +40,11 @@ class Calibration:
     """Response beyond the model's band, to what amplifier and laser resolve; None if not measured: then no
     drive has power there."""
     distortion: float = 0.0
-    """Motion at frequencies that were not played, over that at those played, with the hysteresis taken out: from a
-    multisine at the largest level. It limits what a drive can reach without learning; 0 if not measured."""
+    """Motion at frequencies that were not played, over that at those played, with the hysteresis taken out.
+
+    Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
+    measured.
+    """
 
     @classmethod
     def of(cls, response: Response) -> Calibration:

@@ -154,9 +154,9 @@ def measure_above(
 ) -> Response | None:
     """Measure the response above the band of the usual excitations, to what the laser resolves.
 
-    To be called after a response was measured at the same point: nothing is asked of the operator. The level is
-    what the limits of slew rate and current allow. Returns None where the laser resolves nothing above that band.
-    Raises what `measure_response` raises.
+    To be called after a response was measured at the same point: nothing is asked of the operator. The level
+    is what the limits of slew rate and current allow. Returns None where the laser resolves nothing above
+    that band. Raises what `measure_response` raises.
     """
     top = min(rig.vibrometer.resolved_hz, rig.table.rate_hz / 4)
     if top < _WORTHWHILE * ABOVE_HZ:
