@@ -21,6 +21,7 @@ from haploop.calibration.drive.agreement import (
 )
 from haploop.calibration.drive.drive import Drive
 from haploop.calibration.drive.playing import Played, play, refuse_foreign, target_of
+from haploop.calibration.perception import feeling_of
 from haploop.calibration.response import prepare
 from haploop.calibration.spectra import third_octaves
 from haploop.instruments import ConfigurationError, Rig
@@ -302,7 +303,8 @@ def _judged(result: Check, whole: SharedPower, moved: float, overload: str | Non
 
 
 def _notes(result: Check) -> tuple[str, ...]:
-    notes = []
+    warning = feeling_of(result.target, result.measured, result.rate_hz).warning
+    notes = [warning] if warning else []
     if result.drift > 0:
         notes.append(
             f"The motion changed by {result.drift:.1%} of the target from the first play to the last: the "

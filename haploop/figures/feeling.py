@@ -22,7 +22,7 @@ from haploop.figures.plotting import (
     style,
 )
 
-__all__ = ["feeling_figure"]
+__all__ = ["draw_feeling", "feeling_figure"]
 
 _SHOWN_DB = 60.0
 """Range of levels that is drawn (dB)."""
@@ -41,17 +41,22 @@ def feeling_figure(results: Sequence[tuple[str, Feeling]]) -> Figure:
         grid = figure.subplots(len(results), 2, squeeze=False, width_ratios=(1.15, 1))
         figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.3 / figure.get_figheight()))  # type: ignore[union-attr,call-arg]
         for row, ((button, feeling), (bands, time)) in enumerate(zip(results, grid, strict=True)):
-            _bands(bands, feeling)
-            _time(time, feeling)
+            draw_feeling(bands, time, feeling, with_legend=row == 0)
             words = {"yes": "can be felt", "perhaps": "can perhaps be felt", "no": "cannot be felt"}
             letter(bands, 2 * row, f"{button.capitalize()}: {words[feeling.felt]}")
             letter(time, 2 * row + 1, f"Loudest 100 ms: {feeling.measured[0].total:+.1f} dB re threshold")
-            if row == 0:
-                legend_above(bands, 4)
-                legend_above(time, 3)
-        grid[-1, 0].set_xlabel("Third octave (Hz)")
-        grid[-1, 1].set_xlabel("Time (ms)")
         return figure
+
+
+def draw_feeling(bands: Axes, time: Axes, feeling: Feeling, with_legend: bool = True) -> None:
+    """Draw the levels in third octaves into `bands`, and those over time into `time`."""
+    _bands(bands, feeling)
+    _time(time, feeling)
+    bands.set_xlabel("Third octave (Hz)")
+    time.set_xlabel("Time (ms)")
+    if with_legend:
+        legend_above(bands, 4)
+        legend_above(time, 3)
 
 
 def _bands(axes: Axes, feeling: Feeling) -> None:
@@ -60,9 +65,7 @@ def _bands(axes: Axes, feeling: Feeling) -> None:
     axes.fill_between(
         hz[shown], feeling.sensitive_db[shown], feeling.resting_db[shown], color=GREY, alpha=0.25, linewidth=0
     )
-    axes.plot(
-        hz[shown], feeling.resting_db[shown], color=INK, linewidth=1.2, label="threshold, finger at rest"
-    )
+    axes.plot(hz[shown], feeling.resting_db[shown], color=INK, linewidth=1.2, label="threshold at rest")
     axes.plot(hz[shown], feeling.sensitive_db[shown], color=INK, linestyle=":", label="lowest threshold")
     if feeling.recorded is not None:
         axes.plot(hz[shown], feeling.recorded[0].bands[shown], "-", color=GREY, label="recorded press")

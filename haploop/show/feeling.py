@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from rich.table import Table
@@ -46,12 +47,14 @@ def feeling_values(feeling: Feeling) -> dict[str, Any]:
     }
 
 
-def add_feeling(table: Table, feeling: Feeling) -> None:
-    """Add rows to a table of properties: levels above threshold, and the sentences."""
+def add_feeling(table: Table, feeling: Feeling, said: Collection[str] = ()) -> None:
+    """Add rows to a table of properties: levels above threshold, and the sentences that are not `said`."""
     table.add_row("Above threshold", f"100 ms: {_levels(feeling, 0)}")
     table.add_row("", f"20 ms: {_levels(feeling, 1)}")
-    for index, note in enumerate(feeling.notes):
-        table.add_row("" if index else "Felt", note)
+    table.add_row("Can be felt", feeling.felt)
+    for note in feeling.notes:
+        if note not in said:
+            table.add_row("", note)
 
 
 def _levels(feeling: Feeling, window: int) -> str:

@@ -53,11 +53,11 @@ def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:
     assert titles[0].endswith("Latch: can be felt") and titles[2].endswith("Push: cannot be felt")
     drawn: dict[str, Any] = {line.get_label(): line for line in figure.axes[0].get_lines()}
     assert list(drawn) == [
-        "threshold, finger at rest", "lowest threshold", "recorded press", "target", "measured", "difference",
+        "threshold at rest", "lowest threshold", "recorded press", "target", "measured", "difference",
         "noise",
     ]  # fmt: skip
     shown = loud.octaves_hz > 49
-    np.testing.assert_array_equal(drawn["threshold, finger at rest"].get_ydata(), loud.resting_db[shown])
+    np.testing.assert_array_equal(drawn["threshold at rest"].get_ydata(), loud.resting_db[shown])
     np.testing.assert_array_equal(drawn["measured"].get_ydata(), loud.measured[0].bands[shown])
     assert png(figure) == png(feeling_figure([("latch", loud), ("push", quiet)]))
 
