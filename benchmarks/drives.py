@@ -47,8 +47,10 @@ def main() -> None:
     options = parser.parse_args()
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(f"Simulated; {options.seeds} tables from seed {options.first}{load}\n")
-    print("| patch | target | method | error | floor | correlation | envelope | third octaves | scale |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print(
+        "| patch | target | method | whole motion | in band | outside | noise | predicted | envelope | scale | verdict |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     for world in [options.only] if options.only else WORLDS:
         found: dict[Method, Found] = {method: {} for method in METHODS}
         for seed in range(options.first, options.first + options.seeds):
@@ -114,14 +116,16 @@ def tell(world: str, method: str, found: Found) -> None:
     for name, results in found.items():
         mean = {
             metric: float(np.mean([getattr(result, metric) for result in results]))
-            for metric in ("nrmse", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
+            for metric in ("wideband_nrmse", "nrmse", "outside", "wideband_floor", "envelope_correlation")
         }
-        worst = max(result.nrmse for result in results)
+        worst = max(result.wideband_nrmse for result in results)
+        predicted = float(np.mean([result.drive.predicted_error for result in results]))
+        scale = float(np.mean([result.drive.scale for result in results]))
+        verdicts = ", ".join(sorted({result.verdict for result in results}))
         print(
-            f"| {world} | {method} | {name} | {mean['nrmse']:.1%} ({worst:.1%}) | {mean['floor']:.1%} | "
-            f"{mean['correlation']:.3f} | {mean['envelope_correlation']:.3f} | "
-            f"{mean['third_octave_error_db']:.1f} dB | "
-            f"{np.mean([result.drive.scale for result in results]):.3f} |",
+            f"| {world} | {method} | {name} | {mean['wideband_nrmse']:.1%} ({worst:.1%}) | {mean['nrmse']:.1%} | "
+            f"{mean['outside']:.1%} | {mean['wideband_floor']:.1%} | {predicted:.1%} | "
+            f"{mean['envelope_correlation']:.3f} | {scale:.3f} | {verdicts} |",
             flush=True,
         )
 

@@ -42,7 +42,7 @@ threshold (docs/hardware.md, "Buttons and people")."""
 LEAST_IN_BAND = 0.25
 """Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
 LEAST_MOVED = 0.3
-"""Measured over target motion, below which the surface counts as not following the drive."""
+"""Share of the target in the measured motion, below which the surface counts as not following the drive."""
 UNSEEN = "the patch is not connected, or the laser does not see the surface"
 _EXCESS = 1.02
 """Measured volts over the limit that are attributed to the monitor's noise and gain error."""
@@ -245,11 +245,12 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         notes=(),
         simulated=rig.simulated or drive.simulated,
     )
-    return _judged(result, whole, motion.root, played.overload, rig.limits.peak)
+    followed = abs(float(np.vdot(-still[0], moved.mean(axis=0)).real))
+    return _judged(result, whole, followed, played.overload, rig.limits.peak)
 
 
-def _judged(result: Check, whole: SharedPower, moved: float, overload: str | None, peak: float) -> Check:
-    """The check with its verdict, reasons and notes. `moved` is the measured over the target motion."""
+def _judged(result: Check, whole: SharedPower, followed: float, overload: str | None, peak: float) -> Check:
+    """The check with its verdict, reasons and notes. `followed` is the share of the target in the motion."""
     drive, failures = result.drive, []
     low, high = result.wideband_interval
     said = f"{result.wideband_nrmse:.1%} rms (95 % confidence: {low:.1%} to {high:.1%})"
@@ -277,8 +278,8 @@ def _judged(result: Check, whole: SharedPower, moved: float, overload: str | Non
             f"Only {drive.in_band:.1%} of the press's energy lies in the {drive.band[0]:.0f} to "
             f"{drive.band[1]:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
         )
-    if failures and moved < LEAST_MOVED:
-        failures.append(f"The surface moved {moved:.1%} of the target motion: {UNSEEN}.")
+    if failures and followed < LEAST_MOVED:
+        failures.append(f"The surface followed {followed:.1%} of the target motion: {UNSEEN}.")
     elif failures and drive.predicted_error > result.tolerance:
         failures.append(
             f"The error predicted when the drive was computed is {drive.predicted_error:.1%}: within the "

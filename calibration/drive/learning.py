@@ -29,6 +29,8 @@ __all__ = ["Iteration", "Learning", "learn"]
 
 _STEP_SIGNIFICANCE = 1.0
 """Improvement, in standard deviations, required to accept a step."""
+_STEP_HARM = 1.0
+"""Rise of the whole motion's error, in standard deviations, at which a step is rejected."""
 _FINAL_SIGNIFICANCE = 1.5
 """Improvement, in standard deviations, of the best drive over the first in the final replay, required to
 keep the best. It rejects steps accepted by chance; as a requirement for each step it would stop learning
@@ -194,10 +196,8 @@ def _better(before: Iteration, after: Iteration, significance: float) -> bool:
     The plays' noise within the band is a tenth of that of the whole motion: small improvements show there
     only.
     """
-    return (
-        _fallen(before.within, after.within) > significance
-        and _fallen(before.whole, after.whole) > -significance
-    )
+    fallen = _fallen(before.within, after.within) > significance
+    return fallen and _fallen(before.whole, after.whole) > -_STEP_HARM
 
 
 def _fallen(before: SharedPower, after: SharedPower) -> float:

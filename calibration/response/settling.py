@@ -73,5 +73,5 @@ def _at_rest(velocity: FloatArray, window: int) -> bool:
     windows = velocity[: len(velocity) // window * window].reshape(-1, window)
     rms = np.std(windows, axis=1)
     last = float(np.median(rms[-max(1, len(rms) // 4) :]))
-    # Written so that NaN is refused.
-    return last <= max(_STILL * float(rms.min()), _RESOLVED)
+    # Written so that NaN passes: what follows the settling judges it.
+    return not last > max(_STILL * float(rms.min()), _RESOLVED)

@@ -70,6 +70,8 @@ def tamper(rig: Rig, monkeypatch: pytest.MonkeyPatch, **change: Callable[[np.nda
         capture = excite(*args, **more)
         volts = capture.volts.copy()
         for name, how in change.items():
+            if name not in capture.channels:
+                continue
             volts[capture.channels.index(name)] = how(volts[capture.channels.index(name)])
         return replace(capture, volts=volts)
 

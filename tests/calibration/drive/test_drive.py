@@ -27,7 +27,7 @@ def test_a_drive_uses_the_limits_and_keeps_them(calibrated: Calibrated, drive: D
     assert drive.peak * path <= limits.peak * (1 + 1e-9)
     assert drive.volts[[0, -1]] == pytest.approx(0, abs=0.05)
     assert drive.volts.mean() == pytest.approx(0, abs=1e-6)
-    assert drive.predicted_error <= 0.03
+    assert 0.01 < drive.predicted_error <= 0.08
     assert drive.volts.shape == drive.target.shape
     assert drive.simulated and drive.calibration == calibrated.calibration.digest
 

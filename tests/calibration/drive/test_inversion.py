@@ -22,11 +22,12 @@ def plan() -> Plan:
     for hertz, sign in ((200, 1.0), (330, -1.0), (520, 1.0)):
         w = 2 * np.pi * hertz
         gain += sign * s**2 / (s**2 + 2 * 0.01 * w * s + w**2)
-    weight = ((f > 150) & (f < 600)).astype(float)
-    target = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * weight
+    inside = (f > 150) & (f < 600)
+    target = rfft(np.exp(-since / 0.02) * np.sin(2 * np.pi * 260 * since) * (t > 0.3)) * inside
     window = np.zeros(n)
     window[:4500] = fade(4500, 100, 100)
-    return Plan(target, gain, weight, np.full(len(f), 1e-3), window, 0.0)
+    typical = float(np.median(np.abs(gain[inside]) ** 2))
+    return Plan(target, gain, (f > 20) & (f < 2000), np.full(len(f), 1e-3), window, typical)
 
 
 def test_the_inverse_begins_before_the_press(plan: Plan) -> None:
@@ -43,7 +44,7 @@ def test_a_limit_is_met_better_by_planning_than_by_regularising(plan: Plan, budg
     plain, _ = min_peak(plan, budget)
     planned, error = max_output(plan, budget)
     assert error <= budget
-    assert np.abs(planned).max() < 0.9 * np.abs(plain).max()
+    assert np.abs(planned).max() < 0.96 * np.abs(plain).max()
     assert np.all(np.abs(planned) <= plan.window * np.abs(planned).max() + 1e-12)
     # Not by being silent: clipping the plain inverse to the same peak is worse.
     clipped = np.clip(plain, -np.abs(planned).max(), np.abs(planned).max())
@@ -69,16 +70,25 @@ def test_a_known_drive_is_left_where_nothing_is_to_gain(plan: Plan) -> None:
     assert np.linalg.norm(again - drive) < 0.05 * np.linalg.norm(drive)
 
 
-def test_noise_and_uncertainty_are_part_of_the_expected_error(plan: Plan) -> None:
+def test_uncertainty_is_part_of_the_expected_error(plan: Plan) -> None:
     drive, error = min_peak(plan, 0.05)
-    noisy = replace(plan, noise=0.1 / float(np.abs(drive).max()))
-    assert noisy.error(drive) == pytest.approx(np.hypot(error, 0.1))
     assert replace(plan, uncertainty=100 * plan.uncertainty).error(drive) > 1.5 * error
 
 
 def test_an_impossible_budget_gives_the_best_there_is(plan: Plan) -> None:
-    hopeless = replace(plan, noise=10.0)
+    hopeless = replace(plan, uncertainty=np.abs(plan.gain))
     drive, error = max_output(hopeless, 0.05)
     assert error > 0.05
     assert error <= min_peak(hopeless, 0.05)[1] * 1.001
     assert np.all(np.isfinite(drive))
+
+
+def test_nothing_is_played_where_nothing_is_known(plan: Plan) -> None:
+    """The drive's power beyond what was measured is 40 dB down; where it was, motion is an error."""
+    f = rfftfreq(len(plan.window), 1 / 5000)
+    drive, _ = max_output(plan, 0.05)
+    power = np.abs(rfft(drive)) ** 2
+    assert 10 * np.log10(power[~plan.known].sum() / power.sum()) < -40
+    moved = np.abs(plan.gain * rfft(drive))
+    outside = plan.known & ((f < 150) | (f > 600))
+    assert np.linalg.norm(moved[outside]) < 0.06 * np.linalg.norm(plan.target)

@@ -1,0 +1,101 @@
+"""The check beside the surface's own motion, which no laser saw: they share nothing but the target."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.calibration import Drive, calibrate, drive_for, learn, paper_drive
+from haploop.calibration.drive.check import Check, compare
+from haploop.calibration.drive.playing import play
+from haploop.instruments import Capture, Rig
+from haploop.instruments.arrays import FloatArray
+from tests.calibration.conftest import Calibrated, make_press
+from tests.conftest import OpenRig
+
+pytestmark = pytest.mark.requires("simulation")
+
+BUTTONS = {
+    "click": ((235, 10, 0.010), (120, 3, 0.014)),
+    "thud": ((95, 6, 0.020), (180, 4, 0.012)),
+    "tick": ((380, 12, 0.004), (290, 5, 0.006)),
+}
+
+
+def played_and_true(
+    rig: Rig, drive: Drive, plays: int, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Check, float, float]:
+    """A check, the true error of the mean motion, and its part outside the band (20 Hz to 2.5 kHz)."""
+    excite, seen = rig.excite, []
+
+    def watched(volts: FloatArray, *args: Any, **more: Any) -> Capture:
+        truth = rig.simulation.truth  # type: ignore[union-attr]
+        record = truth.record()
+        capture = excite(volts, *args, **more)
+        if len(volts) == len(drive.volts):
+            start = next(one.start for one in record if one.closed and np.isfinite(one.period))
+            seen.append(truth.velocity(drive.point, start + np.arange(len(volts)) / drive.rate_hz))
+        return capture
+
+    with monkeypatch.context() as patch:
+        patch.setattr(rig, "excite", watched)
+        result = compare(drive, play(rig, drive, plays), rig)
+    assert len(seen) == plays
+    f = np.fft.rfftfreq(len(drive.volts), 1 / drive.rate_hz)
+    moved = np.fft.rfft(np.mean(seen, axis=0)) * 2j * np.pi * f
+    target = np.fft.rfft(drive.target)
+    wide = (f >= 20) & (f < 2500)
+    beside = wide & ((f < drive.band[0]) | (f > drive.band[1]))
+    size = np.linalg.norm(target)
+    error, outside = np.linalg.norm((moved - target)[wide]), np.linalg.norm(moved[beside])
+    return result, float(error / size), float(outside / size)
+
+
+@pytest.mark.many_plays
+@pytest.mark.parametrize("inversion", ["optimised", "regularised"])
+def test_the_stated_interval_holds_the_surfaces_own_error(
+    calibrated: Calibrated, open: OpenRig, monkeypatch: pytest.MonkeyPatch, inversion: Any
+) -> None:
+    rig = open()
+    drive = drive_for(make_press(), calibrated.calibration, rig.limits, inversion=inversion)
+    result, error, outside = played_and_true(rig, drive, 6, monkeypatch)
+    low, high = result.wideband_interval
+    assert low - 0.002 <= error <= high + 0.002
+    assert result.passed and error < 0.10
+    assert outside < 0.05
+
+
+def test_a_button_that_passes_moves_nothing_else(
+    open: OpenRig, full: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """20 tables that nobody chose, three buttons, every way to compute a drive, the paper's as well."""
+    if not full:
+        pytest.skip("calibrates 20 tables: runs with --full")
+    held, total = 0, 0
+    for number in range(20):
+        rig = open(seed=(number + 1) * 104729 % 2**31)
+        calibration = calibrate(rig)
+        for name, partials in BUTTONS.items():
+            press = make_press(partials)
+            drives = {
+                "optimised": drive_for(press, calibration, rig.limits),
+                "regularised": drive_for(press, calibration, rig.limits, inversion="regularised"),
+                "paper": paper_drive(press, calibration, rig.limits, 12),
+            }
+            drives["learnt"] = learn(rig, drives["optimised"], calibration, iterations=2).drive
+            for way, drive in drives.items():
+                result, error, outside = played_and_true(rig, drive, 8, monkeypatch)
+                low, high = result.wideband_interval
+                total, held = total + 1, held + (low <= error <= high)
+                print(
+                    f"{rig.file.simulation.seed} {name} {way}: true {error:.4f}, outside {outside:.4f}; said "
+                    f"{result.wideband_nrmse:.4f} ({low:.4f} to {high:.4f}), {result.verdict}; "
+                    f"predicted {drive.predicted_error:.4f}"
+                )
+                assert not (result.passed and error > 0.20)
+                assert not (result.passed and outside > 0.25)
+    # Of 95 % intervals.
+    print(f"{held} of {total} intervals hold the true error")
+    assert held >= 0.93 * total
