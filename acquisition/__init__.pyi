@@ -1,5 +1,6 @@
 from .hdf5 import content_hash as content_hash
 from .presses import SEGMENTATIONS as SEGMENTATIONS
+from .presses import AverageMethod as AverageMethod
 from .presses import ButtonPress as ButtonPress
 from .presses import Protocol as Protocol
 from .presses import Representative as Representative

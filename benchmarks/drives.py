@@ -48,7 +48,8 @@ def main() -> None:
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(f"Simulated; {options.seeds} tables from seed {options.first}{load}\n")
     print(
-        "| patch | target | method | whole motion | in band | outside | noise | predicted | envelope | scale | verdict |"
+        "| patch | target | method | whole motion | in band | outside | noise | predicted | envelope | "
+        "scale | verdict |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     for world in [options.only] if options.only else WORLDS:
@@ -123,7 +124,8 @@ def tell(world: str, method: str, found: Found) -> None:
         scale = float(np.mean([result.drive.scale for result in results]))
         verdicts = ", ".join(sorted({result.verdict for result in results}))
         print(
-            f"| {world} | {method} | {name} | {mean['wideband_nrmse']:.1%} ({worst:.1%}) | {mean['nrmse']:.1%} | "
+            f"| {world} | {method} | {name} | {mean['wideband_nrmse']:.1%} ({worst:.1%}) | "
+            f"{mean['nrmse']:.1%} | "
             f"{mean['outside']:.1%} | {mean['wideband_floor']:.1%} | {predicted:.1%} | "
             f"{mean['envelope_correlation']:.3f} | {scale:.3f} | {verdicts} |",
             flush=True,

@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-__all__ = ["FAMILIES", "RATE", "Family", "Presses", "error", "shape_error", "spectrum_error"]
+__all__ = ["FAMILIES", "RATE", "Family", "Presses", "chance", "error", "shape_error", "spectrum_error"]
 
 Curve = NDArray[np.float64]
 Event = tuple[float, float, float, float]
@@ -208,6 +208,24 @@ def _coloured(rng: np.random.Generator, shape: tuple[int, ...]) -> Curve:
 def _anchored(tempo: Curve) -> Curve:
     shift = np.cumsum(tempo, axis=-1) / RATE
     return np.asarray(shift - shift[..., 600][..., None])
+
+
+def chance(rng: np.random.Generator) -> Family:
+    """A button that nobody has seen: 2 to 5 events, 6 to 80 ms apart, of 70 to 420 Hz."""
+    count = int(rng.integers(2, 6))
+    gaps = np.exp(rng.uniform(np.log(0.006), np.log(0.08), count - 1))
+    at = np.cumsum([0.0, *gaps])
+    at -= at[rng.integers(0, count)]
+    hz = np.exp(rng.uniform(np.log(70), np.log(420), count))
+    peak = rng.uniform(3, 10, count) * rng.choice([-1, 1], count)
+    events = list(zip(at, hz, peak, np.exp(rng.uniform(np.log(0.004), np.log(0.02), count)), strict=True))
+
+    def template(times: Curve, delays: Curve) -> Curve:
+        return np.asarray(sum(_ring(times - d, e) for d, e in zip(delays, events, strict=True)))
+
+    shifts = _tempo_shifts if rng.random() < 0.5 else _hands_shifts
+    noise = _white if rng.random() < 0.5 else _coloured
+    return Family(template, count, shifts, noise, float(rng.choice([0.0, 0.1])))
 
 
 FAMILIES = {

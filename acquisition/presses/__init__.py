@@ -1,5 +1,6 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
+from haploop.acquisition.presses.averaging import AverageMethod
 from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.quality import QualityCheck, accepted_presses
 from haploop.acquisition.presses.registration import WarpModel
@@ -15,6 +16,7 @@ from haploop.acquisition.presses.segmentation import (
 
 __all__ = [
     "SEGMENTATIONS",
+    "AverageMethod",
     "ButtonPress",
     "Detector",
     "Protocol",

@@ -13,7 +13,7 @@ from scipy import fft, signal
 from scipy.interpolate import CubicSpline
 
 from haploop.acquisition import hdf5
-from haploop.acquisition.presses.averaging import average
+from haploop.acquisition.presses.averaging import AverageMethod, average
 from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.quality import accepted_presses
 from haploop.acquisition.presses.registration import WarpModel
@@ -71,10 +71,13 @@ class Representative:
     left_out: tuple[str, ...]
     """Presses that were left out, each with its reason."""
     method: str
-    """Method of `haploop.acquisition.presses.averaging` that was chosen."""
+    """Name of the method (`averaging.average`)."""
     simulated: bool
+    reason: str = ""
+    """Reason for the method, as a clause."""
     scores: Mapping[str, float] = field(default_factory=dict)
-    """Relative residual of each method on held-out presses (`averaging.average`); smaller is better."""
+    """Relative residual that each method compared leaves of presses that its template does not hold
+    (`averaging.average`); smaller is better. Empty for a method that was asked for by name."""
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Parameters: window, warps, and the segmentation of each recording (by file name)."""
     undone_hz: tuple[float, float] | None = None
@@ -123,14 +126,15 @@ def representative(
     window: Window | None = None,
     model: WarpModel | None = None,
     undo_low_pass: tuple[float, float] | None = None,
+    method: AverageMethod = "automatic",
 ) -> Representative:
     """Compute the representative press of one button: the average per participant, then over participants
     (the paper, figure 5). Alignment uses the vertical acceleration; force and activation are warped with it.
 
-    Presses are aligned at the activation, and at the opening of the contact. Two methods then register
-    them, the paper's dynamic time warping barycentre and a registration by smooth warps.
-    `haploop.acquisition.presses.averaging.average` chooses between them by the residual on held-out
-    presses; the result holds both scores.
+    Presses are aligned at the activation, and at the opening of the contact. `method` then averages them:
+    "barycentre" as the paper does, by dynamic time warping; "registration" by smooth warps; "mean" without
+    any further alignment. "automatic" computes a registration and a barycentre at the presses' mean time,
+    and takes the one that leaves less of presses that it does not hold; the result holds both scores.
 
     `undo_low_pass` is a band (Hz) in which the accelerometer's response stated in the rig file is divided
     out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz. The
@@ -138,7 +142,7 @@ def representative(
 
     Presses that were rejected, saturated a sensor, did not activate the button, or differ from the
     participant's other presses are left out and listed. Raises DataError when no press is left,
-    ConfigurationError for recordings that cannot be combined, or an invalid band.
+    ConfigurationError for recordings that cannot be combined, an invalid band, or an unknown method.
     """
     w, m = window or Window(), model or WarpModel()
     first = _check_together(recordings)
@@ -172,7 +176,7 @@ def representative(
             curves[recording.participant] += _cut(recording, vertical, presses, before, after, opening)
             names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
 
-    found = average([np.array(curves[participant]) for participant in sorted(curves)], rate_hz, m)
+    found = average([np.array(curves[participant]) for participant in sorted(curves)], rate_hz, m, method)
     for participant, kept in zip(sorted(curves), found.kept, strict=True):
         odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
         left_out += [f"{participant}, {name}: it differs from this participant's others" for name in odd]
@@ -190,6 +194,7 @@ def representative(
         sources=tuple((r.path.name, r.content_hash) for r in recordings),
         left_out=tuple(left_out),
         method=found.method,
+        reason=found.reason,
         simulated=any(r.simulated for r in recordings),
         scores=found.scores,
         parameters={"window": asdict(w), "warps": asdict(m)}

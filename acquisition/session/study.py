@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from functools import cached_property, partial
 from pathlib import Path
 
+from haploop.acquisition.presses import AverageMethod, Representative, representative
 from haploop.acquisition.recording import (
     PressVerdict,
     Recording,
@@ -145,6 +146,19 @@ class Study:
             for recording in self.progress_of(participant, button).recordings
             if recording.accepted
         )
+
+    def representative(self, button: str, method: AverageMethod | None = None) -> Representative:
+        """Representative press of a button, by the study file's method or by `method`.
+
+        Raises the errors of `recordings` and of `haploop.representative`.
+        """
+        recordings = self.recordings(button)
+        if not recordings:
+            raise DataError(
+                f"The study {self.file.name!r} has no accepted press of {button} yet: record some with "
+                "`haploop study run`."
+            )
+        return representative(recordings, method=method or self.file.method)
 
     def reject(
         self, participant: str, button: str, numbers: Collection[int] = (), reason: str = ""

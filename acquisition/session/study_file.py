@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
-from haploop.acquisition.presses import Protocol, Segmentation, segmentation_for
+from haploop.acquisition.presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from haploop.acquisition.recording import file_name
 from haploop.instruments import ConfigurationError
 from haploop.instruments.config import key_lines, place, validate
@@ -106,6 +106,8 @@ class StudyFile(_Section):
     prompts: Prompts = Prompts()
     wait: Annotated[float, Field(ge=0, le=86_400)] = 600.0
     """s: total wait of a session for a participant who is away; see `Protocol.wait`."""
+    method: AverageMethod = "automatic"
+    """Method of the representative presses; see `representative`."""
     button: dict[str, ButtonSettings] = {}
 
     @field_validator("buttons")

@@ -304,8 +304,7 @@ def _judged(result: Check, whole: SharedPower, followed: float, overload: str | 
 
 
 def _notes(result: Check) -> tuple[str, ...]:
-    warning = feeling_of(result.target, result.measured, result.rate_hz).warning
-    notes = [warning] if warning else []
+    notes = []
     if result.drift > 0:
         notes.append(
             f"The motion changed by {result.drift:.1%} of the target from the first play to the last: the "
@@ -322,7 +321,8 @@ def _notes(result: Check) -> tuple[str, ...]:
             "single "
             "tones there would not be seen; more plays, or a narrower filter of the vibrometer, resolve more."
         )
-    return tuple(notes)
+    warning = feeling_of(result.target, result.measured, result.rate_hz).warning
+    return tuple([*notes, warning] if warning else notes)
 
 
 def _floor_db(accelerations: FloatArray, rate_hz: float, judged_hz: float) -> FloatArray:

@@ -11,11 +11,12 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig, press_method
 from haploop.exits import CommandState
 from haploop.progress import Steps
 
 if TYPE_CHECKING:
+    from haploop.acquisition import AverageMethod
     from haploop.instruments.driver import Mode
 
 __all__ = ["button"]
@@ -50,7 +51,7 @@ def button() -> None:
     type=click.Choice(["modulated", "broadband"]),
     default="modulated",
     show_default=True,
-    help="modulated: the press modulated onto the table's resonance, as in the paper. "
+    help="Method of the drive. modulated: the press modulated onto the table's resonance, as in the paper. "
     "broadband: the press itself.",
 )
 @click.option(
@@ -60,6 +61,7 @@ def button() -> None:
     show_default=True,
     help="Maximum number of iterative corrections of the drive.",
 )
+@press_method("--press-method")
 @RIG
 @SIMULATE
 @JSON
@@ -71,6 +73,7 @@ def make(
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
+    press_method: AverageMethod,
     rig: str,
     simulate: Mode | None,
     as_json: bool,
@@ -84,7 +87,7 @@ def make(
     """
     outputs.check_new_file(out)
     loaded = haploop.Calibration.load(calibration)
-    press = haploop.representative([haploop.Recording.open(path) for path in recordings])
+    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=press_method)
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,

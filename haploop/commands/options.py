@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -30,6 +30,7 @@ __all__ = [
     "alone",
     "on_table",
     "opened_rig",
+    "press_method",
 ]
 
 RIG = click.option(
@@ -67,6 +68,22 @@ WAIT = click.option(
     help="How long a session waits for a participant who is away, in all, before it ends.  [default: 600]",
 )
 PATH = click.Path(path_type=Path)
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_AVERAGES = ("automatic", "barycentre", "registration", "mean")
+
+
+def press_method(*names: str, default: str | None = "automatic") -> Callable[[_Command], _Command]:
+    """Option `names` for the method of the representative press; None is the default of a study's file."""
+    return click.option(
+        *names,
+        "press_method",
+        type=click.Choice(_AVERAGES),
+        default=default,
+        show_default=default or "the study file's",
+        help="Average of the presses. barycentre: the paper's dynamic time warping, per participant and then "
+        "over participants. registration: smooth warps. mean: aligned at the activation only. automatic: "
+        "the one that explains presses it was not made from best.",
+    )
 
 
 def on_table(rig: Rig, point: str) -> None:

@@ -12,11 +12,12 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, WAIT, alone, opened_rig
+from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, WAIT, alone, opened_rig, press_method
 from haploop.exits import CommandState
 from haploop.progress import print_line
 
 if TYPE_CHECKING:
+    from haploop.acquisition import AverageMethod
     from haploop.instruments.driver import Mode
 
 __all__ = ["study"]
@@ -44,6 +45,7 @@ presses = 10                        # of each button by each participant
 wait = 600                          # s that a session waits for a participant who is away, in all
 order = "counterbalanced"           # or "as-listed", or "random" with a seed
 consent = true                      # ask whether the consent form is signed, and store the answer
+method = "automatic"                # of representative presses; or "barycentre", "registration", "mean"
 
 # [prompts]
 # consent = "Has {{participant}} signed the form KU-17?"
@@ -122,6 +124,33 @@ def status_(path: Path, as_json: bool) -> int:
     """Show progress: accepted, bad and rejected presses, sessions interrupted or in progress, consent."""
     opened = haploop.load_study(path)
     display.status(opened, opened.progress(), as_json)
+    return 0
+
+
+@study.command()
+@click.argument("button")
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    metavar="FILE.h5",
+    help="Representative press file to write.  [default: BUTTON-press.h5]",
+)
+@press_method("--method", "-m", default=None)
+@STUDY
+@JSON
+def represent(
+    button: str, out: Path | None, press_method: AverageMethod | None, path: Path, as_json: bool
+) -> int:
+    """Compute the representative press of BUTTON from the study's accepted presses.
+
+    Only a press that passed its quality check counts.
+    """
+    opened = haploop.load_study(path)
+    out = out or Path(f"{button}-press.h5")
+    outputs.check_new_file(out)
+    opened.representative(button, press_method).save(out)
+    display.show_file(out, as_json)
     return 0
 
 

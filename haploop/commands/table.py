@@ -11,11 +11,12 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, on_table, opened_rig
+from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, on_table, opened_rig, press_method
 from haploop.exits import CommandState
 from haploop.progress import Steps
 
 if TYPE_CHECKING:
+    from haploop.acquisition import AverageMethod
     from haploop.instruments.driver import Mode
 
 __all__ = ["calibrate", "check"]
@@ -76,6 +77,7 @@ def calibrate(
     metavar="DIR",
     help="Folder for the representative press, the drive and a plot.  [default: not saved]",
 )
+@press_method("--method", "--press-method")
 @RIG
 @SIMULATE
 @JSON
@@ -85,6 +87,7 @@ def check(
     recordings: Sequence[Path],
     calibration: Path,
     out: Path | None,
+    press_method: AverageMethod,
     rig: str,
     simulate: Mode | None,
     as_json: bool,
@@ -97,7 +100,7 @@ def check(
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.Calibration.load(calibration)
-    press = haploop.representative([haploop.Recording.open(path) for path in recordings])
+    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=press_method)
     if out is not None:
         outputs.claim_check(out, press.button)
     with (

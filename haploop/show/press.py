@@ -112,6 +112,7 @@ def representative_contents(press: Representative) -> tuple[dict[str, Any], Tabl
         "activation_force_n": json_number(force),
         "bandwidth_hz": json_number(press.bandwidth_hz),
         "method": press.method,
+        "reason": press.reason,
         "scores": {name: json_number(score) for name, score in press.scores.items()},
         "undone_hz": press.undone_hz,
         "noise_gain": json_number(press.noise_gain),
@@ -126,6 +127,7 @@ def representative_contents(press: Representative) -> tuple[dict[str, Any], Tabl
     if press.undone_hz is not None:
         low, high = press.undone_hz
         table.add_row("Undone", f"from {low:g} to {high:g} Hz; noise grew {press.noise_gain:.1f} times")
-    scores = ", ".join(f"{name} {score:.3f}" for name, score in press.scores.items())
-    table.add_row("Method", press.method + (f" (of unseen presses they leave: {scores})" if scores else ""))
+    table.add_row("Method", f"{press.method}: {press.reason}" if press.reason else press.method)
+    for name, score in press.scores.items():
+        table.add_row("", f"{name} leaves {score:.1%}")
     return values, table

@@ -17,6 +17,8 @@ WORK = {
     "demo": ["run_demo", "claim_folder"],
     "record": ["load_rig_file", "open_rig", "record"],
     "study run": ["load_study", "open_rig", "run_study"],
+    "study represent": ["load_study", "Study", "Representative"],
+    "represent": ["Recording", "representative", "Representative"],
     "study status": ["load_study", "Study"],
     "study reject": ["load_study", "Study"],
     "study repeat": ["load_study", "Study"],

@@ -71,6 +71,31 @@ def test_a_study_from_its_first_line_to_its_figure(run: Run, study: Path, tmp_pa
     assert "0/2 (2 rejected)" in run("study", "status", "-s", study).stdout
 
 
+def test_a_study_is_represented_by_the_method_in_its_file(run: Run, study: Path, tmp_path: Path) -> None:
+    assert run("study", "run", "-s", study, "-p", "P01", "-b", "toggle").exit_code == 0
+    file = study / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    assert text.count('method = "automatic"') == 1
+    file.write_text(text.replace('method = "automatic"', 'method = "barycentre"'), encoding="utf-8")
+    made = run("study", "represent", "toggle", "-s", study, "-o", tmp_path / "paper.h5", "--json")
+    values = json.loads(made.stdout)
+    assert (values["presses"], values["method"]) == (2, "two-level barycentre")
+    assert values["reason"] == "asked for by name"
+    assert run("verify", tmp_path / "paper.h5").exit_code == 0
+    made = run("study", "represent", "toggle", "-s", study, "-o", tmp_path / "mean.h5", "--method", "mean")
+    assert "two-level mean: asked for by name" in made.stdout
+    for button, told in (("doorbell", "no accepted press of doorbell yet"), ("bell", "no button 'bell'")):
+        refused = run("study", "represent", button, "-s", study, "-o", tmp_path / "none.h5")
+        assert (refused.exit_code, refused.stdout) == (2, "")
+        assert told in refused.stderr
+    file.write_text(text.replace('method = "automatic"', 'method = "median"'), encoding="utf-8")
+    refused = run("study", "represent", "toggle", "-s", study, "-o", tmp_path / "none.h5")
+    assert refused.exit_code == 2
+    assert "study.toml" in refused.stderr
+    assert "'barycentre'" in refused.stderr
+    assert not (tmp_path / "none.h5").exists()
+
+
 def test_who_does_not_consent_is_not_recorded(run: Run, study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(OperatorTwin, "confirm", lambda _self, request: not isinstance(request, Consent))
     result = run("study", "run", "--study", study)

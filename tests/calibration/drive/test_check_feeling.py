@@ -59,3 +59,9 @@ def test_without_a_press_nothing_is_said_of_one(result: Check) -> None:
     assert feeling.recorded is None and not feeling.recorded_spans and np.isnan(feeling.loudness_db)
     assert not any("recorded" in note for note in feeling.notes)
     assert feeling.noise is not None and feeling.noise_total < feeling.measured[0].total
+
+
+def test_the_verdict_warns_where_the_motion_may_not_be_felt(result: Check) -> None:
+    feeling = check_feeling(result)
+    assert feeling.felt == "perhaps"
+    assert result.notes[-1] == feeling.warning == feeling.notes[0]
