@@ -5,6 +5,7 @@ from .drive import Iteration as Iteration
 from .drive import Learning as Learning
 from .drive import build_button as build_button
 from .drive import check as check
+from .drive import check_feeling as check_feeling
 from .drive import drive_for as drive_for
 from .drive import learn as learn
 from .drive import modulate as modulate
@@ -21,6 +22,9 @@ from .model import Model as Model
 from .model import Resonance as Resonance
 from .model import calibrate as calibrate
 from .model import fit as fit
+from .perception import Feeling as Feeling
+from .perception import feeling_of as feeling_of
+from .perception import thresholds as thresholds
 from .response import LinearSweep as LinearSweep
 from .response import Multisine as Multisine
 from .response import Response as Response

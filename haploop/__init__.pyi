@@ -25,6 +25,7 @@ from .calibration import Calibration as Calibration
 from .calibration import Check as Check
 from .calibration import DigitalButton as DigitalButton
 from .calibration import Drive as Drive
+from .calibration import Feeling as Feeling
 from .calibration import Finding as Finding
 from .calibration import Generation as Generation
 from .calibration import History as History
@@ -41,6 +42,7 @@ from .calibration import build_button as build_button
 from .calibration import calibrate as calibrate
 from .calibration import calibrations_of as calibrations_of
 from .calibration import check as check
+from .calibration import check_feeling as check_feeling
 from .calibration import drive_for as drive_for
 from .calibration import examine as examine
 from .calibration import examine_each as examine_each

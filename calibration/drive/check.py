@@ -21,6 +21,7 @@ from haploop.calibration.drive.agreement import (
 )
 from haploop.calibration.drive.drive import Drive
 from haploop.calibration.drive.playing import Played, play, refuse_foreign, target_of
+from haploop.calibration.perception import feeling_of
 from haploop.calibration.response import prepare
 from haploop.calibration.spectra import third_octaves
 from haploop.instruments import ConfigurationError, Rig
@@ -320,7 +321,8 @@ def _notes(result: Check) -> tuple[str, ...]:
             "single "
             "tones there would not be seen; more plays, or a narrower filter of the vibrometer, resolve more."
         )
-    return tuple(notes)
+    warning = feeling_of(result.target, result.measured, result.rate_hz).warning
+    return tuple([*notes, warning] if warning else notes)
 
 
 def _floor_db(accelerations: FloatArray, rate_hz: float, judged_hz: float) -> FloatArray:

@@ -119,5 +119,5 @@ def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_j
         Steps() as steps,
     ):
         result = haploop.play_button(opened, loaded, progress=steps)
-    display.show_check(result, as_json)
+    display.show_check(result, as_json, loaded.press)
     return 0 if result.passed else 1

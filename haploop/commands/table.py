@@ -115,7 +115,7 @@ def check(
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
         result = haploop.check(opened, drive, progress=steps)
-    display.show_check(result, as_json)
+    display.show_check(result, as_json, press)
     if out is not None:
         outputs.save_check(out, press, result)
     return 0 if result.passed else 1

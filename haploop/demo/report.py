@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from haploop import figures
+from haploop.calibration import check_feeling
 from haploop.demo.result import PRESSES, ButtonResult, Demo
 from haploop.report import CaptionedFigure, render
+from haploop.show import feeling_values
 
 __all__ = ["report", "summarise"]
 
@@ -67,6 +69,7 @@ def _button(result: ButtonResult) -> dict[str, Any]:
         "in_band": _number(drive.in_band),
         "predicted_error": _number(drive.predicted_error),
         **measured.summary(),
+        "feeling": feeling_values(check_feeling(measured, result.press)),
         "left_out": list(result.press.left_out),
         "sources": [{"file": r.path.name, "sha256": r.content_hash} for r in result.recordings],
     }
@@ -136,6 +139,14 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
             "the whole motion, of the recorded press to the same scale, and of the noise that is left in "
             "the mean "
             "of the plays; the band that the drive uses is shaded. After the paper's figure 9.",
+        ),
+        CaptionedFigure(
+            figures.feeling_figure([(r.button, check_feeling(r.check, r.press)) for r in results]),
+            "What a finger would feel",
+            "Left: third-octave levels in the loudest 100 ms of each signal, the noise left in the mean of "
+            "the plays, and thresholds of detection: of a finger at rest (line), and the lowest of the table "
+            "(dotted). Right: level in 20 ms over the threshold of a finger at rest (0 dB); dotted, where "
+            "the lowest threshold lies for the measured motion. Above 400 Hz the thresholds are estimates.",
         ),
     )
 

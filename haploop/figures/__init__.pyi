@@ -1,5 +1,6 @@
 from .button import button_figure as button_figure
 from .button import check_figure as check_figure
+from .feeling import feeling_figure as feeling_figure
 from .history import before_and_after as before_and_after
 from .history import responses as responses
 from .history import trend as trend

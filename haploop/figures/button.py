@@ -8,35 +8,44 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from haploop.calibration import Check, DigitalButton
+from haploop.calibration import Check, DigitalButton, Feeling, check_feeling
+from haploop.figures.feeling import draw_feeling
 from haploop.figures.plotting import GREY, active, colour, legend_above, letter, new_figure, style
 
 __all__ = ["button_figure", "check_figure"]
 
 
 def check_figure(check: Check) -> Figure:
-    """Draw target and measured acceleration, and third octaves of the whole motion with the plays' noise."""
+    """Draw target and measured acceleration, third octaves with the plays' noise, and what is felt of it."""
     with style():
-        drawn = new_figure(2.6)
-        panels = drawn.subplots(1, 2, width_ratios=[2, 1])
-        _motion(panels[0], check)
-        _octaves(panels[1], check)
-        for index, axes in enumerate(panels):
-            letter(axes, index)
+        drawn, panels = _panels([["motion", "motion", "motion", "octaves"]])
+        _check(panels, check, check_feeling(check))
     return drawn
 
 
 def button_figure(button: DigitalButton) -> Figure:
-    """Draw a button's check, and each iteration's error over the plays' noise."""
+    """Draw a button's check, what is felt of it, and each iteration's error over the plays' noise."""
     with style():
-        drawn = new_figure(2.6)
-        panels = drawn.subplots(1, 3, width_ratios=[2, 1, 1])
-        _motion(panels[0], button.check)
-        _octaves(panels[1], button.check)
-        _learning(panels[2], button)
-        for index, axes in enumerate(panels):
-            letter(axes, index)
+        drawn, panels = _panels([["motion", "motion", "octaves", "learning"]])
+        _learning(panels["learning"], button)
+        _check(panels, button.check, check_feeling(button.check, button.press))
     return drawn
+
+
+def _panels(first_row: list[list[str]]) -> tuple[Figure, dict[str, Axes]]:
+    drawn = new_figure(5.4)
+    panels = drawn.subplot_mosaic([*first_row, ["bands", "bands", "time", "time"]])
+    # Room for the legends, which stand outside the layout, above each row.
+    drawn.get_layout_engine().set(hspace=0.2, rect=(0, 0, 1, 0.92))  # type: ignore[union-attr,call-arg]
+    for index, axes in enumerate(panels.values()):
+        letter(axes, index)
+    return drawn, panels
+
+
+def _check(panels: dict[str, Axes], check: Check, feeling: Feeling) -> None:
+    _motion(panels["motion"], check)
+    _octaves(panels["octaves"], check)
+    draw_feeling(panels["bands"], panels["time"], feeling)
 
 
 def _motion(axes: Axes, check: Check) -> None:

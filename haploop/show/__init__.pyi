@@ -1,6 +1,7 @@
 from .check import show_check as show_check
 from .demo import show_demo as show_demo
 from .examination import show_findings as show_findings
+from .feeling import feeling_values as feeling_values
 from .file import FileContents as FileContents
 from .file import file_contents as file_contents
 from .file import show_file as show_file

@@ -7,7 +7,8 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.calibration import DigitalButton
+from haploop.calibration import DigitalButton, check_feeling
+from haploop.show.feeling import add_feeling, feeling_values
 from haploop.show.formatting import interval, json_number, percent, verdict
 
 __all__ = ["button_contents"]
@@ -17,6 +18,7 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
     """Return the contents as JSON values and as a table."""
     drive, check, learning = button.drive, button.check, button.learning
     response = button.calibration.response
+    feeling = check_feeling(check, button.press)
     values: dict[str, Any] = {
         "kind": "button",
         "simulated": button.simulated,
@@ -33,6 +35,7 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         "drive_peak_v": json_number(drive.peak),
         "unreached": drive.unreached,
         "check": check.summary(),
+        "feeling": feeling_values(feeling),
         "iterations": [
             {
                 "wideband_nrmse": json_number(i.wideband_nrmse),
@@ -84,6 +87,7 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         f"correlation {check.correlation:.3f}, of envelopes {check.envelope_correlation:.3f}, third octaves "
         f"{check.third_octave_error_db:.1f} dB",
     )
+    add_feeling(table, feeling, check.notes)
     if drive.unreached:
         table.add_row("Not reached", drive.unreached)
     for index, iteration in enumerate(learning.iterations):

@@ -6,29 +6,29 @@ from typing import Any
 
 from rich.table import Table
 
-from haploop.calibration import Check
+from haploop.acquisition import Representative
+from haploop.calibration import Check, check_feeling
 from haploop.progress import print_json, print_line, print_table
+from haploop.show.feeling import add_feeling, feeling_values
 from haploop.show.formatting import SIMULATED, interval, json_number, percent, property_table, verdict
 
 __all__ = ["check_contents", "show_check"]
 
 
-def show_check(result: Check, as_json: bool) -> None:
-    """Print the result of one check."""
-    values, table = check_contents(result)
+def show_check(result: Check, as_json: bool, press: Representative | None = None) -> None:
+    """Print the result of one check; with `press`, the recorded one, also how loud it is against that."""
+    values, table = check_contents(result, press)
     if as_json:
         print_json(values)
         return
     print_table(table)
     if result.simulated:
         print_line(SIMULATED)
-    for reason in (*result.reasons, *result.notes):
-        print_line(reason)
 
 
-def check_contents(result: Check) -> tuple[dict[str, Any], Table]:
+def check_contents(result: Check, press: Representative | None = None) -> tuple[dict[str, Any], Table]:
     """Return the contents of a check as JSON values and as a table."""
-    drive = result.drive
+    drive, feeling = result.drive, check_feeling(result, press)
     values: dict[str, Any] = {
         "kind": "check",
         "simulated": result.simulated,
@@ -38,6 +38,7 @@ def check_contents(result: Check) -> tuple[dict[str, Any], Table]:
         "scale": json_number(drive.scale),
         "in_band": json_number(drive.in_band),
         **result.summary(),
+        "feeling": feeling_values(feeling),
     }
     table = property_table(f"Check of the {drive.button} button, {result.plays} plays")
     table.add_row(
@@ -63,5 +64,8 @@ def check_contents(result: Check) -> tuple[dict[str, Any], Table]:
     table.add_row("Drive", f"{drive.peak:.1f} V peak at patch {drive.patch}")
     table.add_row("Scale", f"{drive.scale:.4f} of the recorded acceleration")
     table.add_row("Energy in the band", percent(drive.in_band))
+    add_feeling(table, feeling, result.notes)
     table.add_row("Verdict", verdict(result.verdict))
+    for sentence in (*result.reasons, *result.notes):
+        table.add_row("", sentence)
     return values, table

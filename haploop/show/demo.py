@@ -27,6 +27,7 @@ def show_demo(summary: Mapping[str, Any]) -> None:
         "Error",
         "(95 %)",
         "Outside",
+        "Felt",
         "Verdict",
     ):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -41,6 +42,7 @@ def show_demo(summary: Mapping[str, Any]) -> None:
             percent(button["wideband_nrmse"]),
             interval(button["wideband_interval"]),
             percent(button["outside"]),
+            button["feeling"]["felt"],
             verdict(button["verdict"]),
         )
     print_table(table)
@@ -52,7 +54,8 @@ def show_demo(summary: Mapping[str, Any]) -> None:
     print_line(
         "In band: share of the modulated press's energy within the band that is played. Error: of the "
         "whole motion, "
-        "with its 95 % confidence interval; outside: motion outside the band, over the target's."
+        "with its 95 % confidence interval; outside: motion outside the band, over the target's. "
+        "Felt: whether thresholds of detection say that a finger feels it."
     )
     print_line(
         f"Resonance {summary['resonance_hz']:.2f} Hz (true: {summary['resonance_true_hz']:.2f} Hz). "

@@ -3,9 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from haploop.calibration import feeling_of
 from haploop.figures.paper import Profile, activation_forces, profiles
 from haploop.figures.plotting import active, continuous_phase, png, spectrum
 from haploop.report.html import CaptionedFigure, render
+from haploop.show import feeling_values
 
 RATE = 5000.0
 
@@ -88,14 +90,16 @@ def test_the_same_figure_is_the_same_bytes() -> None:
 
 
 def summary(**changes: object) -> dict[str, object]:
+    silence = np.zeros(2500)
     button = {
         "presses": 10, "presses_detected": 9, "activation_force_n": None, "activation_force_true_n": 7.5,
         "drive_peak_v": 48.0, "scale": 0.8, "in_band": 0.9, "band_hz": [30.0, 600.0],
         "wideband_nrmse": 0.31, "wideband_interval": [0.3, 0.32], "wideband_floor": 0.05,
         "judged_hz": 2500.0, "nrmse": 0.3, "outside": 0.08, "correlation": 0.95, "envelope_correlation": 0.97,
         "third_octave_error_db": 2.0, "floor": 0.05, "tolerance": 0.2,
-        "passed": False, "verdict": "fail", "notes": [],
-        "reasons": ["The surface differs by 31 % <rms>."], "left_out": [],
+        "passed": False, "verdict": "fail", "notes": [], "left_out": [],
+        "reasons": ["The surface differs by 31 % <rms>."],
+        "feeling": feeling_values(feeling_of(silence, silence, 5000.0, silence)),
         "sources": [{"file": "P01-latch.h5", "sha256": "ab12"}],
     }  # fmt: skip
     values: dict[str, object] = {

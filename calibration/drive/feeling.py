@@ -1,0 +1,47 @@
+"""What a finger would feel of a checked drive, against the press that was recorded."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import resample_poly
+
+from haploop.calibration.drive.check import Check
+from haploop.calibration.drive.drive import _BEFORE
+from haploop.calibration.perception import Feeling, feeling_of
+from haploop.instruments.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from haploop.acquisition import Representative
+
+__all__ = ["check_feeling"]
+
+_RATES = 1000
+"""Largest denominator of the ratio of two sample rates."""
+
+
+def check_feeling(check: Check, press: Representative | None = None) -> Feeling:
+    """Compare the motion of a check with the thresholds of detection, and with `press` at its own size.
+
+    `press` is the one that the drive was computed for.
+    """
+    return feeling_of(
+        check.target,
+        check.measured,
+        check.rate_hz,
+        None if press is None else _on_clock(press, check.rate_hz, len(check.target)),
+        check.accelerations,
+    )
+
+
+def _on_clock(press: Representative, rate_hz: float, samples: int) -> FloatArray:
+    """(samples,) m/s^2: a recorded press on the clock of its drive, which begins before it."""
+    ratio = Fraction(rate_hz / press.rate_hz).limit_denominator(_RATES)
+    acceleration = resample_poly(np.asarray(press.acceleration), ratio.numerator, ratio.denominator)
+    start = round(_BEFORE * rate_hz)
+    out = np.zeros(samples)
+    kept = acceleration[: samples - start]
+    out[start : start + len(kept)] = kept
+    return out

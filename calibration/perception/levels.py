@@ -1,0 +1,188 @@
+"""Levels of a vibration above the threshold of detection, over time and in third octaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+from haploop.calibration.perception.thresholds import REFERENCE, thresholds
+from haploop.instruments.arrays import ComplexArray, FloatArray
+
+__all__ = [
+    "LONG",
+    "OCTAVES",
+    "SHORT",
+    "Levels",
+    "Sensitivity",
+    "decibels",
+    "levels_of",
+    "mean_levels",
+    "resting",
+    "running_level",
+    "sensitive",
+    "spans_above",
+]
+
+LONG, SHORT = 0.1, 0.02
+"""Windows (s). The thresholds are for bursts of about a second, and at high frequencies they rise as a burst
+gets shorter, so that the long window is the one that is judged by. The short one shows a snap."""
+OCTAVES = 1000.0 * 10.0 ** (np.arange(-17, 1) / 10)
+"""(bands,) Hz: exact centres of the third octaves from 20 to 1000 Hz (IEC 61260-1:2014)."""
+_HALF = 10.0**0.05
+_PAD = 0.2
+"""Silence (s) appended before filtering."""
+
+Sensitivity = Callable[[FloatArray], FloatArray]
+"""Threshold (dB re 1e-6 m/s^2 rms) as a function of frequency (Hz)."""
+
+
+def resting(frequencies: FloatArray) -> FloatArray:
+    """Threshold (dB re 1e-6 m/s^2 rms) of a large contact at rest; infinite outside 17.8 to 1122 Hz."""
+    return _within(frequencies, thresholds().resting.level(frequencies))
+
+
+def sensitive(frequencies: FloatArray) -> FloatArray:
+    """Lowest threshold of all curves in the table, at each frequency; as `resting` otherwise."""
+    table = thresholds()
+    lowest = np.minimum(table.resting.level(frequencies), table.gripping.level(frequencies))
+    return _within(frequencies, lowest)
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Levels of a signal in the window in which it is loudest, counted by the resting threshold."""
+
+    window: float
+    """Length (s)."""
+    start: float
+    """Beginning of the window (s) on the signal's clock."""
+    total: float
+    """Sensation level: the energy weighted with the threshold of a large contact at rest (dB)."""
+    sensitive: float
+    """Sensation level by the lowest threshold of the table, in the window in which that is largest (dB)."""
+    bands: FloatArray
+    """(bands,) dB re 1e-6 m/s^2 rms in the third octaves of `OCTAVES`. NaN where a band is narrower than
+    one over the window (below 50 Hz for 100 ms, below 250 Hz for 20 ms): its level within the window is
+    not defined."""
+    estimated: float
+    """Share of the weighted energy above the highest frequency whose threshold was found."""
+
+
+def levels_of(signal: FloatArray, rate_hz: float, window: float) -> Levels:
+    """Levels of an acceleration (samples,) m/s^2 in its loudest `window` (s).
+
+    The whole signal is filtered, then cut to the window. The level is that of the mean square over the
+    window's full length: a sine of threshold amplitude that fills it has 0 dB.
+    """
+    spectrum = _Spectrum.of(signal, rate_hz)
+    felt = spectrum.filtered(_weight(spectrum.frequencies, resting))
+    energy = _running(felt, rate_hz, window)
+    end = int(np.argmax(energy))
+    count = _length(rate_hz, window)
+    part = slice(max(end - count, 0), end)
+    known = spectrum.frequencies <= thresholds().resting.found_to_hz
+    guessed = spectrum.filtered(np.where(known, 0.0, _weight(spectrum.frequencies, resting)))
+    lowest = spectrum.filtered(_weight(spectrum.frequencies, sensitive))
+    bands = np.full(len(OCTAVES), np.nan)
+    for index in np.flatnonzero((_edges(+1) - _edges(-1)) * window >= 1):
+        inside = spectrum.filtered(_band(spectrum.frequencies, int(index)))
+        bands[index] = decibels(float(np.sum(inside[part] ** 2)) / count / REFERENCE**2)
+    whole = float(np.sum(felt[part] ** 2))
+    return Levels(
+        window=window,
+        start=(end - count) / rate_hz,
+        total=decibels(energy[end]),
+        sensitive=decibels(float(_running(lowest, rate_hz, window).max())),
+        bands=bands,
+        estimated=float(np.sum(guessed[part] ** 2)) / whole if whole > 0 else 0.0,
+    )
+
+
+def mean_levels(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
+    """Levels over the whole record: (bands,) dB re 1e-6 m/s^2 rms, and dB above the resting threshold."""
+    spectrum = _Spectrum.of(signal, rate_hz)
+    f = spectrum.frequencies
+    bands = [spectrum.energy(_band(f, index)) / REFERENCE**2 for index in range(len(OCTAVES))]
+    return np.array([decibels(band) for band in bands]), decibels(spectrum.energy(_weight(f, resting)))
+
+
+def running_level(
+    signal: FloatArray, rate_hz: float, window: float, threshold: Sensitivity = resting
+) -> FloatArray:
+    """(samples,) dB above `threshold` of the energy in the `window` (s) around each sample."""
+    spectrum = _Spectrum.of(signal, rate_hz)
+    energy = _running(spectrum.filtered(_weight(spectrum.frequencies, threshold)), rate_hz, window)
+    half = _length(rate_hz, window) // 2
+    with np.errstate(divide="ignore"):
+        return np.asarray(10 * np.log10(energy[half : half + len(signal)]))
+
+
+def spans_above(above: np.ndarray, rate_hz: float) -> tuple[tuple[float, float], ...]:
+    """Begin and end (s) of each run of true samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], above.astype(np.int8), [0]])))
+    return tuple((float(a) / rate_hz, float(b) / rate_hz) for a, b in edges.reshape(-1, 2))
+
+
+def decibels(energy: float) -> float:
+    """Level (dB) of an energy ratio; minus infinity for none."""
+    return float(10 * np.log10(energy)) if energy > 0 else -np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class _Spectrum:
+    """Spectrum of a signal with silence appended, so that nothing wraps around when it is filtered."""
+
+    lines: ComplexArray
+    frequencies: FloatArray
+    samples: int
+    """Length of the signal."""
+    length: int
+    """Length with the silence."""
+
+    @classmethod
+    def of(cls, signal: FloatArray, rate_hz: float) -> _Spectrum:
+        length = next_fast_len(len(signal) + round(_PAD * rate_hz), real=True)
+        return cls(
+            np.asarray(rfft(signal, length)), np.asarray(rfftfreq(length, 1 / rate_hz)), len(signal), length
+        )
+
+    def filtered(self, gain: FloatArray) -> FloatArray:
+        """(samples,) without delay; `gain` is (lines,)."""
+        return np.asarray(irfft(self.lines * gain, self.length)[: self.samples])
+
+    def energy(self, gain: FloatArray) -> float:
+        """Mean square over the signal's own length; `gain` is (lines,)."""
+        return float(2 * np.sum(np.abs(self.lines * gain) ** 2) / self.length / self.samples)
+
+
+def _weight(frequencies: FloatArray, threshold: Sensitivity) -> FloatArray:
+    """(lines,) gain to units of the threshold: an rms of one is 0 dB."""
+    return np.asarray(10 ** (-threshold(frequencies) / 20) / REFERENCE)
+
+
+def _edges(side: int) -> FloatArray:
+    return np.asarray(OCTAVES * _HALF**side)
+
+
+def _band(frequencies: FloatArray, index: int) -> FloatArray:
+    inside = (frequencies >= _edges(-1)[index]) & (frequencies < _edges(+1)[index])
+    return np.where(inside, 1.0, 0.0)
+
+
+def _within(frequencies: FloatArray, levels: FloatArray) -> FloatArray:
+    return np.where((frequencies >= _edges(-1)[0]) & (frequencies < _edges(+1)[-1]), levels, np.inf)
+
+
+def _length(rate_hz: float, window: float) -> int:
+    return max(1, round(window * rate_hz))
+
+
+def _running(signal: FloatArray, rate_hz: float, window: float) -> FloatArray:
+    """(samples + window + 1,) mean square over the `window` (s) that ends before each sample."""
+    count = _length(rate_hz, window)
+    sums = np.concatenate([[0.0], np.cumsum(np.pad(signal, count) ** 2)])
+    # Differences of large sums can be a rounding error below zero.
+    return np.maximum(sums[count:] - sums[:-count], 0.0) / count

@@ -1,0 +1,130 @@
+"""Thresholds of vibrotactile detection: a table of data with the source of every row (`thresholds.toml`)."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from haploop.instruments import DataError
+from haploop.instruments.arrays import FloatArray
+
+__all__ = ["REFERENCE", "Curve", "Difference", "Thresholds", "parse_thresholds", "thresholds"]
+
+REFERENCE = 1e-6
+"""Reference of vibration levels (m/s^2 rms; ISO 1683)."""
+_MARKS = ("found", "recalled", "estimate")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Detection threshold over frequency, for one kind of contact."""
+
+    name: str
+    contact: str
+    """Kind of contact and of signal, in words."""
+    frequencies: FloatArray
+    """(rows,) Hz, ascending."""
+    levels: FloatArray
+    """(rows,) dB re 1e-6 m/s^2 rms."""
+    marks: tuple[str, ...]
+    """"found", "recalled" or "estimate" for each row."""
+
+    def level(self, frequencies: FloatArray) -> FloatArray:
+        """Threshold (dB re 1e-6 m/s^2 rms) at `frequencies` (Hz); infinite outside the table.
+
+        Between rows the level is a straight line over the logarithm of frequency.
+        """
+        with np.errstate(divide="ignore"):
+            place = np.log(frequencies)
+        inside = np.interp(place, np.log(self.frequencies), self.levels, left=np.inf, right=np.inf)
+        return np.asarray(inside)
+
+    @property
+    def found_to_hz(self) -> float:
+        """Highest frequency (Hz) of a row that was found; above it the table is an estimate."""
+        return float(max(f for f, mark in zip(self.frequencies, self.marks, strict=True) if mark == "found"))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A just noticeable difference of amplitude, and where it was measured."""
+
+    fraction: float
+    sensation: float
+    """Level above threshold (dB)."""
+    mark: str
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Thresholds:
+    """The table: curves, the spread between people, and just noticeable differences."""
+
+    resting: Curve
+    """The curve by which levels are stated."""
+    gripping: Curve
+    """The lowest curve in the table from 30 Hz up."""
+    pressing: float
+    """Least threshold in the table of a finger that presses a surface, less that of `gripping` (dB)."""
+    pressing_mark: str
+    spread: float
+    """Standard deviation between people (dB)."""
+    spread_mark: str
+    differences: tuple[Difference, ...]
+
+
+@cache
+def thresholds() -> Thresholds:
+    """Read the table that comes with the package."""
+    return parse_thresholds(
+        resources.files(__package__).joinpath("thresholds.toml").read_text(encoding="utf-8")
+    )
+
+
+def parse_thresholds(text: str) -> Thresholds:
+    """Read a table (TOML). Raises DataError for a row without a mark or a known source."""
+    table = tomllib.loads(text)
+    sources = table.get("sources", {})
+    curves = {}
+    for curve in table["curve"]:
+        rows = sorted(curve["rows"], key=lambda row: float(row["hz"]))
+        for row in rows:
+            _require_origin(row, f"of the curve {curve['name']!r} at {row['hz']:g} Hz", sources)
+        curves[curve["name"]] = Curve(
+            curve["name"],
+            curve["contact"],
+            np.array([row["hz"] for row in rows], dtype=np.float64),
+            np.array([row["level"] for row in rows], dtype=np.float64),
+            tuple(row["mark"] for row in rows),
+        )
+    for part in ("pressing", "force", "difference", "summation"):
+        for row in table[part]:
+            _require_origin(row, f"under {part!r}", sources)
+    spread = table["spread"]
+    _require_origin(spread, "of the spread between people", sources)
+    gripping = curves["gripping"]
+    pressed = min(table["pressing"], key=lambda row: float(row["level"]))
+    return Thresholds(
+        resting=curves["resting"],
+        gripping=gripping,
+        pressing=float(pressed["level"] - gripping.level(np.array([pressed["hz"]]))[0]),
+        pressing_mark=pressed["mark"],
+        spread=float(spread["level"]),
+        spread_mark=spread["mark"],
+        differences=tuple(
+            Difference(row["fraction"], row["sensation"], row["mark"], row["source"])
+            for row in table["difference"]
+        ),
+    )
+
+
+def _require_origin(row: dict[str, Any], where: str, sources: dict[str, str]) -> None:
+    if row.get("mark") not in _MARKS:
+        raise DataError(f"The row {where} has no mark: it must be one of {', '.join(_MARKS)}.")
+    if not sources.get(row.get("source", ""), "").strip():
+        raise DataError(f"The row {where} names no source that is listed: give the source of every figure.")

@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.fft import irfft, rfft, rfftfreq
+from scipy.signal import resample_poly
+
+from haploop.calibration import Check, Drive, check_feeling
+from haploop.calibration.drive import check
+from haploop.calibration.perception import LONG, SHORT, levels_of
+from tests.calibration.conftest import Calibrated, make_press
+
+
+@pytest.fixture(scope="module")
+def result(calibrated: Calibrated, drive: Drive) -> Check:
+    return check(calibrated.rig, drive, plays=3)
+
+
+def test_the_level_is_that_of_the_surface_itself(calibrated: Calibrated, drive: Drive, result: Check) -> None:
+    """The plant's own motion, without laser and without anything that the check computes."""
+    rig = calibrated.rig
+    if rig.simulation is None:
+        pytest.skip("only a simulation knows the truth")
+    rig.excite(drive.volts, (drive.patch,), (rig.vibrometer.channel,), 0.1)
+    rate_hz = 20000.0
+    now = rig.clock.now()
+    velocity = rig.simulation.truth.velocity("button", np.arange(now - 1.5, now, 1 / rate_hz))
+    omega = 2j * np.pi * rfftfreq(len(velocity), 1 / rate_hz)
+    surface = irfft(rfft(velocity * np.hanning(len(velocity)) ** 0.01) * omega, len(velocity))
+    feeling = check_feeling(result)
+    for window, level in zip((LONG, SHORT), feeling.measured, strict=True):
+        true = levels_of(surface, rate_hz, window)
+        assert level.total == pytest.approx(true.total, abs=0.3)
+        assert level.sensitive == pytest.approx(true.sensitive, abs=0.3)
+
+
+def test_the_recorded_press_is_compared_at_its_own_size_and_on_the_drives_clock(
+    drive: Drive, result: Check
+) -> None:
+    press = make_press()
+    feeling = check_feeling(result, press)
+    assert feeling.recorded is not None
+    own = levels_of(press.acceleration, press.rate_hz, LONG)
+    assert feeling.recorded[0].total == pytest.approx(own.total, abs=0.05)
+    assert feeling.recorded[1].start == pytest.approx(feeling.target[1].start, abs=0.01)
+    assert feeling.loudness_db == pytest.approx(feeling.measured[0].total - own.total, abs=0.05)
+    # The drive's scale says the same, up to what lies outside its band and to the carrier.
+    assert feeling.loudness_db == pytest.approx(20 * np.log10(drive.scale), abs=12)
+    faster = replace(press, rate_hz=2.5 * press.rate_hz, acceleration=resample_poly(press.acceleration, 5, 2))
+    again = check_feeling(result, faster)
+    assert again.recorded is not None
+    assert again.recorded[0].total == pytest.approx(own.total, abs=0.05)
+
+
+def test_without_a_press_nothing_is_said_of_one(result: Check) -> None:
+    feeling = check_feeling(result)
+    assert feeling.recorded is None and not feeling.recorded_spans and np.isnan(feeling.loudness_db)
+    assert not any("recorded" in note for note in feeling.notes)
+    assert feeling.noise is not None and feeling.noise_total < feeling.measured[0].total
+
+
+def test_the_verdict_warns_where_the_motion_may_not_be_felt(result: Check) -> None:
+    feeling = check_feeling(result)
+    assert feeling.felt == "perhaps"
+    assert result.notes[-1] == feeling.warning == feeling.notes[0]

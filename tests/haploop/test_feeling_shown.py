@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.calibration import Feeling, feeling_of
+from haploop.figures import feeling_figure, png
+from haploop.show.feeling import add_feeling, feeling_values
+from haploop.show.formatting import property_table
+
+RATE = 5000.0
+
+
+def felt(size: float, with_press: bool = True) -> Feeling:
+    t = np.arange(round(0.8 * RATE)) / RATE
+    shape = np.exp(-(((t - 0.4) / 0.01) ** 2)) * np.sin(2 * np.pi * 264 * t)
+    rng = np.random.default_rng(917)
+    plays = size * (1.05 * shape + 0.001 * rng.normal(size=(4, len(t))))
+    return feeling_of(size * shape, plays.mean(axis=0), RATE, shape if with_press else None, plays)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-4, 0.3])
+@pytest.mark.parametrize("with_press", [True, False])
+def test_the_values_are_json_and_say_what_the_feeling_is(size: float, with_press: bool) -> None:
+    feeling = felt(size, with_press)
+    values = json.loads(json.dumps(feeling_values(feeling), allow_nan=False))
+    assert values["felt"] == feeling.felt and values["notes"] == list(feeling.notes)
+    assert ("recorded" in values["levels"]) == with_press
+    for name, pair in (("measured", feeling.measured), ("residual", feeling.residual)):
+        for level, stored in zip(pair, values["levels"][name], strict=True):
+            shown = stored["above_resting_threshold_db"]
+            assert shown == level.total if np.isfinite(level.total) else shown is None
+            assert len(stored["bands_db"]) == len(values["third_octaves_hz"])
+
+
+def test_the_table_holds_the_levels_and_every_sentence() -> None:
+    feeling = felt(0.3)
+    table = property_table("A button")
+    add_feeling(table, feeling)
+    cells = [str(cell) for column in table.columns for cell in column.cells]
+    assert f"measured {feeling.measured[0].total:+.1f} dB" in " ".join(cells)
+    assert set(feeling.notes) <= set(cells)
+
+
+def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:
+    loud, quiet = felt(3.0), felt(1e-4, with_press=False)
+    figure = feeling_figure([("latch", loud), ("push", quiet)])
+    assert len(figure.axes) == 4
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles[0].endswith("Latch: can be felt") and titles[2].endswith("Push: cannot be felt")
+    drawn: dict[str, Any] = {line.get_label(): line for line in figure.axes[0].get_lines()}
+    assert list(drawn) == [
+        "threshold at rest", "lowest threshold", "recorded press", "target", "measured", "difference",
+        "noise",
+    ]  # fmt: skip
+    shown = loud.octaves_hz > 49
+    np.testing.assert_array_equal(drawn["threshold at rest"].get_ydata(), loud.resting_db[shown])
+    np.testing.assert_array_equal(drawn["measured"].get_ydata(), loud.measured[0].bands[shown])
+    assert png(figure) == png(feeling_figure([("latch", loud), ("push", quiet)]))
+
+
+def test_a_motion_of_nothing_is_drawn() -> None:
+    assert png(feeling_figure([("push", felt(0.0, with_press=False))]))
