@@ -185,4 +185,4 @@ def _running(signal: FloatArray, rate_hz: float, window: float) -> FloatArray:
     count = _length(rate_hz, window)
     sums = np.concatenate([[0.0], np.cumsum(np.pad(signal, count) ** 2)])
     # Differences of large sums can be a rounding error below zero.
-    return np.maximum(sums[count:] - sums[:-count], 0.0) / count
+    return np.asarray(np.maximum(sums[count:] - sums[:-count], 0.0) / count)

@@ -18,7 +18,7 @@ __all__ = ["button_figure", "check_figure"]
 def check_figure(check: Check) -> Figure:
     """Draw target and measured acceleration, third octaves with the plays' noise, and what is felt of it."""
     with style():
-        drawn, panels = _panels([["motion", "motion", "motion", "octaves"]])
+        drawn, panels = _panels("motion", "motion", "motion", "octaves")
         _check(panels, check, check_feeling(check))
     return drawn
 
@@ -26,15 +26,15 @@ def check_figure(check: Check) -> Figure:
 def button_figure(button: DigitalButton) -> Figure:
     """Draw a button's check, what is felt of it, and each iteration's error over the plays' noise."""
     with style():
-        drawn, panels = _panels([["motion", "motion", "octaves", "learning"]])
+        drawn, panels = _panels("motion", "motion", "octaves", "learning")
         _learning(panels["learning"], button)
         _check(panels, button.check, check_feeling(button.check, button.press))
     return drawn
 
 
-def _panels(first_row: list[list[str]]) -> tuple[Figure, dict[str, Axes]]:
+def _panels(*first_row: str) -> tuple[Figure, dict[str, Axes]]:
     drawn = new_figure(5.4)
-    panels = drawn.subplot_mosaic([*first_row, ["bands", "bands", "time", "time"]])
+    panels = drawn.subplot_mosaic([list(first_row), ["bands", "bands", "time", "time"]])
     # Room for the legends, which stand outside the layout, above each row.
     drawn.get_layout_engine().set(hspace=0.2, rect=(0, 0, 1, 0.92))  # type: ignore[union-attr,call-arg]
     for index, axes in enumerate(panels.values()):
