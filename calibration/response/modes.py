@@ -25,7 +25,7 @@ from scipy.optimize import lsq_linear
 from haploop.instruments import DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Modes", "Plays", "fit_modes"]
+__all__ = ["Modes", "Plays", "columns_of", "fit_modes", "stack"]
 
 _STEPS = 12
 """Largest number of refinement steps."""
@@ -82,8 +82,8 @@ class Modes:
     def shares(self, plays: Plays) -> tuple[FloatArray, FloatArray]:
         """Real unknowns (patches, unknowns, points), and the relative residual (points,)."""
         basis = _Basis.of(self.poles, self.weights, plays)
-        found, left = basis.solution(_stack(plays.velocity))
-        size = np.linalg.norm(_stack(plays.velocity), axis=0)
+        found, left = basis.solution(stack(plays.velocity))
+        size = np.linalg.norm(stack(plays.velocity), axis=0)
         each = basis.response.shape[1]
         count = len(plays.patches)
         return found[: count * each].reshape(count, each, -1), np.linalg.norm(left, axis=0) / size
@@ -100,7 +100,7 @@ class Modes:
 
     def velocity(self, shares: FloatArray, frequencies: FloatArray) -> ComplexArray:
         """(..., frequencies) m/s per linear volt, from unknowns (..., unknowns)."""
-        return np.asarray(shares @ _columns(self.poles, frequencies)[0].T)
+        return np.asarray(shares @ columns_of(self.poles, frequencies)[0].T)
 
 
 def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
@@ -149,7 +149,7 @@ def _pruned(modes: Modes, cost: float, plays: Sequence[Plays], worth: float) -> 
 def _losses(modes: Modes, plays: Plays) -> FloatArray:
     """(poles,): increase of the squared residual on removal of each pole, with the others fixed."""
     basis = _Basis.of(modes.poles, modes.weights, plays)
-    found = basis.solution(_stack(plays.velocity))[0] * basis.norms[:, None]
+    found = basis.solution(stack(plays.velocity))[0] * basis.norms[:, None]
     inverse = np.linalg.inv(basis.upper)
     n, each = len(modes.poles), basis.response.shape[1]
     starts = np.arange(len(plays.patches) + 1) * each
@@ -187,17 +187,19 @@ def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
     f = plays[0].f
     places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
     candidates = places * (1j - np.array(_DAMPINGS)[:, None])
-    shape = 1 / (2j * np.pi * f[:, None] - candidates.ravel())
-    size = np.abs(shape) ** 2
-    explained: FloatArray = np.zeros(candidates.size)
+    shares: list[tuple[ComplexArray, ComplexArray]] = []
     for one in plays:
         basis = _Basis.of(modes.poles, modes.weights, one)
-        rest = basis.solution(_stack(one.velocity))[1]
+        rest = basis.solution(stack(one.velocity))[1]
         left = rest[: len(f)] + 1j * rest[len(f) :]
-        for linear_volts in basis.linear_volts:
-            found = (left.conj() * linear_volts[:, None]).T @ shape
-            explained += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
-    explained = explained.reshape(candidates.shape)
+        shares += [(left.conj() * linear_volts[:, None], linear_volts) for linear_volts in basis.linear_volts]
+    explained: FloatArray = np.zeros(candidates.shape)
+    for row, poles_of_one_damping in zip(explained, candidates, strict=True):
+        shape = 1 / (2j * np.pi * f[:, None] - poles_of_one_damping)
+        size = np.abs(shape) ** 2
+        for share, linear_volts in shares:
+            found = share.T @ shape
+            row += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
     best = explained.max(axis=0)
     poles: list[complex] = []
     while len(poles) < _AT_ONCE:
@@ -235,7 +237,7 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
     """Normal matrix, gradient and squared residual by logarithms of decay and frequency, and weights."""
     p, patches = modes.poles, modes.weights.shape[0]
     basis = _Basis.of(p, modes.weights, plays)
-    measured = _stack(plays.velocity)
+    measured = stack(plays.velocity)
     found, left = basis.solution(measured)
     s = 2j * np.pi * plays.f[:, None]
     near, mirror = 1 / (s - p) ** 2, 1 / (s - np.conj(p)) ** 2
@@ -253,7 +255,7 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
         change = [(one + other) * p.real, 1j * (one - other) * p.imag]
         for k, operators in enumerate(plays.operators):
             change.append((operators[1:] * (basis.response @ shares[k * each : (k + 1) * each])).T)
-        columns = _stack(np.concatenate(change, axis=1))
+        columns = stack(np.concatenate(change, axis=1))
         within = basis.within(columns)
         normal[np.ix_(own, own)] += columns.T @ columns - within.T @ within
         gradient[own] += columns.T @ rest
@@ -276,9 +278,9 @@ class _Basis:
 
     @classmethod
     def of(cls, poles: ComplexArray, weights: FloatArray, plays: Plays) -> _Basis:
-        response, ringing = _columns(poles, plays.f)
+        response, ringing = columns_of(poles, plays.f)
         linear_volts = np.einsum("pr,prl->pl", weights[list(plays.patches)], plays.operators)
-        columns = _stack(np.concatenate([*(x[:, None] * response for x in linear_volts), ringing], axis=1))
+        columns = stack(np.concatenate([*(x[:, None] * response for x in linear_volts), ringing], axis=1))
         norms = np.linalg.norm(columns, axis=0)
         columns /= norms
         # Of columns that coincide, least squares of the least norm.
@@ -297,7 +299,7 @@ class _Basis:
         return found / self.norms[:, None], left
 
 
-def _columns(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+def columns_of(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """Real unknowns' columns (lines, unknowns) of a response, and of what rings."""
     s = 2j * np.pi * np.asarray(f)[:, None]
     near, mirror = 1 / (s - poles), 1 / (s - np.conj(poles))
@@ -308,7 +310,7 @@ def _columns(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexA
 
 def _mixed(plays: Plays, count: int) -> Plays:
     """A few combinations of points. They have the table's poles, and each shows every mode."""
-    left, sizes, _ = np.linalg.svd(_stack(plays.velocity), full_matrices=False)
+    left, sizes, _ = np.linalg.svd(stack(plays.velocity), full_matrices=False)
     strongest = (left * sizes)[:, :_STRONGEST]
     many = strongest.shape[1]
     mixing = np.linalg.qr(np.random.default_rng(0).standard_normal((many, many)))[0][:, :count]
@@ -316,5 +318,5 @@ def _mixed(plays: Plays, count: int) -> Plays:
     return Plays(plays.f, plays.patches, plays.operators, mixed[:half] + 1j * mixed[half:])
 
 
-def _stack(values: ComplexArray) -> FloatArray:
+def stack(values: ComplexArray) -> FloatArray:
     return np.concatenate([values.real, values.imag])

@@ -12,7 +12,7 @@ from haploop.calibration.response.channels import Channels
 from haploop.calibration.response.excitation import Excitation, LinearSweep, Multisine
 from haploop.calibration.response.from_multisine import from_multisine
 from haploop.calibration.response.from_sweeps import from_sweeps
-from haploop.calibration.response.hysteresis import Hysteresis, hysteresis_of_play
+from haploop.calibration.response.hysteresis import Hysteresis
 from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.progress import Progress, part_of, silent
@@ -27,6 +27,7 @@ MEASURED = "measured"
 _CREST = 1.66
 """Crest factor of the multisines here."""
 SWEEP = LinearSweep()
+LINEAR = Hysteresis(np.zeros(1), np.ones(1), 1.0)
 QUICK = Multisine()
 
 
@@ -74,6 +75,8 @@ class Response:
     simulated: bool
     created: str
     """Time of creation, ISO 8601, UTC."""
+    hysteresis: Hysteresis = LINEAR
+    """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
 
     @property
     def acceleration(self) -> ComplexArray:
@@ -179,25 +182,17 @@ def response_from(
     """
     refuse_overload(rig, capture)
     volts, velocity, channels = _signals(rig, capture, monitor)
-    if hysteresis is None and multisine.from_rest:
-        hysteresis = hysteresis_of_play(multisine, commanded, volts, velocity, channels)
-    linear_volts = hysteresis.to_linear_volts(volts) if hysteresis is not None else None
-    found = from_multisine(multisine, commanded, volts, velocity, channels, linear_volts)
-    peak, said = float(np.abs(commanded).max()), str(multisine)
-    lag = 1.0 + 0.0j
-    if hysteresis is not None:
-        lag, said = hysteresis.gain(hysteresis.level), f"{said}; the patch's hysteresis taken out"
+    found, law = from_multisine(multisine, commanded, volts, velocity, channels, hysteresis)
     return _response(
         rig,
         found,
         patch,
         point,
-        excitation=said,
+        excitation=f"{multisine}; the patch's hysteresis taken out",
         repeats=multisine.periods,
-        peak=peak,
+        peak=float(np.abs(commanded).max()),
         shares=(),
-        level=None if hysteresis is None else hysteresis.level,
-        lag=lag,
+        hysteresis=law,
     )
 
 
@@ -273,8 +268,7 @@ def _response(
     repeats: int,
     peak: float,
     shares: tuple[float, ...],
-    level: float | None = None,
-    lag: complex = 1.0,
+    hysteresis: Hysteresis | None = None,
 ) -> Response:
     gain = float(np.median(np.abs(found.path)))
     _refuse_silent_drive(gain, patch)
@@ -282,14 +276,14 @@ def _response(
         patch=patch,
         point=point,
         frequencies=found.frequencies,
-        velocity=found.velocity * lag,
+        velocity=found.velocity,
         deviation=found.deviation,
         coherence=found.coherence,
         path=found.path,
         noise=found.noise,
         distortion=found.distortion,
         repeats=repeats,
-        level=gain * peak if level is None else level,
+        level=gain * peak if hysteresis is None else hysteresis.level,
         levels=gain * peak * np.array(shares),
         level_gain=found.level_gain,
         velocity_range=rig.vibrometer.range,
@@ -299,6 +293,7 @@ def _response(
         rig_file=rig.file.model_dump_json(),
         simulated=rig.simulated,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
+        hysteresis=LINEAR if hysteresis is None else hysteresis,
     )
     _refuse_incoherent(response)
     return response
