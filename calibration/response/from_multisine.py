@@ -28,6 +28,8 @@ _LAW = 15
 _ALIKE = 1.5
 """Error of the response over the distortion on the lines that were left out. That distortion is the part of
 a law's misfit that does not follow the drive; the part that does is its equal, and is in the response."""
+_OPTIMISM = 1.4
+"""Variance of a local fit to noise over the one it states: its denominators follow the noise (measured)."""
 _ROUNDS = 4
 """Rounds of weighting in which noise and distortion are told apart where no even line is silent."""
 
@@ -94,7 +96,9 @@ def from_multisine(
     everywhere[inner] = unexplained
     moved_power = np.interp(np.arange(len(f)), excited, (np.abs(H) * strength) ** 2)
     law_misfit = _misfit(even, odd, everywhere, moved_power)[excited]
-    variance = modal.variance[excited] + abs(gain) ** 2 * local.spread[at] + law_misfit * np.abs(H) ** 2
+    variance = (
+        modal.variance[excited] + _OPTIMISM * abs(gain) ** 2 * local.spread[at] + law_misfit * np.abs(H) ** 2
+    )
     # Means over the periods: of one, the noise is more.
     residual = multisine.periods * local.variance[at]
     noise = multisine.periods * power["even"] if len(even) else residual

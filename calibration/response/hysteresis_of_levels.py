@@ -20,8 +20,8 @@ _RIDGE = 1e-4
 def fit_hysteresis(response: Response) -> Hysteresis:
     """Fit the hysteresis to the measured differences of the response between levels.
 
-    Without further levels it is the law that the response was computed with. Non-negative least squares in the weights keeps
-    the loop invertible.
+    Without further levels it is the law that the response was computed with. Non-negative least squares in
+    the weights keeps the loop invertible.
     """
     if not len(response.levels):
         return response.hysteresis

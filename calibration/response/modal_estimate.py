@@ -18,10 +18,10 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 __all__ = ["ModalEstimate", "modal_estimate"]
 
 _NEAR, _FAR = 5, 25
-"""Lines over which the power of the residual is averaged: what disturbs a few lines, such as hum, and the rest."""
+"""Lines over which the power of the residual is averaged: few, for hum, and many."""
 _TONE = 0.1
-"""Half-power width of a pole, over the lines' spacing, below which it is a tone that comes from elsewhere, such
-as mains hum: it rings, and has no part in the response."""
+"""Half-power width of a pole, over the lines' spacing, below which it is a tone from elsewhere, such as mains
+hum: it rings, and has no part in the response."""
 _UNSEEN = 1e-11
 """Smallest eigenvalue of the scaled normal equations: below it, rounding errors determine a parameter."""
 

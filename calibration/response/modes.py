@@ -194,12 +194,12 @@ def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
         left = rest[: len(f)] + 1j * rest[len(f) :]
         shares += [(left.conj() * linear_volts[:, None], linear_volts) for linear_volts in basis.linear_volts]
     explained: FloatArray = np.zeros(candidates.shape)
-    for row, poles_of_one_damping in zip(explained, candidates, strict=True):
-        shape = 1 / (2j * np.pi * f[:, None] - poles_of_one_damping)
+    for k, alike in enumerate(candidates):
+        shape = 1 / (2j * np.pi * f[:, None] - alike)
         size = np.abs(shape) ** 2
         for share, linear_volts in shares:
             found = share.T @ shape
-            row += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
+            explained[k] += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
     best = explained.max(axis=0)
     poles: list[complex] = []
     while len(poles) < _AT_ONCE:
@@ -300,7 +300,7 @@ class _Basis:
 
 
 def columns_of(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Real unknowns' columns (lines, unknowns) of a response, and of what rings."""
+    """Columns (lines, unknowns) of the real unknowns of a response, and of those of what rings."""
     s = 2j * np.pi * np.asarray(f)[:, None]
     near, mirror = 1 / (s - poles), 1 / (s - np.conj(poles))
     pairs = np.concatenate([near + mirror, 1j * (near - mirror)], axis=1)
@@ -319,4 +319,5 @@ def _mixed(plays: Plays, count: int) -> Plays:
 
 
 def stack(values: ComplexArray) -> FloatArray:
+    """Real parts (lines, ...) above imaginary parts."""
     return np.concatenate([values.real, values.imag])
