@@ -14,11 +14,13 @@ from haploop.calibration.response.modes import Modes, Plays, fit_modes
 from haploop.calibration.response.response import (
     SWEEP,
     Response,
+    measure_above,
     measure_response,
     overloaded,
     prepare,
     quick_response,
 )
+from haploop.calibration.response.settling import settle
 from haploop.calibration.response.uff import read_uff, write_uff
 
 __all__ = [
@@ -35,6 +37,7 @@ __all__ = [
     "fit_hysteresis",
     "fit_modes",
     "linear_sweep",
+    "measure_above",
     "measure_response",
     "operators",
     "overloaded",
@@ -42,5 +45,6 @@ __all__ = [
     "prepare",
     "quick_response",
     "read_uff",
+    "settle",
     "write_uff",
 ]

@@ -88,7 +88,7 @@ def from_sweeps(
 def _left_in(removed: ComplexArray, below: FloatArray) -> FloatArray:
     """Variance (lines,) by what `_without_harmonics` leaves of the harmonics that it `removed`.
 
-    `below` (lines,) is the distance from the sweep's end (Hz), near which hysteresis follows the falling level.
+    `below` (lines,) is the distance from the sweep's end (Hz), near which the level falls.
     """
     power = uniform_filter1d(np.abs(removed) ** 2, _POOL, mode="nearest")
     return np.asarray(power * (_LEFT + _AT_END * np.exp(-below / _END_HZ)) ** 2)

@@ -74,8 +74,8 @@ class Outcome:
             "places": [asdict(verdict) for verdict in self.verdicts],
             "buttons": {
                 name: {
-                    "before": _told(self.before[name]) if name in self.before else None,
-                    "after": _told(self.after[name].check) if name in self.after else None,
+                    "before": self.before[name].summary() if name in self.before else None,
+                    "after": self.after[name].check.summary() if name in self.after else None,
                 }
                 for name in sorted({*self.before, *self.after})
             },
@@ -329,18 +329,6 @@ def _bring_back(
 
 def _with(outcome: Outcome, *sentences: str) -> Outcome:
     return replace(outcome, sentences=(*outcome.sentences, *sentences))
-
-
-def _told(check: Check) -> dict[str, Any]:
-    """Metrics of a check; NaN (nothing moved) becomes null."""
-    names = ("nrmse", "tolerance", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
-    values = {name: getattr(check, name) for name in names}
-    return {
-        **{name: value if np.isfinite(value) else None for name, value in values.items()},
-        "plays": check.plays,
-        "passed": check.passed,
-        "reasons": list(check.reasons),
-    }
 
 
 @dataclass(frozen=True, eq=False)
