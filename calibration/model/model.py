@@ -10,10 +10,11 @@ from scipy.io import savemat
 from scipy.linalg import block_diag, eigvals
 from scipy.signal import zpk2sos
 
-from haploop.calibration.model.rational import Lines, complex_residues, fit_poles, residues
+from haploop.calibration.model.rational import Lines, Projection, fit_poles
+from haploop.calibration.model.resonant import decay_deviation, resonant
 from haploop.calibration.response import Response
 from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
 from haploop.instruments.files import new_file
 
 __all__ = ["Model", "Resonance", "fit"]
@@ -21,18 +22,33 @@ __all__ = ["Model", "Resonance", "fit"]
 _FAST = 1000.0
 """Corner of the slope in state space, over the band's upper end: s alone is not proper."""
 _UNKNOWN = 1e-3
-"""Relative noise assumed for a response without noise data."""
+"""Smallest relative noise assumed for a response without noise data."""
+_FEWEST = 8
+"""Lines that a fit needs at least: a pole pair, a real pole, a constant and a slope have eight parameters."""
+_ALIKE = 0.9
+"""Height of a peak, over the highest, from which noise, hysteresis and drift could make it the highest: each
+changes a peak by some percent."""
 _GRID = 2000
 """Lines on which the discrete sections are fitted to the model."""
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """One pole pair: natural frequency |s| / 2 pi, damping ratio, and strength (peak of the pair, m/s/V)."""
+    """One resonance: natural frequency |s| / 2 pi, damping ratio, and strength (peak of its pole pair, m/s/V).
+
+    `damping_interval` is where the damping ratio lies with 95 %. It begins at zero when the response only
+    bounds the damping: the resonance is narrower than the lines' spacing, or than its uncertainty.
+    """
 
     frequency_hz: float
     damping: float
     strength: float
+    damping_interval: tuple[float, float]
+
+    @property
+    def damping_is_bound(self) -> bool:
+        """True when all that is known is that the damping is at most the interval's upper end."""
+        return self.damping_interval[0] == 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +57,8 @@ class Model:
 
     `poles` and `residues` hold one of each conjugate pair (imaginary part >= 0), and the real poles.
     H(s) = sum(r / (s - p) + conj) + constant + slope s. The last two represent the residual effect of
-    the modes above the band, and hold within `band` (Hz) only.
+    the modes above the band, and hold within `band` (Hz) only. Not every pole pair is a resonance: some
+    describe what the resonances leave of the measured response.
     """
 
     poles: ComplexArray
@@ -51,6 +68,12 @@ class Model:
     band: tuple[float, float]
     error: float
     """Relative rms difference from the measured response over the band."""
+    resonant: BoolArray
+    """(poles,): true for the pole pairs that are resonances."""
+    decay_deviation: FloatArray
+    """(poles,) rad/s: standard deviation of the poles' real parts."""
+    spacing: float
+    """Median distance of the response's lines (Hz)."""
 
     @property
     def stable(self) -> bool:
@@ -59,22 +82,36 @@ class Model:
 
     @property
     def resonances(self) -> tuple[Resonance, ...]:
-        """All pole pairs within the band, by frequency."""
-        found = [
-            Resonance(abs(p) / (2 * np.pi), -p.real / abs(p), abs(r) / -p.real)
-            for p, r in zip(self.poles, self.residues, strict=True)
-            if p.imag > 0 and self.band[0] < abs(p) / (2 * np.pi) < self.band[1]
-        ]
+        """The resonances within the band, by frequency."""
+        found = []
+        for k in np.flatnonzero(self.resonant):
+            p, natural = self.poles[k], float(abs(self.poles[k]))
+            margin = 2 * float(self.decay_deviation[k])
+            low = 0.0 if -p.real < np.pi * self.spacing else max(-float(p.real) - margin, 0.0)
+            interval = low / natural, (margin - float(p.real)) / natural
+            strength = float(abs(self.residues[k]) / -p.real)
+            found.append(Resonance(natural / (2 * np.pi), -float(p.real) / natural, strength, interval))
         return tuple(sorted(found, key=lambda r: r.frequency_hz))
 
     @property
-    def resonance_hz(self) -> float:
-        """Resonance with the largest velocity response (Hz): the paper's carrier frequency.
+    def carriers(self) -> tuple[Resonance, ...]:
+        """Resonances with the largest velocity response, the largest first: the first is the paper's carrier.
 
-        The largest residue is no criterion: pole pairs that nearly coincide can cancel.
+        Several when others reach nine tenths of it, or could within the uncertainty of their damping (95 %):
+        then another measurement may find another one the largest.
         """
-        natural = [resonance.frequency_hz for resonance in self.resonances]
-        return natural[int(np.argmax(np.abs(self.velocity(np.array(natural)))))]
+        found = self.resonances
+        # A peak of the response itself: residues of pole pairs that nearly coincide can cancel.
+        heights = np.abs(self.velocity(np.array([r.frequency_hz for r in found])))
+        spread = np.array([r.damping_interval[1] / r.damping - 1 for r in found])
+        order = np.argsort(-heights)
+        least = _ALIKE * heights[order[0]] / (1 + spread[order[0]])
+        return tuple(found[k] for k in order if k == order[0] or heights[k] * (1 + spread[k]) >= least)
+
+    @property
+    def resonance_hz(self) -> float:
+        """Resonance with the largest velocity response (Hz): the paper's carrier frequency."""
+        return self.carriers[0].frequency_hz
 
     def velocity(self, frequencies: FloatArray) -> ComplexArray:
         """m/s per V at the patch at `frequencies` (Hz)."""
@@ -139,7 +176,8 @@ class Model:
         stacked = np.concatenate([basis.real, basis.imag]) / norms
         H = self.velocity(f)
         solution = np.linalg.lstsq(stacked, np.concatenate([H.real, H.imag]), rcond=None)[0] / norms
-        r = complex_residues(self.poles, solution)
+        r = solution[:first].astype(np.complex128)
+        r[paired] += 1j * solution[first:-2]
         return _cascade(self.poles, z, r, solution[-2:])
 
     def save_mat(self, path: str | Path, rate_hz: float | None = None) -> None:
@@ -173,39 +211,53 @@ class Model:
 def fit(response: Response) -> Model:
     """Fit a model to a response, with an order selected from the data.
 
-    All lines have equal weight, because their noise is nearly equal. Vector fitting (scikit-rf) is refined
-    by least squares; poles are always stable. Raises DataError when no resonance is found.
+    All lines have equal weight, because their noise is nearly equal. Poles are always stable. Raises DataError
+    for a response that is not finite or has too few lines, and when no resonance is found.
     """
-    noise, H = _noise(response), response.velocity
-    lines = Lines(response.frequencies, H / noise)
+    f, H = response.frequencies, response.velocity
+    noise = _noise(response)
+    lines = Lines.of(f, H, np.full(len(H), noise))
     poles = fit_poles(lines)
-    found = noise * residues(poles, lines)[0]
+    found = Projection.of(poles, lines)
     model = Model(
         poles=poles,
-        residues=complex_residues(poles, found),
-        constant=float(found[-2]),
-        slope=float(found[-1]),
-        band=(float(lines.f[0]), float(lines.f[-1])),
+        residues=found.residues(),
+        constant=float(found.solution[-2]),
+        slope=float(found.solution[-1]),
+        band=(float(f[0]), float(f[-1])),
         error=0.0,
+        resonant=resonant(found),
+        decay_deviation=decay_deviation(found),
+        spacing=lines.spacing,
     )
     if not model.stable or not model.resonances:
         raise DataError(
-            f"No resonance of patch {response.patch} at the {response.point} point could be fitted: "
-            "look at the measured response."
+            f"No resonance of {_place(response)} could be fitted: look at the measured response."
         )
-    return replace(model, error=float(np.linalg.norm(model.velocity(lines.f) - H) / np.linalg.norm(H)))
+    return replace(model, error=float(np.linalg.norm(model.velocity(f) - H) / np.linalg.norm(H)))
+
+
+def _place(response: Response) -> str:
+    return f"patch {response.patch} at the {response.point} point"
 
 
 def _noise(response: Response) -> float:
     """Root mean square of the standard deviation of a response's lines (m/s per V)."""
-    size = float(np.sqrt(np.mean(np.abs(response.velocity) ** 2)))
-    if not np.isfinite(size) or size == 0:
+    f, H = response.frequencies, response.velocity
+    if len(f) < _FEWEST or not np.all(np.diff(f) > 0) or not f[0] > 0:
         raise DataError(
-            f"The response of patch {response.patch} at the {response.point} point is zero, NaN or infinite: "
-            "no model fits it."
+            f"The response of {_place(response)} has {len(f)} lines: a model needs {_FEWEST} or more, "
+            "in ascending order, above 0 Hz."
         )
+    size = float(np.sqrt(np.mean(np.abs(H) ** 2)))
+    if not np.isfinite(size) or size == 0:
+        raise DataError(f"The response of {_place(response)} is zero, NaN or infinite: no model fits it.")
     known = float(np.sqrt(np.mean(response.deviation**2))) if len(response.deviation) else 0.0
-    return known if known > 0 else _UNKNOWN * size
+    if known > 0:
+        return known
+    # The median of the second differences is noise alone where lines are closer than resonances are wide.
+    rough = np.abs(H[1:-1] - (H[:-2] + H[2:]) / 2) ** 2
+    return max(float(np.sqrt(np.median(rough) / 1.5 / np.log(2))), _UNKNOWN * size)
 
 
 def _cascade(

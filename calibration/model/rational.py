@@ -2,209 +2,321 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.fft import fft, ifft
-from scipy.optimize import least_squares
-from scipy.signal import find_peaks
-from skrf import Frequency, Network
-from skrf.vectorFitting import VectorFitting
+from scipy.signal import find_peaks, peak_widths
 from threadpoolctl import threadpool_limits
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Lines", "complex_residues", "fit_poles", "residues"]
+__all__ = ["Lines", "Projection", "fit_poles"]
 
-_MOST_PAIRS = 40
-_ITERATIONS = 12
-"""Iterations of vector fitting, which the refinement continues."""
-_STEPS, _LAST = 12, 30
-"""Steps of refinement during the search for the order, and of the last one."""
+_MOST_POLES = 100
+_STEPS, _LAST = 6, 30
+"""Largest number of refinement steps during the search for the order, and of the last refinement."""
+_SETTLED, _CONVERGED = 1e-2, 1e-4
+"""Relative gain of a step below which refinement ends: during the search, and at the end."""
 _PENALTY = 4.0
 """Cost of a real parameter in twice the log-likelihood: between Akaike's 2 and the logarithm of the number
 of lines, because a pole with a free frequency fits more noise than a linear parameter."""
-_STARTS = (0, 4)
-"""Pole pairs of the initial vector fits, in excess of the number of peaks."""
-_DAMPINGS = (0.004, 0.012, 0.04)
-"""Damping ratios of the candidate pole pairs for the residual of a fit."""
+_DAMPINGS = (0.012, 0.04)
+"""Damping ratios of the candidate pole pairs for the residual of a fit, besides narrow ones at its peaks."""
+_BELOW, _ABOVE = np.array([0.5, 0.8]), np.array([1.03, 1.1, 1.3, 1.8])
+_LIKELY, _NARROW = 16, 8
+_AT_ONCE = 4
+"""Pole pairs that are added at a time, at most."""
 _NOISY = 1.5
 """Power of the residual, over the known noise, up to which it counts as noise."""
+_GOOD = 0.008
+"""Relative error up to which a pair is added only if it leaves a quarter less power than without it."""
+_LESS = 0.75
+"""That part."""
+_LESS_COARSE = 0.92
 _COINCIDENT = 0.1
 """Distance of two poles, over their decay, within which one response cannot distinguish them."""
-_NARROWEST = 0.15
-"""Smallest half-power width of a resonance, over the lines' spacing: lines do not resolve a narrower one."""
+_NARROWEST = 0.02
+"""Smallest half-power width of a fitted pole pair, over the lines' spacing."""
 _ALIKE = 30
 """Largest distance (lines) at which noise may be correlated."""
-_PLACES = 300
-"""Frequencies of the candidate pole pairs."""
 _ENOUGH = 1000
 """Number of lines above which neighbouring ones are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """A response: `f` (lines,) Hz, and `H` (rows,), scaled to a noise power of one.
+    """A response as a problem of least squares: `f` (lines,) Hz; `H` (rows,), of unit noise by `weight` (lines,).
 
     Each row is the sum of `block` lines over the root of `block`, which leaves the noise power at one.
     """
 
     f: FloatArray
     H: ComplexArray
+    weight: FloatArray
     block: int = 1
 
-    @property
+    @classmethod
+    def of(cls, f: FloatArray, H: ComplexArray, noise: FloatArray) -> Lines:
+        """Lines of a response `H` at `f` (Hz), whose standard deviation is `noise`; all (lines,)."""
+        return cls(f, H / noise, 1 / noise)
+
+    @cached_property
+    def spacing(self) -> float:
+        """Median distance of neighbouring lines (Hz)."""
+        return float(np.median(np.diff(self.f)))
+
+    @cached_property
     def centres(self) -> FloatArray:
-        """Frequencies (rows,) of the rows of `H`."""
+        """Frequencies (rows,) of the rows (Hz)."""
         return np.asarray(self.f.reshape(-1, self.block).mean(axis=1))
 
-    def gathered(self, values: ComplexArray) -> ComplexArray:
-        """Combine values (lines, columns) into rows, as in `H`."""
-        return np.asarray(values.reshape(-1, self.block, *values.shape[1:]).sum(axis=1) / np.sqrt(self.block))
+    def averaged(self) -> Lines:
+        """Average neighbouring lines. A basis is averaged alike, so that this adds no bias and saves time."""
+        block = len(self.f) // _ENOUGH
+        if block < 2:
+            return self
+        kept = len(self.f) // block * block
+        H = self.H[:kept].reshape(-1, block).sum(axis=1) / np.sqrt(block)
+        return Lines(self.f[:kept], H, self.weight[:kept], block)
+
+    def stacked(self, real: FloatArray, imag: FloatArray) -> FloatArray:
+        """Real and imaginary parts (columns, lines) as weighted rows, (columns, 2 rows)."""
+        both = np.concatenate([real * self.weight, imag * self.weight], axis=1)
+        if self.block == 1:
+            return both
+        return np.asarray(both.reshape(len(both), -1, self.block).sum(axis=2) / np.sqrt(self.block))
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Least-squares solution for given poles (rad/s, one of each conjugate pair).
+
+    The response is a sum of (a + b s) / ((s - p)(s - p*)), or of a / (s - p) for real poles, a constant and
+    a slope. `basis` (unknowns, 2 rows) has rows of unit norm, `norms` before: those of b, then those of a, the
+    constant and the slope. `inverse` is that of its Gram matrix; `left` (2 rows,) is the residual, real parts first.
+    """
+
+    poles: ComplexArray
+    lines: Lines
+    basis: FloatArray
+    norms: FloatArray
+    inverse: FloatArray
+    solution: FloatArray
+    left: FloatArray
+    power: float
+    """Power of the residual per row."""
+
+    @classmethod
+    def of(cls, poles: ComplexArray, lines: Lines) -> Projection:
+        """Solve for the linear unknowns."""
+        basis = _basis(poles, lines)
+        norms = np.sqrt(np.einsum("ij,ij->i", basis, basis))
+        basis /= norms[:, None]
+        # The tiny ridge keeps coincident poles solvable; the second pass makes up for it, and for rounding.
+        inverse = np.linalg.inv(basis @ basis.T + 1e-12 * np.eye(len(norms)))
+        measured = np.concatenate([lines.H.real, lines.H.imag])
+        found = inverse @ (basis @ measured)
+        found = found + inverse @ (basis @ (measured - found @ basis))
+        left = measured - found @ basis
+        power = float(left @ left) / (len(left) // 2)
+        return cls(poles, lines, basis, norms, inverse, found / norms, left, power)
+
+    @property
+    def residual(self) -> ComplexArray:
+        """The residual (rows,)."""
+        count = len(self.left) // 2
+        return np.asarray(self.left[:count] + 1j * self.left[count:])
+
+    @property
+    def error(self) -> float:
+        """Relative rms residual."""
+        return float(np.sqrt(self.power / np.mean(np.abs(self.lines.H) ** 2)))
+
+    @cached_property
+    def independent(self) -> float:
+        """Number of independent rows: the residual of neighbouring lines may be correlated, by smoothing."""
+        count, total = len(self.left) // 2, float(self.left @ self.left)
+        alike = ifft(np.abs(fft(self.residual, 2 * count)) ** 2)[1:_ALIKE] / max(total, 1e-300)
+        return count / float(1 + 2 * (np.abs(alike) ** 2).sum())
+
+    @property
+    def parameters(self) -> int:
+        """Number of real parameters: four a pole pair, two a real pole, a constant and a slope."""
+        return 2 * len(self.poles) + 2 * int((self.poles.imag > 0).sum()) + 2
+
+    def residues(self) -> ComplexArray:
+        """(poles,) residues."""
+        paired = self.poles.imag > 0
+        count = int(paired.sum())
+        b, a, p = self.solution[:count], self.solution[count : 2 * count], self.poles[paired]
+        found = np.empty(len(self.poles), dtype=np.complex128)
+        found[paired] = (a + b * p) / (2j * p.imag)
+        found[~paired] = self.solution[2 * count : -2]
+        return found
+
+    def slope(self) -> FloatArray:
+        """Derivative (parameters, 2 rows) of the response by log decay of pairs, log frequency, log decay of real."""
+        paired = self.poles.imag > 0
+        pairs, real = self.poles[paired], self.poles[~paired].real[:, None]
+        count, w = len(pairs), 2 * np.pi * self.lines.f
+        re, im = _inverse_quadratic(pairs, w)
+        b, a = self.solution[:count, None], self.solution[count : 2 * count, None]
+        # -(a + b s) / quadratic^2, which the derivatives of the quadratic, 2 (s + decay) and 2 frequency, multiply.
+        square_re, square_im = re**2 - im**2, 2 * re * im
+        top_re, top_im = -(a * square_re - b * w * square_im), -(a * square_im + b * w * square_re)
+        d, own = -pairs.real[:, None], 2 * pairs.imag[:, None] ** 2
+        size = self.solution[2 * count : -2, None] / (w**2 + real**2) ** 2
+        # d/d(log d) of c / (s + d) is -c d / (s + d)^2.
+        by_real = real * size * (real**2 - w**2), real * size * (2 * real * w)
+        slope_re = np.concatenate([2 * d * (d * top_re - w * top_im), own * top_re, by_real[0]])
+        slope_im = np.concatenate([2 * d * (d * top_im + w * top_re), own * top_im, by_real[1]])
+        return self.lines.stacked(slope_re, slope_im)
+
+    def explained(self, candidates: ComplexArray) -> FloatArray:
+        """Energy of the residual (candidates,) that each pair of poles would take away if it were added."""
+        added = _basis(candidates, self.lines)[:-2].reshape(2, len(candidates), -1)
+        added /= np.linalg.norm(added, axis=2)[:, :, None]
+        seen = added @ self.basis.T
+        gram = np.einsum("ikn,jkn->kij", added, added) - np.einsum("iku,uv,jkv->kij", seen, self.inverse, seen)
+        along = (added @ self.left).T[:, :, None]
+        return np.asarray((along * np.linalg.solve(gram + 1e-9 * np.eye(2), along)).sum(axis=(1, 2)))
+
+    def costs(self) -> FloatArray:
+        """Rise of the residual's power (poles,) when a pole is removed and the others stay where they are."""
+        scaled = self.solution * self.norms
+        paired = self.poles.imag > 0
+        count = int(paired.sum())
+        first = np.where(paired, np.cumsum(paired) - 1, 2 * count + np.cumsum(~paired) - 1)
+        costs = []
+        for k, pair in zip(first, paired, strict=True):
+            own = [k, k + count] if pair else [k]
+            costs.append(scaled[own] @ np.linalg.solve(self.inverse[np.ix_(own, own)], scaled[own]))
+        return np.array(costs) / (len(self.left) // 2)
+
+    def gain_over(self, other: Projection) -> float:
+        """Twice the gain in log-likelihood, less the cost of additional parameters.
+
+        The number of independent rows is taken from the fit with the smaller residual, because the
+        residual of the other is not noise alone.
+        """
+        independent = min((self, other), key=lambda fit: fit.power).independent
+        gained = 2 * independent * float(np.log(max(other.power, 1e-300) / max(self.power, 1e-300)))
+        return gained - _PENALTY * (self.parameters - other.parameters)
+
+    def worth_over(self, other: Projection) -> bool:
+        """True when it gains, and leaves only noise or a quarter less: a smaller gain may be distortion."""
+        pairs = max(len(self.poles) - len(other.poles), 1)
+        return self.gain_over(other) > 0 and self.power < max(_NOISY, other.most_left**pairs * other.power)
+
+    @property
+    def most_left(self) -> float:
+        """Largest part of the residual's power that another pair may leave."""
+        return _LESS if self.error < _GOOD else _LESS_COARSE
 
 
 def fit_poles(lines: Lines) -> ComplexArray:
     """Fit the poles (rad/s), one of each conjugate pair.
 
-    Vector fitting (scikit-rf) begins with a pole pair for each peak, and is refined by least squares. Then
-    the pair that explains most of the residual is added, as long as it gains more than its parameters
-    cost.
+    The first pairs are the peaks. Then those that explain most of the residual are added, as long as they gain
+    more than their parameters cost. Every step is followed by a least-squares refinement of all poles.
     """
-    lines = _averaged(lines)
+    lines = lines.averaged()
     with threadpool_limits(1):
-        best, *others = (_tried(_vector_fit(lines, _peaks(lines) + more), lines) for more in _STARTS)
-        for other in others:
-            best = other if other.gain_over(best) > 0 else best
-        while len(best.poles) < _MOST_PAIRS:
-            # Add the pair that explains most of the residual; without a gain, repeat the vector fit.
-            for start in (_with_missing, _anew):
-                found = _tried(start(best.poles, lines), lines)
+        best, candidates = _refined(_peaks(lines), lines), _Candidates.of(lines)
+        while len(best.poles) < _MOST_POLES:
+            missing = candidates.missing(best)
+            for count in sorted({len(missing), min(len(missing), 1)} - {0}, reverse=True):
+                found = _refined(np.append(best.poles, missing[:count]), lines)
                 if found.worth_over(best):
                     best = found
                     break
             else:
                 break
-        return _refine(_pruned(best, lines), lines, _LAST)
-
-
-def residues(poles: ComplexArray, lines: Lines) -> tuple[FloatArray, ComplexArray]:
-    """Solve for the real unknowns (unknowns,) of given poles; returns them and the residual (rows,).
-
-    Unknowns are the residues' real parts, the imaginary parts of those of pole pairs, a constant
-    and a slope.
-    """
-    return _Projection.of(poles, lines).solution()
+        return _refined(_pruned(best).poles, lines, _LAST, _CONVERGED).poles
 
 
 @dataclass(frozen=True, eq=False)
-class _Projection:
-    """Projection of a response on a real, orthonormal basis; `left` is the residual (2 rows,)."""
+class _Candidates:
+    """Poles (candidates,) rad/s, and their partial fractions (candidates, rows) of unit norm."""
 
     poles: ComplexArray
+    shapes: ComplexArray
     lines: Lines
-    q: FloatArray
-    upper: FloatArray
-    norms: FloatArray
-    seen: FloatArray
-    left: FloatArray
 
     @classmethod
-    def of(cls, poles: ComplexArray, lines: Lines) -> _Projection:
-        basis = lines.gathered(_columns(poles, lines.f))
-        norms = np.linalg.norm(basis, axis=0)
-        q, upper = np.linalg.qr(_stack(basis / norms))
-        measured = _stack(lines.H)
-        seen = q.T @ measured
-        return cls(poles, lines, q, upper, norms, seen, measured - q @ seen)
+    def of(cls, lines: Lines) -> _Candidates:
+        low, high = np.log(lines.f[0]), np.log(lines.f[-1])
+        places = [
+            2 * np.pi * np.exp(np.arange(low, high, zeta)) * (1j * np.sqrt(1 - zeta**2) - zeta)
+            for zeta in _DAMPINGS
+        ]
+        poles = np.concatenate(places)
+        return cls(poles, _shapes(poles, lines), lines)
 
-    def solution(self) -> tuple[FloatArray, ComplexArray]:
-        # Coincident poles make the triangle singular: the minimum-norm solution is taken.
-        found = np.linalg.lstsq(self.upper, self.seen, rcond=None)[0] / self.norms
-        count = len(self.lines.H)
-        return np.asarray(found), np.asarray(self.left[:count] + 1j * self.left[count:])
-
-    def slope(self) -> FloatArray:
-        """Jacobian (2 rows, parameters) of `left` by the parameters of `_refine`."""
-        p = self.poles
-        paired = p.imag > 0
-        s = 2j * np.pi * self.lines.f[:, None]
-        near, mirror = 1 / (s - p) ** 2, np.where(paired, 1 / (s - np.conj(p)) ** 2, 0)
-        own = complex_residues(p, self.solution()[0])
-        one, other = own * near, np.conj(own) * mirror
-        by_decay, by_frequency = (one + other) * p.real, (1j * (one - other) * p.imag)[:, paired]
-        change = _stack(-self.lines.gathered(np.concatenate([by_decay, by_frequency], axis=1)))
-        return np.asarray(change - self.q @ (self.q.T @ change))
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Poles, the power of their residual per row, and the number of independent rows."""
-
-    poles: ComplexArray
-    power: float
-    independent: float
-    parameters: int
-
-    @classmethod
-    def of(cls, poles: ComplexArray, lines: Lines) -> _Fit:
-        left = residues(poles, lines)[1]
-        count, power = len(left), float((np.abs(left) ** 2).sum())
-        alike = ifft(np.abs(fft(left, 2 * count)) ** 2)[1:_ALIKE] / power
-        independent = count / float(1 + 2 * (np.abs(alike) ** 2).sum())
-        return cls(poles, power / count, independent, 4 * len(poles) + 2)
-
-    def gain_over(self, other: _Fit) -> float:
-        """Twice the gain in log-likelihood, less the cost of additional parameters.
-
-        Noise may be correlated between neighbouring lines, for example by smoothing, which reduces the
-        number of independent ones. It is taken from the fit with the smaller residual, because the
-        residual of the other is not noise alone.
-        """
-        independent = min((self, other), key=lambda fit: fit.power).independent
-        gained = 2 * independent * float(np.log(other.power / self.power))
-        return gained - _PENALTY * (self.parameters - other.parameters)
-
-    def worth_over(self, other: _Fit) -> bool:
-        """True when it gains, and leaves only noise or a quarter less: a smaller gain may be distortion."""
-        return self.gain_over(other) > 0 and self.power < max(_NOISY, 0.75 * other.power)
+    def missing(self, fit: Projection) -> ComplexArray:
+        """Poles (rad/s) that explain most of a residual, the best one first, none near another one."""
+        left, lines = fit.residual, self.lines
+        spacing = lines.spacing * lines.block
+        likely = self.poles[np.argsort(-np.abs(self.shapes @ left.astype(np.complex64)))[:_LIKELY]]
+        around = np.convolve(np.abs(left) ** 2, np.ones(3), "same")
+        narrow = 2 * np.pi * (1j * lines.centres[np.argsort(-around)[:_NARROW]] - 0.5 * spacing)
+        places = np.concatenate([likely, narrow, _beyond(lines)])
+        explained = fit.explained(places)
+        # Refinement can make a pair explain several times as much, but not arbitrarily more.
+        hopeless = (1 - fit.most_left) / 4 * fit.power * len(left)
+        if fit.power < _NOISY:
+            hopeless = 2 * _PENALTY * fit.power * len(left) / fit.independent
+        least = max(hopeless, 0.5 * float(explained.max()))
+        found: list[complex] = []
+        for k in np.argsort(-explained):
+            if len(found) == _AT_ONCE or explained[k] < least:
+                break
+            p = places[k]
+            if all(abs(p - q) > 4 * max(-p.real, -q.real, np.pi * spacing) for q in found):
+                found.append(p)
+        return np.array(found)
 
 
-def _anew(poles: ComplexArray, lines: Lines) -> ComplexArray:
-    """Repeat vector fitting with two more pole pairs."""
-    return _vector_fit(lines, len(poles) + 2)
+def _beyond(lines: Lines) -> ComplexArray:
+    """Candidates below and above the band (rad/s)."""
+    places = 2 * np.pi * np.concatenate([_BELOW * lines.f[0], _ABOVE * lines.f[-1]])
+    return np.asarray(places * (1j - _DAMPINGS[0]))
 
 
-def _with_missing(poles: ComplexArray, lines: Lines) -> ComplexArray:
-    """Append to `poles` the pole (rad/s) that explains most of their residual."""
-    places = 2 * np.pi * np.linspace(lines.f[0], lines.f[-1], _PLACES)
-    candidates = np.concatenate([places * (1j * np.sqrt(1 - z**2) - z) for z in _DAMPINGS])
-    shape = lines.gathered(1 / (2j * np.pi * lines.f[:, None] - candidates))
-    shape /= np.linalg.norm(shape, axis=0)
-    explained = np.abs(shape.conj().T @ residues(poles, lines)[1])
-    return np.append(poles, candidates[int(np.argmax(explained))])
+def _shapes(poles: ComplexArray, lines: Lines) -> ComplexArray:
+    w, weight = (2 * np.pi * lines.f).astype(np.float32), lines.weight.astype(np.float32)
+    d, off = -poles.real.astype(np.float32)[:, None], w - poles.imag.astype(np.float32)[:, None]
+    size = weight / (d**2 + off**2)
+    # The conjugate of 1 / (s - p), because it multiplies the residual.
+    shape = np.empty(size.shape, dtype=np.complex64)
+    shape.real, shape.imag = d * size, off * size
+    if lines.block > 1:
+        shape = shape.reshape(len(shape), -1, lines.block).sum(axis=2)
+    return np.asarray(shape / np.linalg.norm(shape, axis=1)[:, None])
 
 
-def _tried(start: ComplexArray, lines: Lines) -> _Fit:
-    return _Fit.of(_refine(start, lines), lines)
-
-
-def _pruned(best: _Fit, lines: Lines) -> ComplexArray:
-    """Remove the pole pairs that gain less than they cost, and those that nearly coincide with others.
+def _pruned(best: Projection) -> Projection:
+    """Remove the poles that gain less than they cost, and those that nearly coincide with others.
 
     A fit can contain two pairs that nearly coincide and cancel, each far larger than their sum. Such a fit
     is a local minimum, and the pair whose removal increases the residual least is a different one, so
     coincident pairs are tried separately.
     """
     while len(best.poles) > 1:
-        fewer = [_Fit.of(np.delete(best.poles, k), lines) for k in range(len(best.poles))]
-        candidates = [min(fewer, key=lambda fit: fit.power), *(fewer[k] for k in _doubles(best.poles))]
-        tried = (_tried(fit.poles, lines) for fit in candidates)
+        costs = best.costs()
+        weakest = int(np.argmin(costs))
+        hopeless = best.independent * np.log1p(costs[weakest] / max(best.power, 1e-300)) > 8 * _PENALTY
+        tried = (
+            _refined(np.delete(best.poles, k), best.lines)
+            for k in [*([] if hopeless else [weakest]), *_doubles(best.poles)]
+        )
         better = next((fit for fit in tried if fit.gain_over(best) > 0), None)
         if better is None:
             break
         best = better
-    return best.poles
+    return best
 
 
 def _doubles(poles: ComplexArray) -> list[int]:
@@ -213,109 +325,82 @@ def _doubles(poles: ComplexArray) -> list[int]:
     return [int(k) for k in np.flatnonzero(apart.min(axis=1) < _COINCIDENT * -poles.real)]
 
 
-def _averaged(lines: Lines) -> Lines:
-    """Average neighbouring lines. The basis is averaged alike, so that this adds no bias and saves time."""
-    block = len(lines.f) // _ENOUGH
-    if block < 2:
-        return lines
-    kept = len(lines.f) // block * block
-    own = Lines(lines.f[:kept], lines.H[:kept], block)
-    return Lines(own.f, own.gathered(own.H), block)
+def _peaks(lines: Lines) -> ComplexArray:
+    """Poles (rad/s) at the peaks that are well above the noise, with a prominence of 3 dB, and a real one.
+
+    The real one, below the band, represents what lies there.
+    """
+    power = np.abs(lines.H) ** 2
+    at = find_peaks(10 * np.log10(np.maximum(power, 100.0)), prominence=3.0)[0]
+    step, centres = lines.spacing * lines.block, lines.centres
+    width = peak_widths(power, at, rel_height=0.5)[0] if len(at) else np.ones(1)
+    if not len(at):
+        at = np.array([int(np.argmax(power))])
+    kept = np.argsort(-power[at])[: _MOST_POLES // 2]
+    pairs = -np.pi * step * np.clip(width[kept], 0.3, 30) + 2j * np.pi * centres[at[kept]]
+    return np.append(pairs, -2 * np.pi * lines.f[0] / 5)
 
 
-def _peaks(lines: Lines) -> int:
-    """Number of peaks with a prominence of 3 dB that are well above the noise; 2 to 16."""
-    power = np.maximum(np.abs(lines.H) ** 2, 100.0)
-    return int(np.clip(len(find_peaks(10 * np.log10(power), prominence=3.0)[0]), 2, 16))
+def _basis(poles: ComplexArray, lines: Lines) -> FloatArray:
+    """Rows (unknowns, 2 rows) of the linear unknowns, as `Projection` orders them."""
+    pairs, real = poles[poles.imag > 0], poles[poles.imag == 0].real[:, None]
+    w = 2 * np.pi * lines.f
+    re, im = _inverse_quadratic(pairs, w)
+    size = 1 / (w**2 + real**2)
+    count = len(pairs)
+    both = np.empty((2, 2 * count + len(real) + 2, len(w)))
+    both[0, :count], both[1, :count] = -w * im, w * re
+    both[0, count : 2 * count], both[1, count : 2 * count] = re, im
+    both[0, 2 * count : -2], both[1, 2 * count : -2] = -real * size, -w * size
+    both[0, -2:], both[1, -2:] = [[1.0], [0.0]], 0.0
+    both[1, -1] = w
+    return lines.stacked(both[0], both[1])
 
 
-class _Responses(Network):  # type: ignore[misc]
-    """Network that skips scikit-rf's slow test for passivity, which has no meaning for these responses."""
-
-    def is_passive(self, *_: object) -> bool:
-        return False
-
-
-def _vector_fit(lines: Lines, pairs: int) -> ComplexArray:
-    """Poles (rad/s), one of each conjugate pair, of scikit-rf's vector fit begun with `pairs` pairs."""
-    H = lines.H[:, None, None] / np.abs(lines.H).max()
-    fitting = VectorFitting(_Responses(frequency=Frequency.from_f(lines.centres, unit="hz"), s=H))
-    fitting.max_iterations = _ITERATIONS
-    with warnings.catch_warnings():
-        # Its convergence warning is not needed: fits are judged by their residuals.
-        warnings.simplefilter("ignore")
-        fitting.vector_fit(
-            n_poles_real=0,
-            n_poles_cmplx=pairs,
-            init_pole_spacing="lin",
-            fit_constant=True,
-            fit_proportional=True,
-            enforce_dc=False,
-        )
-    poles = np.asarray(fitting.poles, dtype=np.complex128)
-    # A mirrored pole has the same magnitude: only the phase changes, which the refinement corrects.
-    return np.asarray(-np.abs(poles.real) + 1j * poles.imag)
+def _inverse_quadratic(pairs: ComplexArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Real and imaginary part of 1 / ((s - p)(s - p*)) at s = j w, (pairs, lines)."""
+    d, own = -pairs.real[:, None], pairs.imag[:, None]
+    re, im = (own - w) * (own + w) + d**2, 2 * d * w
+    size = 1 / (re**2 + im**2)
+    return re * size, -im * size
 
 
-def _columns(poles: ComplexArray, f: FloatArray) -> ComplexArray:
-    """Basis (lines, unknowns) of real unknowns."""
-    s = 2j * np.pi * f[:, None]
-    paired = poles.imag > 0
-    near, mirror = 1 / (s - poles), 1 / (s - np.conj(poles))
-    return np.concatenate(
-        [
-            near + np.where(paired, mirror, 0),
-            (1j * (near - mirror))[:, paired],
-            np.ones_like(s),
-            s,
-        ],
-        axis=1,
-    )
-
-
-def _stack(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])
-
-
-def complex_residues(poles: ComplexArray, solution: FloatArray) -> ComplexArray:
-    """(poles,) from the unknowns of `residues`."""
-    found = solution[: len(poles)].astype(np.complex128)
-    paired = poles.imag > 0
-    found[paired] += 1j * solution[len(poles) : len(poles) + int(paired.sum())]
-    return found
-
-
-def _refine(poles: ComplexArray, lines: Lines, steps: int = _STEPS) -> ComplexArray:
+def _refined(poles: ComplexArray, lines: Lines, steps: int = _STEPS, settled: float = _SETTLED) -> Projection:
     """Refine poles to minimise the squared residual; residues are eliminated at each step.
 
-    Vector fitting minimises a weighted substitute for the residual, which noise biases. This is
-    variable projection with Kaufman's Jacobian (Golub and Pereyra, Inverse Problems 19, 2003).
-    Logarithms of decay and frequency, within a factor e, keep every pole stable.
+    Levenberg-Marquardt steps with variable projection and Kaufman's Jacobian (Golub and Pereyra, Inverse
+    Problems 19, 2003). Logarithms of decay and frequency keep every pole stable.
     """
-    paired = poles.imag > 0
+    poles = np.concatenate([poles[poles.imag > 0], poles[poles.imag == 0]])
+    best, trust = Projection.of(_moved(poles, np.zeros(2 * len(poles)), lines), lines), 1e-3
+    for _ in range(steps):
+        change = best.slope()
+        seen = best.basis @ change.T
+        normal = change @ change.T - seen.T @ (best.inverse @ seen)
+        gradient = change @ best.left
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+        normal = normal / np.outer(scale, scale)
+        before = best.power
+        for _ in range(4):
+            step = np.linalg.solve(normal + trust * np.eye(len(scale)), gradient / scale) / scale
+            tried = Projection.of(_moved(best.poles, step, lines), lines)
+            if tried.power < before:
+                best, trust = tried, max(trust / 10, 1e-9)
+                break
+            trust = max(10 * trust, 1e-4)
+        if best.power > (1 - settled) * before:
+            break
+    return best
 
-    def at(x: FloatArray) -> ComplexArray:
-        p = -np.exp(x[: len(poles)]).astype(np.complex128)
-        p[paired] += 1j * np.exp(x[len(poles) :])
-        return p
 
-    latest: list[tuple[bytes, _Projection]] = []
-
-    def projected(x: FloatArray) -> _Projection:
-        if not latest or latest[0][0] != x.tobytes():
-            latest[:] = [(x.tobytes(), _Projection.of(at(x), lines))]
-        return latest[0][1]
-
-    def left(x: FloatArray) -> FloatArray:
-        return projected(x).left
-
-    def slope(x: FloatArray) -> FloatArray:
-        return projected(x).slope()
-
-    spacing = float(np.median(np.diff(lines.f)))
-    narrowest = np.log(_NARROWEST * np.pi * spacing)
-    start = np.concatenate([np.maximum(np.log(-poles.real), narrowest), np.log(poles.imag[paired])])
-    low, high = start - 1, start + 1
-    low[: len(poles)] = np.maximum(low[: len(poles)], narrowest - 1e-3)
-    found = least_squares(left, start, slope, (low, high), method="trf", max_nfev=steps, xtol=1e-9, ftol=1e-5)
-    return at(found.x)
+def _moved(poles: ComplexArray, step: FloatArray, lines: Lines) -> ComplexArray:
+    """Poles after a step of logarithms, each of which is limited to where the linearisation may hold."""
+    count = int((poles.imag > 0).sum())
+    w, narrowest = 2 * np.pi * lines.f, _NARROWEST * np.pi * lines.spacing
+    by_decay = np.concatenate([step[:count], step[2 * count :][: len(poles) - count]])
+    decay = np.clip(-poles.real * np.exp(np.clip(by_decay, -1, 1)), narrowest, 3 * w[-1])
+    moved = -decay.astype(np.complex128)
+    own = poles.imag[:count]
+    most = np.minimum(np.maximum(-2 * poles.real[:count], 2 * np.pi * lines.spacing) / own, 1)
+    moved[:count] += 1j * np.clip(own * np.exp(np.clip(step[count : 2 * count], -most, most)), w[0] / 10, 3 * w[-1])
+    return moved

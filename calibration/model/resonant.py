@@ -1,0 +1,79 @@
+"""Pole pairs that are resonances, and the uncertainty of their decay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from haploop.calibration.model.rational import Projection
+from haploop.instruments.arrays import BoolArray, FloatArray
+
+__all__ = ["decay_deviation", "resonant"]
+
+_SHARE = 0.5
+"""Part of the response that a resonance makes up at its own frequency, at least."""
+_SUPPORT = 5
+"""Neighbouring lines at which it does: a pole pair has four parameters, so that it fits two lines whatever they are."""
+_ONE = 1.5
+"""Distance (lines) of two pole pairs up to which they are one resonance."""
+_DAMPED = 0.3
+"""Damping ratio beyond which a pole pair makes no peak."""
+
+
+def resonant(fit: Projection) -> BoolArray:
+    """Find the pole pairs (poles,) that are resonances; the others describe what is left of the response.
+
+    A resonance makes up half of the response at five neighbouring lines around its frequency, or more, and is
+    not at the end of the band. Pairs whose distance is less than their decay, or than one and a half lines, are one
+    resonance, the strongest.
+    """
+    lines, poles = fit.lines, fit.poles
+    paired = poles.imag > 0
+    count, rows = int(paired.sum()), len(lines.H)
+    scaled = fit.solution[: 2 * count] * fit.norms[: 2 * count]
+    parts = scaled[:count, None] * fit.basis[:count] + scaled[count:, None] * fit.basis[count : 2 * count]
+    sizes = np.hypot(parts[:, :rows], parts[:, rows:])
+    whole = np.abs(lines.H - fit.residual)
+    found: list[int] = []
+    index = np.flatnonzero(paired)
+    for own in np.argsort(-sizes.max(axis=1)):
+        p = poles[index[own]]
+        nearest = int(np.argmin(np.abs(lines.f - p.imag / (2 * np.pi))))
+        inside = lines.f[1] < p.imag / (2 * np.pi) < lines.f[-2]
+        if not inside or -p.real > _DAMPED * abs(p) or _run(sizes[own] >= _SHARE * whole, nearest) < _SUPPORT:
+            continue
+        others = poles[found]
+        apart = np.maximum(np.minimum(-p.real, -others.real), _ONE * 2 * np.pi * lines.spacing)
+        if np.all(np.abs(p - others) > apart):
+            found.append(int(index[own]))
+    mask = np.zeros(len(poles), dtype=np.bool_)
+    mask[found] = True
+    return mask
+
+
+def _run(true: BoolArray, at: int) -> int:
+    """Length of the run of true values around an index."""
+    if not true[at]:
+        return 0
+    after, before = np.flatnonzero(~true[at:]), np.flatnonzero(~true[: at + 1][::-1])
+    return int((after[0] if len(after) else len(true) - at) + (before[0] if len(before) else at + 1) - 1)
+
+
+def decay_deviation(fit: Projection) -> FloatArray:
+    """Standard deviation (poles,) rad/s of the poles' real parts, from the residual.
+
+    Each line counts with its own residual, which is not alike everywhere, over what the fit has left of it
+    (the estimate HC3 of MacKinnon and White, Journal of Econometrics 29, 1985).
+    """
+    paired = fit.poles.imag > 0
+    slope = fit.slope()
+    slope /= np.maximum(np.linalg.norm(slope, axis=1), 1e-300)[:, None]
+    both = np.concatenate([fit.basis, slope])
+    inverse = np.linalg.inv(both @ both.T + 1e-12 * np.eye(len(both)))
+    gains = inverse @ both
+    kept = np.clip(1 - np.einsum("ij,ij->j", both, gains), 0.1, 1)
+    spread = np.sqrt(((gains * (fit.left / kept)) ** 2).sum(axis=1) * len(fit.lines.H) / fit.independent)
+    count, first = int(paired.sum()), len(fit.basis)
+    deviation = np.empty(len(fit.poles))
+    own = spread[first:] / np.maximum(np.linalg.norm(fit.slope(), axis=1), 1e-300)
+    deviation[paired], deviation[~paired] = own[:count], own[2 * count :]
+    return np.asarray(deviation * -fit.poles.real)
