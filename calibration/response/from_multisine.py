@@ -96,9 +96,8 @@ def from_multisine(
     everywhere[inner] = unexplained
     moved_power = np.interp(np.arange(len(f)), excited, (np.abs(H) * strength) ** 2)
     law_misfit = _misfit(even, odd, everywhere, moved_power)[excited]
-    variance = (
-        modal.variance[excited] + _OPTIMISM * abs(gain) ** 2 * local.spread[at] + law_misfit * np.abs(H) ** 2
-    )
+    scatter = _OPTIMISM * abs(gain) ** 2 * local.spread[at]
+    variance = scatter + modal.variance[excited] + law_misfit * np.abs(H) ** 2
     # Means over the periods: of one, the noise is more.
     residual = multisine.periods * local.variance[at]
     noise = multisine.periods * power["even"] if len(even) else residual
@@ -107,6 +106,7 @@ def from_multisine(
         frequencies=f[excited],
         velocity=H,
         deviation=np.sqrt(variance),
+        scatter=np.sqrt(scatter),
         coherence=signal / (signal + residual),
         path=(sampled * factor)[excited] / order[excited],
         noise=np.sqrt(2 * noise / (one * channels.rate_hz)),

@@ -77,6 +77,7 @@ def from_sweeps(
         frequencies=f[kept],
         velocity=H[kept],
         deviation=np.sqrt(variance)[kept],
+        scatter=np.sqrt(residual / power)[kept],
         coherence=(signal / (signal + residual))[kept],
         path=(x.mean(axis=0) / order)[kept],
         noise=np.sqrt(2 * residual / (samples * rate_hz))[kept],
