@@ -231,7 +231,9 @@ def fit(response: Response) -> Model:
         spacing=lines.spacing,
     )
     if not model.stable or not model.resonances:
-        raise DataError(f"No resonance of {_place(response)} could be fitted: look at the measured response.")
+        raise DataError(
+            f"No resonance of {_place(response)} could be fitted: look at the measured response."
+        )
     return replace(model, error=float(np.linalg.norm(model.velocity(f) - H) / np.linalg.norm(H)))
 
 

@@ -179,9 +179,7 @@ class Projection:
         added = _basis(candidates, self.lines)[:-2].reshape(2, len(candidates), -1)
         added /= np.linalg.norm(added, axis=2)[:, :, None]
         seen = added @ self.basis.T
-        gram = np.einsum("ikn,jkn->kij", added, added) - np.einsum(
-            "iku,uv,jkv->kij", seen, self.inverse, seen
-        )
+        gram = np.einsum("ikn,jkn->kij", added, added) - np.einsum("iku,uv,jkv->kij", seen, self.inverse, seen)
         along = (added @ self.left).T[:, :, None]
         return np.asarray((along * np.linalg.solve(gram + 1e-9 * np.eye(2), along)).sum(axis=(1, 2)))
 
@@ -404,7 +402,5 @@ def _moved(poles: ComplexArray, step: FloatArray, lines: Lines) -> ComplexArray:
     moved = -decay.astype(np.complex128)
     own = poles.imag[:count]
     most = np.minimum(np.maximum(-2 * poles.real[:count], 2 * np.pi * lines.spacing) / own, 1)
-    moved[:count] += 1j * np.clip(
-        own * np.exp(np.clip(step[count : 2 * count], -most, most)), w[0] / 10, 3 * w[-1]
-    )
+    moved[:count] += 1j * np.clip(own * np.exp(np.clip(step[count : 2 * count], -most, most)), w[0] / 10, 3 * w[-1])
     return moved

@@ -27,8 +27,8 @@ def standard_deviation(calibration: Calibration, f: FloatArray) -> FloatArray:
     """(frequencies,) m/s per V: standard deviation of the model at `f` (Hz) within its band.
 
     It has three parts: what the response's deviation has in common between lines, which no fit
-    averages; the model's residual where it is smooth, which is a misfit; and the residual's scatter, as far as it
-    moves the model (delta method). A response without a deviation counts as exact but for the residual.
+    averages; the model's residual where it is smooth, which is a misfit; and the residual's scatter, as far
+    as it moves the model (delta method). A response without a deviation is exact but for the residual.
     """
     response, model = calibration.response, calibration.model
     lines = response.frequencies

@@ -25,7 +25,7 @@ _MARGIN = 10
 """Lines beyond the band on either side, for the local fits at its ends."""
 _LAW = 15
 """Left-out odd lines over which the law's misfit is averaged; it is averaged over all of them as well."""
-_ALIKE = 1.5
+_ALIKE = 2.0
 """Error of the response over the distortion on the lines that were left out. That distortion is the part of
 a law's misfit that does not follow the drive; the part that does is its equal, and is in the response."""
 _OPTIMISM = 1.4

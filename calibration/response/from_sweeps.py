@@ -30,6 +30,8 @@ within 10 %, and hum is on a few lines."""
 _LEFT, _AT_END, _END_HZ = 0.06, 0.7, 40.0
 """Part of the harmonics that stays in the response, and the part more at the sweep's end, falling over so
 many Hz: measured on plants with hysteresis of two kinds."""
+_WINDOW, _SLOWEST = 0.2, 0.95
+"""Length (s) of the windows at a record's end whose ringing is compared, and the largest ratio of the two."""
 _SHIFT = 81
 """Lines (10 Hz) from whose change a drift of the resonance among them is estimated."""
 
@@ -71,6 +73,8 @@ def from_sweeps(
     kept = (f >= low) & (f <= high)
     level_gain = np.array([np.vdot(H[kept], h[kept]) for h in smaller]) / np.linalg.norm(H[kept]) ** 2
     variance = residual / power + _left_in(raw - H, sweep.stop_hz - f)
+    cut_off = _cut_off(velocities[:repeats].mean(axis=0), rate_hz, length, lines, residual / repeats)
+    variance += cut_off / (power / repeats)
     variance += _drift(H, f, y / x, residual / power * repeats, len(drives))
     signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
     return FrfEstimate(
@@ -93,6 +97,27 @@ def _left_in(removed: ComplexArray, below: FloatArray) -> FloatArray:
     """
     power = uniform_filter1d(np.abs(removed) ** 2, _POOL, mode="nearest")
     return np.asarray(power * (_LEFT + _AT_END * np.exp(-below / _END_HZ)) ** 2)
+
+
+def _cut_off(
+    velocity: FloatArray, rate_hz: float, length: int, lines: slice, noise: FloatArray
+) -> FloatArray:
+    """Power (lines,) of what still rings at the end of the records (samples,), whose spectra lack it.
+
+    From one window to the next a mode decays by a factor q, and what follows the last window is that window
+    times q / (1 - q). `noise` (lines,) is the power of the whole records' noise.
+    """
+    window = round(_WINDOW * rate_hz)
+    floor = noise * window / len(velocity)
+    smooth = max(1, round(length / window))
+    before, last = (
+        np.maximum(
+            uniform_filter1d(np.abs(rfft(part - part.mean(), length)[lines]) ** 2, smooth) - 2 * floor, 0.0
+        )
+        for part in (velocity[-2 * window : -window], velocity[-window:])
+    )
+    decay = np.sqrt(np.clip(last / np.maximum(before, 1e-300), 0.0, _SLOWEST**2))
+    return np.asarray(last * (decay / (1 - decay)) ** 2)
 
 
 def _drift(

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
@@ -115,16 +116,16 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
     modes, cost = Modes(np.zeros(0, dtype=np.complex128), weights), np.inf
     # Real parameters that a pole brings, over the real numbers that were measured, of each mixture.
     each = max(2 * (len(one.patches) + 1) / (2 * len(one.f)) for one in plays)
-    count = _AT_ONCE
+    count, candidates = _AT_ONCE, _Candidates.of(plays[0].f)
     while len(modes.poles) < _MOST:
-        added = _missing(modes, few)[:count]
+        added = _missing(modes, few, candidates)[:count]
         if not len(added):
             raise DataError("Nothing moved while it was played: check the laser's focus and aim.")
         grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, 3)
         if now > 0.5 * cost:
             # Near the end, what falls may be the law's doing and not the poles'.
             modes, cost = _refined(modes, few, _STEPS)
-            added = _missing(modes, few)[:1]
+            added = _missing(modes, few, candidates)[:1]
             count = 1
             grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, _STEPS)
             if now > (1 - _PENALTY * each) * cost:
@@ -182,31 +183,45 @@ def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, f
     return best, cost
 
 
-def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Poles (dampings, places), and for each damping the responses (lines, places) and their power.
+
+    In single precision, which halves memory: they are only compared.
+    """
+
+    poles: ComplexArray
+    shapes: tuple[NDArray[np.complex64], ...]
+    sizes: tuple[NDArray[np.float32], ...]
+
+    @classmethod
+    def of(cls, f: FloatArray) -> _Candidates:
+        places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
+        poles = places * (1j - np.array(_DAMPINGS)[:, None])
+        shapes = tuple((1 / (2j * np.pi * f[:, None] - row)).astype(np.complex64) for row in poles)
+        return cls(poles, shapes, tuple(np.abs(shape) ** 2 for shape in shapes))
+
+
+def _missing(modes: Modes, plays: Sequence[Plays], candidates: _Candidates) -> ComplexArray:
     """Poles (rad/s) that explain most of the residual of the modes, strongest first."""
-    f = plays[0].f
-    places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
-    candidates = places * (1j - np.array(_DAMPINGS)[:, None])
-    shares: list[tuple[ComplexArray, ComplexArray]] = []
+    explained: FloatArray = np.zeros(candidates.poles.shape)
     for one in plays:
         basis = _Basis.of(modes.poles, modes.weights, one)
         rest = basis.solution(stack(one.velocity))[1]
-        left = rest[: len(f)] + 1j * rest[len(f) :]
-        shares += [(left.conj() * linear_volts[:, None], linear_volts) for linear_volts in basis.linear_volts]
-    explained: FloatArray = np.zeros(candidates.shape)
-    for k, alike in enumerate(candidates):
-        shape = 1 / (2j * np.pi * f[:, None] - alike)
-        size = np.abs(shape) ** 2
-        for share, linear_volts in shares:
-            found = share.T @ shape
-            explained[k] += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
+        left = rest[: len(one.f)] + 1j * rest[len(one.f) :]
+        for linear_volts in basis.linear_volts:
+            share = (left.conj() * linear_volts[:, None]).T.astype(np.complex64)
+            power = (np.abs(linear_volts) ** 2).astype(np.float32)
+            for k, (shape, size) in enumerate(zip(candidates.shapes, candidates.sizes, strict=True)):
+                explained[k] += (np.abs(share @ shape) ** 2).sum(axis=0) / (power @ size)
+    places = candidates.poles[0].imag
     best = explained.max(axis=0)
     poles: list[complex] = []
     while len(poles) < _AT_ONCE:
         place = int(np.argmax(best))
         if best[place] <= 0.1 * explained.max():
             break
-        poles.append(complex(candidates[int(np.argmax(explained[:, place])), place]))
+        poles.append(complex(candidates.poles[int(np.argmax(explained[:, place])), place]))
         best = np.where(np.abs(places / places[place] - 1) < _APART, 0.0, best)
     return np.array(poles)
 
@@ -224,7 +239,7 @@ def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: fl
     lowest[:, -1:] = -1.0
     low = np.concatenate([np.full(count, -_FARTHEST), lowest.ravel()])
     high = np.concatenate([np.full(count, _FARTHEST), np.ones(w[:, 1:].size)])
-    step = np.clip(lsq_linear(root, rotated, (low * scale, high * scale)).x / scale, low, high)
+    step = np.clip(lsq_linear(root, rotated, (low * scale, high * scale), "bvls").x / scale, low, high)
     decay = -p.real * np.exp(step[: len(p)])
     turn = p.imag * np.exp(step[len(p) : count])
     further = w[:, 1:] + step[count:].reshape(len(w), -1)

@@ -50,8 +50,9 @@ class Response:
     `velocity` is m/s per V at the patch, from the *measured* drive to the surface's own velocity:
     the vibrometer's delay and bandwidth and the card's channel skew are taken out. `deviation` is
     its standard deviation, of noise and of everything else that the measurement could not tell apart
-    (drift, distortion, a law that does not fit, resonances narrower than lines resolve). `path` is measured volts at the patch per volt commanded (amplifier,
-    converter and relay). `noise` is the density of everything in the measured velocity that did
+    (drift, distortion, a law that does not fit, resonances narrower than lines resolve). `path` is measured
+    volts at the patch per volt commanded (amplifier, converter and relay). `noise` is the density of
+    everything in the measured velocity that did
     not repeat (m/s per sqrt(Hz), one-sided). `coherence` is that of one sweep or period: the share
     of the measured velocity's power that follows the drive, from the pooled noise and free of the
     bias that few repeats give the classical estimate. `distortion` is (2, lines) m/s per V: even and
@@ -89,8 +90,8 @@ class Response:
     created: str
     """Time of creation, ISO 8601, UTC."""
     scatter: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """(lines,) m/s per V: the part of `deviation` that differs from line to line, which a fit averages. The rest
-    is common to neighbouring lines: the law's misfit, drift, what the lines do not resolve."""
+    """(lines,) m/s per V: the part of `deviation` that differs from line to line, which a fit averages. The
+    rest is common to neighbouring lines: the law's misfit, drift, what the lines do not resolve."""
     hysteresis: Hysteresis = LINEAR
     """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
 
@@ -155,9 +156,9 @@ def measure_response(
 
     A multisine takes 2.05 s or a few periods more. If its response is not known `within` a relative standard
     deviation, it is played again with twice the period, for as long as that helps and up to 8.2 s; the
-    response's `excitation` states what was played. With the `hysteresis` of an earlier calibration, or with the
-    one identified from the multisine, the response is computed from the linear volts of the measured drive,
-    which removes the distortion: the result equals that of sweeps at `hysteresis.level`.
+    response's `excitation` states what was played. With the `hysteresis` of an earlier calibration, or with
+    the one identified from the multisine, the response is computed from the linear volts of the measured
+    drive, which removes the distortion: the result equals that of sweeps at `hysteresis.level`.
 
     Raises InstrumentError when the operator does not confirm, a signal leaves its range or the
     drive does not reach the patch; DataError when the point does not follow the patch;
