@@ -30,8 +30,11 @@ within 10 %, and hum is on a few lines."""
 _LEFT, _AT_END, _END_HZ = 0.06, 0.7, 40.0
 """Part of the harmonics that stays in the response, and the part more at the sweep's end, falling over so
 many Hz: measured on plants with hysteresis of two kinds."""
-_WINDOW, _SLOWEST = 0.2, 0.95
-"""Length (s) of the windows at a record's end whose ringing is compared, and the largest ratio of the two."""
+_STAYS = 0.6
+"""Part of the noise's power that stays, at least, when harmonics are removed."""
+_WINDOW, _SLOWEST, _SIGNIFICANT = 0.2, 0.95, 6.0
+"""Length (s) of the windows at a record's end whose ringing is compared; their ratio from which it is
+a tone from elsewhere; and the ratio to the noise's power from which it is no noise."""
 _SHIFT = 81
 """Lines (10 Hz) from whose change a drift of the resonance among them is estimated."""
 
@@ -72,7 +75,10 @@ def from_sweeps(
     smaller = [_without_harmonics(b / a, f, speed) for a, b in zip(X[repeats:], Y[repeats:], strict=True)]
     kept = (f >= low) & (f <= high)
     level_gain = np.array([np.vdot(H[kept], h[kept]) for h in smaller]) / np.linalg.norm(H[kept]) ** 2
-    variance = residual / power + _left_in(raw - H, sweep.stop_hz - f)
+    removed = uniform_filter1d(np.abs(raw - H) ** 2, _POOL, mode="nearest")
+    # Where noise is most of what the gates remove, that much less stays.
+    scatter = np.maximum(residual / power - removed, _STAYS * residual / power)
+    variance = scatter + _left_in(np.maximum(removed - residual / power, 0.0), sweep.stop_hz - f)
     cut_off = _cut_off(velocities[:repeats].mean(axis=0), rate_hz, length, lines, residual / repeats)
     variance += cut_off / (power / repeats)
     variance += _drift(H, f, y / x, residual / power * repeats, len(drives))
@@ -81,7 +87,7 @@ def from_sweeps(
         frequencies=f[kept],
         velocity=H[kept],
         deviation=np.sqrt(variance)[kept],
-        scatter=np.sqrt(residual / power)[kept],
+        scatter=np.sqrt(scatter)[kept],
         coherence=(signal / (signal + residual))[kept],
         path=(x.mean(axis=0) / order)[kept],
         noise=np.sqrt(2 * residual / (samples * rate_hz))[kept],
@@ -90,13 +96,12 @@ def from_sweeps(
     )
 
 
-def _left_in(removed: ComplexArray, below: FloatArray) -> FloatArray:
-    """Variance (lines,) by what `_without_harmonics` leaves of the harmonics that it `removed`.
+def _left_in(removed: FloatArray, below: FloatArray) -> FloatArray:
+    """Variance (lines,) by what `_without_harmonics` leaves of the harmonics whose power it `removed`.
 
     `below` (lines,) is the distance from the sweep's end (Hz), near which the level falls.
     """
-    power = uniform_filter1d(np.abs(removed) ** 2, _POOL, mode="nearest")
-    return np.asarray(power * (_LEFT + _AT_END * np.exp(-below / _END_HZ)) ** 2)
+    return np.asarray(removed * (_LEFT + _AT_END * np.exp(-below / _END_HZ)) ** 2)
 
 
 def _cut_off(
@@ -111,12 +116,12 @@ def _cut_off(
     floor = noise * window / len(velocity)
     smooth = max(1, round(length / window))
     before, last = (
-        np.maximum(
-            uniform_filter1d(np.abs(rfft(part - part.mean(), length)[lines]) ** 2, smooth) - 2 * floor, 0.0
-        )
+        uniform_filter1d(np.abs(rfft(part - part.mean(), length)[lines]) ** 2, smooth)
         for part in (velocity[-2 * window : -window], velocity[-window:])
     )
-    decay = np.sqrt(np.clip(last / np.maximum(before, 1e-300), 0.0, _SLOWEST**2))
+    decay = np.sqrt(last / np.maximum(before, 1e-300))
+    rings = (last > _SIGNIFICANT * floor) & (decay < _SLOWEST)
+    decay = np.where(rings, decay, 0.0)
     return np.asarray(last * (decay / (1 - decay)) ** 2)
 
 
