@@ -54,12 +54,11 @@ def modal_estimate(modes: Modes, plays: Plays, gain: complex, gains: ComplexArra
     left = rest[: len(f)] + 1j * rest[len(f) :]
     own, ring = found[: response.shape[1]], found[response.shape[1] :]
     H = response @ own
-    moved = np.zeros((len(f), 2, n), dtype=np.complex128)
-    moved[:, :, :own_n] = _moved(poles[:own_n], own[: 2 * own_n], f)
-    rung = _moved(poles, ring[: 2 * n], f)
+    apart = np.zeros((len(f), 2, n), dtype=np.complex128)
+    apart[:, :, :own_n] = _moved(poles[:own_n], own[: 2 * own_n], f)
+    moved, rung = apart.reshape(len(f), -1), _moved(poles, ring[: 2 * n], f).reshape(len(f), -1)
     # A weight at its bound of zero is no free parameter.
     free = np.flatnonzero(modes.weights[0, 1:]) + 1
-    moved, rung = moved.reshape(len(f), -1), rung.reshape(len(f), -1)
     J = stack(np.concatenate([linear, volts * moved + rung, (plays.operators[0, free] * H).T], axis=1))
     change = [gain * response, np.zeros(ringing.shape), gain * moved, H[:, None] * gains[free]]
     power = np.abs(left) ** 2 * len(f) / max(len(f) - J.shape[1] / 2, 1)
