@@ -2,5 +2,6 @@
 
 from haploop.calibration.model.calibration import Calibration, calibrate
 from haploop.calibration.model.model import Model, Resonance, fit
+from haploop.calibration.model.uncertainty import standard_deviation
 
-__all__ = ["Calibration", "Model", "Resonance", "calibrate", "fit"]
+__all__ = ["Calibration", "Model", "Resonance", "calibrate", "fit", "standard_deviation"]

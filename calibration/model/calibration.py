@@ -86,7 +86,7 @@ def calibrate(
 ) -> Calibration:
     """Measure the response of a patch at a point, fit a model to it, and measure the response above its band.
 
-    Sweeps, the default, measure the patch's hysteresis as well; a multisine yields none (a gain of one).
+    Both kinds of excitation measure the patch's hysteresis as well.
 
     `progress` is called with the seconds measured. Raises what `measure_response` and `fit` raise.
     """

@@ -261,7 +261,9 @@ def _noise(response: Response) -> float:
     size = float(np.sqrt(np.mean(np.abs(H) ** 2)))
     if not np.isfinite(size) or size == 0:
         raise DataError(f"The response of {_place(response)} is zero, NaN or infinite: no model fits it.")
-    known = float(np.sqrt(np.mean(response.deviation**2))) if len(response.deviation) else 0.0
+    # What neighbouring lines have in common is no noise to a fit.
+    own = response.scatter if len(response.scatter) else response.deviation
+    known = float(np.sqrt(np.mean(own**2))) if len(own) else 0.0
     if np.isfinite(known) and known > 0:
         return known
     # The median of the second differences is noise alone where lines are closer than resonances are wide.

@@ -16,6 +16,7 @@ class FrfEstimate:
     frequencies: FloatArray
     velocity: ComplexArray
     deviation: FloatArray
+    scatter: FloatArray
     coherence: FloatArray
     path: ComplexArray
     noise: FloatArray

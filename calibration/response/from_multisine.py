@@ -1,21 +1,37 @@
-"""Estimate of a response from a multisine, from rest or after settling, of one patch or several at once."""
+"""Estimate of a response from a multisine, from rest or after settling, on its excited lines."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
+from scipy.optimize import nnls
+from threadpoolctl import threadpool_limits
 
 from haploop.calibration.response.channels import Channels
 from haploop.calibration.response.estimate import FrfEstimate
 from haploop.calibration.response.excitation import Multisine
+from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, first_harmonic, operators
 from haploop.calibration.response.local_rational import local_rational
+from haploop.calibration.response.modal_estimate import modal_estimate
+from haploop.calibration.response.modes import Plays, fit_modes
 from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
 
 __all__ = ["from_multisine"]
 
 _POOL = 25
-"""Neighbouring lines whose noise or distortion is averaged: both are smooth over frequency."""
+"""Neighbouring lines whose noise is averaged: it is smooth over frequency."""
+_MARGIN = 10
+"""Lines beyond the band on either side, for the local fits at its ends."""
+_LAW = 15
+"""Left-out odd lines over which the law's misfit is averaged; it is averaged over all of them as well."""
+_ALIKE = 2.0
+"""Error of the response over the distortion on the lines that were left out. That distortion is the part of
+a law's misfit that does not follow the drive; the part that does is its equal, and is in the response."""
+_OPTIMISM = 1.4
+"""Variance of a local fit to noise over the one it states: its denominators follow the noise (measured)."""
+_ROUNDS = 4
+"""Rounds of weighting in which noise and distortion are told apart where no even line is silent."""
 
 
 def from_multisine(
@@ -24,70 +40,103 @@ def from_multisine(
     drive: FloatArray,
     velocity: FloatArray,
     channels: Channels,
-    linear_volts: FloatArray | None = None,
-) -> FrfEstimate:
+    hysteresis: Hysteresis | None = None,
+) -> tuple[FrfEstimate, Hysteresis]:
     """Estimate the response on the excited lines, from signals that begin with the multisine.
 
     `commanded` is (samples,) V; `drive` (V) and `velocity` (m/s) are as sampled, at least as long.
-    Patches driven at the same time are separated by their lines: call this for each, with its own
-    drive. If `linear_volts` ((samples,), `drive` through the hysteresis model) are given, the response is
-    per linear volt.
+    The patch's `hysteresis` is found together with the table's modes in the same signals, unless it is
+    given; the response is that to a sine of `hysteresis.level` volts. Modes explain resonances that a
+    local method cannot resolve, and the local rational method estimates what they leave.
     """
     one = multisine.samples(channels.rate_hz)
     start = len(commanded) - multisine.periods * one
-
-    def spectra(signal: FloatArray) -> ComplexArray:
-        periods = signal[start : start + multisine.periods * one].reshape(multisine.periods, one)
-        return np.asarray(rfft(periods)[:, : 2 * int(multisine.excited()[-1])])
-
-    order, sampled = spectra(commanded).mean(axis=0), spectra(drive)
-    f = np.arange(len(order)) * channels.rate_hz / one
-    factor = channels.drive(sampled, order, f)
-    U = sampled * factor
-    lines = multisine.excited()
-    path = U.mean(axis=0)[lines] / order[lines]
-    Y = channels.velocity(spectra(velocity), f)
-    if linear_volts is not None:
-        # Delays and images affect linear volts as they affect the drive.
-        U = spectra(linear_volts) * factor
+    excited = multisine.excited()
     even, odd = multisine.silent()
-    if multisine.from_rest:
-        found = local_rational(U[0], Y[0], np.arange(lines[0], lines[-1] + 1))
-        own = lines - lines[0]
-        H, deviation, residual = found.response[own], np.sqrt(found.spread[own]), found.variance[own]
-        silent = np.zeros(len(f), dtype=np.complex128)
-        silent[lines[0] : lines[-1] + 1] = found.surprise
-        even, odd = (n[(n >= lines[0]) & (n <= lines[-1])] for n in (even, odd))
-    else:
-        x, y = U[:, lines], Y[:, lines]
-        silent = Y.mean(axis=0)
-        power = (np.abs(x) ** 2).sum(axis=0)
-        H = (np.conj(x) * y).sum(axis=0) / power
-        # The level on unexcited odd lines equals that on the excited ones: noise, and the distortion
-        # common to all periods.
-        surprise = _power_at(lines, odd, silent)
-        deviation = np.sqrt(multisine.periods * surprise / power)
-        residual = surprise
-        if multisine.periods > 1:
-            residual = (np.abs(y - H * x) ** 2).sum(axis=0) / (multisine.periods - 1)
-            residual = uniform_filter1d(residual, _POOL, mode="nearest")
-    strength = np.abs(U.mean(axis=0)[lines])
-    signal = np.maximum(np.abs(H) ** 2 * strength**2 - residual, 0.0)
-    noise_lines = even if len(even) and multisine.periods == 1 else None
-    noise = residual if noise_lines is None else _power_at(lines, noise_lines, silent)
+    inner = np.arange(min(excited[0], *odd[:1], *even[:1]), max(excited[-1], *odd[-1:], *even[-1:]) + 1)
+    margin = int(min(_MARGIN, inner[0] - 1))
+    lines = np.arange(inner[0] - margin, inner[-1] + margin + 1)
+    f = lines * channels.rate_hz / one
+    excited, even, odd, inner = (n - lines[0] for n in (excited, even, odd, inner))
+
+    def spectra(signals: FloatArray) -> ComplexArray:
+        signals = signals[..., start : start + multisine.periods * one]
+        periods = signals.reshape(*signals.shape[:-1], multisine.periods, one).mean(axis=-2)
+        return np.asarray(rfft(periods)[..., lines])
+
+    level = float(np.abs(drive[: len(commanded)]).max()) if hysteresis is None else hysteresis.level
+    volts = drive[: len(commanded)]
+    linear = operators(volts, level) if hysteresis is None else hysteresis.to_linear_volts(volts)[None]
+    order, sampled = spectra(commanded), spectra(volts)
+    # Delays and images affect linear volts as they affect the drive.
+    factor = channels.drive(sampled[None], order, f)
+    seen, moved = spectra(linear) * factor, channels.velocity(spectra(velocity), f)
+    plays = Plays(f, (0,), seen[None], moved[:, None])
+    with threadpool_limits(1):
+        modes = fit_modes([plays], 1)
+        if hysteresis is None:
+            gains = np.append(first_harmonic(HALF_WIDTHS * level, level), 0.0)
+            law = Hysteresis(HALF_WIDTHS * level, modes.weights[0, :-1], level)
+            hysteresis = Hysteresis(law.radii, law.weights / abs(law.gain(level)), level)
+        else:
+            gains = np.array([hysteresis.gain(level)])
+        gain = complex(gains @ modes.weights[0])
+        modal = modal_estimate(modes, plays, gain, gains)
+    x = modes.weights[0] @ seen
+    local = local_rational(x, modal.left, inner)
+    at = excited - inner[0]
+    H = modal.response[excited] + gain * local.response[at]
+    strength = np.abs(x[excited] / gain)
+    unexplained = np.abs(local.surprise) ** 2
+    silent = {"even": even, "odd": odd}
+    power = {
+        name: _smoothed(unexplained[n - inner[0]], _POOL, n, excited) for name, n in silent.items() if len(n)
+    }
+    everywhere = np.zeros(len(f))
+    everywhere[inner] = unexplained
+    moved_power = np.interp(np.arange(len(f)), excited, (np.abs(H) * strength) ** 2)
+    law_misfit = _misfit(even, odd, everywhere, moved_power)[excited]
+    scatter = _OPTIMISM * abs(gain) ** 2 * local.spread[at]
+    variance = scatter + modal.variance[excited] + law_misfit * np.abs(H) ** 2
+    # Means over the periods: of one, the noise is more.
+    residual = multisine.periods * local.variance[at]
+    noise = multisine.periods * power["even"] if len(even) else residual
+    signal = np.abs(H) ** 2 * strength**2
     return FrfEstimate(
-        frequencies=f[lines],
+        frequencies=f[excited],
         velocity=H,
-        deviation=deviation,
+        deviation=np.sqrt(variance),
+        scatter=np.sqrt(scatter),
         coherence=signal / (signal + residual),
-        path=path,
+        path=(sampled * factor)[excited] / order[excited],
         noise=np.sqrt(2 * noise / (one * channels.rate_hz)),
-        distortion=np.array([np.sqrt(_power_at(lines, n, silent)) / strength for n in (even, odd) if len(n)]),
+        distortion=np.array([np.sqrt(p) / strength for p in power.values()]),
         level_gain=np.zeros(0, dtype=np.complex128),
-    )
+    ), hysteresis
 
 
-def _power_at(lines: IntArray, silent: IntArray, spectrum: ComplexArray) -> FloatArray:
-    """Power (lines,) interpolated from the unexcited lines, averaged over a few of them."""
-    power = uniform_filter1d(np.abs(spectrum[silent]) ** 2, _POOL, mode="nearest")
-    return np.asarray(np.interp(lines, silent, power))
+def _misfit(even: IntArray, odd: IntArray, unexplained: FloatArray, moved: FloatArray) -> FloatArray:
+    """Relative variance (lines,) of the response by what the law of the patch does not explain.
+
+    `unexplained` is power at all lines, `moved` (lines,) the excited lines' power, interpolated. A hysteresis
+    distorts odd lines alone, so that even ones show the noise. Where none are silent, distortion is what is
+    larger where the response is.
+    """
+    own, size = unexplained[odd], moved[odd]
+    if len(even):
+        noise = uniform_filter1d(unexplained[even], 4 * _LAW, mode="nearest")
+        own = own - np.interp(odd, even, noise)
+        near = uniform_filter1d(own, _LAW, mode="nearest") / uniform_filter1d(size, _LAW, mode="nearest")
+        share = np.maximum(near, max(float(own.sum() / size.sum()), 0.0))
+        return np.asarray(_ALIKE**2 * np.interp(np.arange(len(moved)), odd, share))
+    weights, columns = np.ones(len(own)), np.array([np.full(len(own), own.mean()), size]).T
+    for _ in range(_ROUNDS):
+        # The power of a line has a standard deviation equal to its mean.
+        parts = nnls(columns / weights[:, None], own / weights)[0]
+        weights = np.maximum(columns @ parts, 1e-9 * own.mean())
+    return np.full(len(moved), _ALIKE**2 * float(parts[1]))
+
+
+def _smoothed(power: FloatArray, size: int, lines: IntArray, at: IntArray) -> FloatArray:
+    """Power averaged over `size` of the `lines` on which it was measured, interpolated `at` others."""
+    return np.asarray(np.interp(at, lines, uniform_filter1d(power, size, mode="nearest")))

@@ -20,11 +20,23 @@ _END = 5.0
 """Margin below the sweep's end (Hz), for its fade."""
 _MORE = (8.0, 3.0)
 """Extra band below and above (Hz), for operations that need neighbouring lines."""
+_ROOM = 1.5
+"""Silence appended (s), so that harmonics, which wrap around to the end, stay clear of what rings."""
 _PART = 75.0
 """Width (Hz) of the overlapping parts in which harmonics are separated from the response."""
-_POOL = 41
-"""Neighbouring lines (5 Hz) whose noise is averaged: it is smooth over frequency, so a few repeats give
-its level within 10 %."""
+_NEAR, _POOL = 5, 41
+"""Neighbouring lines whose noise is averaged, the larger mean counts: over 5 Hz a few repeats give its level
+within 10 %, and hum is on a few lines."""
+_LEFT, _AT_END, _END_HZ = 0.06, 0.7, 40.0
+"""Part of the harmonics that stays in the response, and the part more at the sweep's end, falling over so
+many Hz: measured on plants with hysteresis of two kinds."""
+_STAYS = 0.6
+"""Part of the noise's power that stays, at least, when harmonics are removed."""
+_WINDOW, _SLOWEST, _SIGNIFICANT = 0.2, 0.95, 6.0
+"""Length (s) of the windows at a record's end whose ringing is compared; their ratio from which it is
+a tone from elsewhere; and the ratio to the noise's power from which it is no noise."""
+_SHIFT = 81
+"""Lines (10 Hz) from whose change a drift of the resonance among them is estimated."""
 
 
 def from_sweeps(
@@ -38,7 +50,7 @@ def from_sweeps(
     """
     rate_hz, repeats = channels.rate_hz, sweep.repeats
     samples = drives.shape[1]
-    length = next_fast_len(samples, real=True)
+    length = next_fast_len(samples + round(_ROOM * rate_hz), real=True)
     low, high = _LOWEST, sweep.stop_hz - _END
     first, last = (edge * length / rate_hz for edge in (low - _MORE[0], high + _MORE[1]))
     lines = slice(int(np.ceil(first)), int(np.floor(last)) + 1)
@@ -56,23 +68,86 @@ def from_sweeps(
     H = (np.conj(x) * y).sum(axis=0) / power
     # The drive is far above its noise, so the part that does not repeat is the velocity's noise.
     residual = (np.abs(y - H * x) ** 2).sum(axis=0) / (repeats - 1)
-    residual = uniform_filter1d(residual, _POOL, mode="nearest")
+    residual = np.maximum(*(uniform_filter1d(residual, pool, mode="nearest") for pool in (_NEAR, _POOL)))
     speed = sweep.stop_hz / sweep.seconds
-    H = _without_harmonics(H, f, speed)
-    signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
+    raw = H
+    H = _without_harmonics(raw, f, speed)
     smaller = [_without_harmonics(b / a, f, speed) for a, b in zip(X[repeats:], Y[repeats:], strict=True)]
     kept = (f >= low) & (f <= high)
-    level_gain = [np.vdot(H[kept], h[kept]) / np.linalg.norm(H[kept]) ** 2 for h in smaller]
+    level_gain = np.array([np.vdot(H[kept], h[kept]) for h in smaller]) / np.linalg.norm(H[kept]) ** 2
+    removed = uniform_filter1d(np.abs(raw - H) ** 2, _POOL, mode="nearest")
+    # Where noise is most of what the gates remove, that much less stays.
+    scatter = np.maximum(residual / power - removed, _STAYS * residual / power)
+    variance = scatter + _left_in(np.maximum(removed - residual / power, 0.0), sweep.stop_hz - f)
+    cut_off = _cut_off(velocities[:repeats].mean(axis=0), rate_hz, length, lines, residual / repeats)
+    variance += cut_off / (power / repeats)
+    variance += _drift(H, f, y / x, residual / power * repeats, len(drives))
+    signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
     return FrfEstimate(
         frequencies=f[kept],
         velocity=H[kept],
-        deviation=np.sqrt(residual / power)[kept],
+        deviation=np.sqrt(variance)[kept],
+        scatter=np.sqrt(scatter)[kept],
         coherence=(signal / (signal + residual))[kept],
         path=(x.mean(axis=0) / order)[kept],
         noise=np.sqrt(2 * residual / (samples * rate_hz))[kept],
         distortion=np.zeros((0, 0)),
-        level_gain=np.array(level_gain, dtype=np.complex128),
+        level_gain=level_gain.astype(np.complex128),
     )
+
+
+def _left_in(removed: FloatArray, below: FloatArray) -> FloatArray:
+    """Variance (lines,) by what `_without_harmonics` leaves of the harmonics whose power it `removed`.
+
+    `below` (lines,) is the distance from the sweep's end (Hz), near which the level falls.
+    """
+    return np.asarray(removed * (_LEFT + _AT_END * np.exp(-below / _END_HZ)) ** 2)
+
+
+def _cut_off(
+    velocity: FloatArray, rate_hz: float, length: int, lines: slice, noise: FloatArray
+) -> FloatArray:
+    """Power (lines,) of what still rings at the end of the records (samples,), whose spectra lack it.
+
+    From one window to the next a mode decays by a factor q, and what follows the last window is that window
+    times q / (1 - q). `noise` (lines,) is the power of the whole records' noise.
+    """
+    window = round(_WINDOW * rate_hz)
+    floor = noise * window / len(velocity)
+    smooth = max(1, round(length / window))
+    before, last = (
+        uniform_filter1d(np.abs(rfft(part - part.mean(), length)[lines]) ** 2, smooth)
+        for part in (velocity[-2 * window : -window], velocity[-window:])
+    )
+    decay = np.sqrt(last / np.maximum(before, 1e-300))
+    rings = (last > _SIGNIFICANT * floor) & (decay < _SLOWEST)
+    decay = np.where(rings, decay, 0.0)
+    return np.asarray(last * (decay / (1 - decay)) ** 2)
+
+
+def _drift(
+    H: ComplexArray, f: FloatArray, repeated: ComplexArray, variance: FloatArray, plays: int
+) -> FloatArray:
+    """Variance (lines,) because the table's resonances drift, from the mean of the repeats to the last play.
+
+    `repeated` is (repeats, lines), each with `variance` (lines,). A relative drift e of a frequency changes
+    the response by -e f dH/df; e is estimated around each line from the first and the last repeat, less
+    what noise explains.
+    """
+    slope = f * np.gradient(H, f)
+    change = repeated[-1] - repeated[0]
+    size, seen, noise = (
+        uniform_filter1d(values, _SHIFT, mode="nearest")
+        for values in (
+            np.abs(slope) ** 2,
+            (np.conj(slope) * change).real,
+            np.abs(slope) ** 2 * variance / _SHIFT,
+        )
+    )
+    shift = np.maximum(seen**2 - noise, 0.0) / np.maximum(size, 1e-300) ** 2
+    repeats = len(repeated)
+    further = (plays - 1 - (repeats - 1) / 2) / (repeats - 1)
+    return np.asarray(further**2 * shift * np.abs(slope) ** 2)
 
 
 def _without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) -> ComplexArray:

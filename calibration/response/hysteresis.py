@@ -14,15 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import rfft
-from threadpoolctl import threadpool_limits
 
-from haploop.calibration.response.channels import Channels
-from haploop.calibration.response.excitation import Multisine
-from haploop.calibration.response.modes import Plays, fit_modes
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["HALF_WIDTHS", "Hysteresis", "first_harmonic", "hysteresis_of_play", "operators"]
+__all__ = ["HALF_WIDTHS", "Hysteresis", "first_harmonic", "operators"]
 
 HALF_WIDTHS = np.array([0.0, 0.02, 0.05, 0.09, 0.14, 0.2, 0.28, 0.38, 0.5, 0.65, 0.82])
 """Half-widths of the operators fitted to multisines, over the level; 0 is the volts themselves. Seven
@@ -59,32 +54,6 @@ class Hysteresis:
         # Radii of the inverse are the linear volts at which each operator begins to move.
         radii = np.array([self.reach(r) for r in self.radii])
         return _weighted(linear_volts, radii, np.diff(1 / slope, prepend=0.0))
-
-
-def hysteresis_of_play(
-    multisine: Multisine, commanded: FloatArray, volts: FloatArray, velocity: FloatArray, channels: Channels
-) -> Hysteresis:
-    """Fit the hysteresis, together with the table's modes, to one period of a multisine from rest.
-
-    Signals as in `from_multisine`; `level` is the largest voltage. Distortion falls on all lines, and on
-    the silent ones modes cannot explain it. The error of the response falls from 3 % without a
-    hysteresis model to 0.1 % (measured on simulated tables).
-    """
-    one = multisine.samples(channels.rate_hz)
-    f = np.arange(one // 2 + 1) * channels.rate_hz / one
-    lines = np.flatnonzero((f >= multisine.low) & (f <= multisine.high))
-    f, level = f[lines], float(np.abs(volts[:one]).max())
-
-    def spectra(signals: FloatArray) -> ComplexArray:
-        return np.asarray(rfft(signals[..., :one])[..., lines])
-
-    seen = spectra(operators(volts[:one], level))
-    seen = seen * channels.drive(seen[:1], spectra(commanded), f)
-    moved = channels.velocity(spectra(velocity), f)
-    with threadpool_limits(1):
-        weights = fit_modes([Plays(f, (0,), seen[None], moved[:, None])], 1).weights[0, :-1]
-    found = Hysteresis(HALF_WIDTHS * level, weights, level)
-    return Hysteresis(found.radii, weights / abs(found.gain(level)), level)
 
 
 def operators(volts: FloatArray, level: float) -> FloatArray:

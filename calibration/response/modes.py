@@ -19,13 +19,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
 from haploop.instruments import DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Modes", "Plays", "fit_modes"]
+__all__ = ["Modes", "Plays", "columns_of", "fit_modes", "stack"]
 
 _STEPS = 12
 """Largest number of refinement steps."""
@@ -82,8 +83,8 @@ class Modes:
     def shares(self, plays: Plays) -> tuple[FloatArray, FloatArray]:
         """Real unknowns (patches, unknowns, points), and the relative residual (points,)."""
         basis = _Basis.of(self.poles, self.weights, plays)
-        found, left = basis.solution(_stack(plays.velocity))
-        size = np.linalg.norm(_stack(plays.velocity), axis=0)
+        found, left = basis.solution(stack(plays.velocity))
+        size = np.linalg.norm(stack(plays.velocity), axis=0)
         each = basis.response.shape[1]
         count = len(plays.patches)
         return found[: count * each].reshape(count, each, -1), np.linalg.norm(left, axis=0) / size
@@ -100,7 +101,7 @@ class Modes:
 
     def velocity(self, shares: FloatArray, frequencies: FloatArray) -> ComplexArray:
         """(..., frequencies) m/s per linear volt, from unknowns (..., unknowns)."""
-        return np.asarray(shares @ _columns(self.poles, frequencies)[0].T)
+        return np.asarray(shares @ columns_of(self.poles, frequencies)[0].T)
 
 
 def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
@@ -115,16 +116,16 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
     modes, cost = Modes(np.zeros(0, dtype=np.complex128), weights), np.inf
     # Real parameters that a pole brings, over the real numbers that were measured, of each mixture.
     each = max(2 * (len(one.patches) + 1) / (2 * len(one.f)) for one in plays)
-    count = _AT_ONCE
+    count, candidates = _AT_ONCE, _Candidates.of(plays[0].f)
     while len(modes.poles) < _MOST:
-        added = _missing(modes, few)[:count]
+        added = _missing(modes, few, candidates)[:count]
         if not len(added):
             raise DataError("Nothing moved while it was played: check the laser's focus and aim.")
         grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, 3)
         if now > 0.5 * cost:
             # Near the end, what falls may be the law's doing and not the poles'.
             modes, cost = _refined(modes, few, _STEPS)
-            added = _missing(modes, few)[:1]
+            added = _missing(modes, few, candidates)[:1]
             count = 1
             grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, _STEPS)
             if now > (1 - _PENALTY * each) * cost:
@@ -149,7 +150,7 @@ def _pruned(modes: Modes, cost: float, plays: Sequence[Plays], worth: float) -> 
 def _losses(modes: Modes, plays: Plays) -> FloatArray:
     """(poles,): increase of the squared residual on removal of each pole, with the others fixed."""
     basis = _Basis.of(modes.poles, modes.weights, plays)
-    found = basis.solution(_stack(plays.velocity))[0] * basis.norms[:, None]
+    found = basis.solution(stack(plays.velocity))[0] * basis.norms[:, None]
     inverse = np.linalg.inv(basis.upper)
     n, each = len(modes.poles), basis.response.shape[1]
     starts = np.arange(len(plays.patches) + 1) * each
@@ -182,29 +183,45 @@ def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, f
     return best, cost
 
 
-def _missing(modes: Modes, plays: Sequence[Plays]) -> ComplexArray:
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Poles (dampings, places), and for each damping the responses (lines, places) and their power.
+
+    In single precision, which halves memory: they are only compared.
+    """
+
+    poles: ComplexArray
+    shapes: tuple[NDArray[np.complex64], ...]
+    sizes: tuple[NDArray[np.float32], ...]
+
+    @classmethod
+    def of(cls, f: FloatArray) -> _Candidates:
+        places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
+        poles = places * (1j - np.array(_DAMPINGS)[:, None])
+        shapes = tuple((1 / (2j * np.pi * f[:, None] - row)).astype(np.complex64) for row in poles)
+        return cls(poles, shapes, tuple(np.abs(shape) ** 2 for shape in shapes))
+
+
+def _missing(modes: Modes, plays: Sequence[Plays], candidates: _Candidates) -> ComplexArray:
     """Poles (rad/s) that explain most of the residual of the modes, strongest first."""
-    f = plays[0].f
-    places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
-    candidates = places * (1j - np.array(_DAMPINGS)[:, None])
-    shape = 1 / (2j * np.pi * f[:, None] - candidates.ravel())
-    size = np.abs(shape) ** 2
-    explained: FloatArray = np.zeros(candidates.size)
+    explained: FloatArray = np.zeros(candidates.poles.shape)
     for one in plays:
         basis = _Basis.of(modes.poles, modes.weights, one)
-        rest = basis.solution(_stack(one.velocity))[1]
-        left = rest[: len(f)] + 1j * rest[len(f) :]
+        rest = basis.solution(stack(one.velocity))[1]
+        left = rest[: len(one.f)] + 1j * rest[len(one.f) :]
         for linear_volts in basis.linear_volts:
-            found = (left.conj() * linear_volts[:, None]).T @ shape
-            explained += (np.abs(found) ** 2).sum(axis=0) / (np.abs(linear_volts) ** 2 @ size)
-    explained = explained.reshape(candidates.shape)
+            share = (left.conj() * linear_volts[:, None]).T.astype(np.complex64)
+            power = (np.abs(linear_volts) ** 2).astype(np.float32)
+            for k, (shape, size) in enumerate(zip(candidates.shapes, candidates.sizes, strict=True)):
+                explained[k] += (np.abs(share @ shape) ** 2).sum(axis=0) / (power @ size)
+    places = candidates.poles[0].imag
     best = explained.max(axis=0)
     poles: list[complex] = []
     while len(poles) < _AT_ONCE:
         place = int(np.argmax(best))
         if best[place] <= 0.1 * explained.max():
             break
-        poles.append(complex(candidates[int(np.argmax(explained[:, place])), place]))
+        poles.append(complex(candidates.poles[int(np.argmax(explained[:, place])), place]))
         best = np.where(np.abs(places / places[place] - 1) < _APART, 0.0, best)
     return np.array(poles)
 
@@ -222,7 +239,7 @@ def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: fl
     lowest[:, -1:] = -1.0
     low = np.concatenate([np.full(count, -_FARTHEST), lowest.ravel()])
     high = np.concatenate([np.full(count, _FARTHEST), np.ones(w[:, 1:].size)])
-    step = np.clip(lsq_linear(root, rotated, (low * scale, high * scale)).x / scale, low, high)
+    step = np.clip(lsq_linear(root, rotated, (low * scale, high * scale), "bvls").x / scale, low, high)
     decay = -p.real * np.exp(step[: len(p)])
     turn = p.imag * np.exp(step[len(p) : count])
     further = w[:, 1:] + step[count:].reshape(len(w), -1)
@@ -235,7 +252,7 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
     """Normal matrix, gradient and squared residual by logarithms of decay and frequency, and weights."""
     p, patches = modes.poles, modes.weights.shape[0]
     basis = _Basis.of(p, modes.weights, plays)
-    measured = _stack(plays.velocity)
+    measured = stack(plays.velocity)
     found, left = basis.solution(measured)
     s = 2j * np.pi * plays.f[:, None]
     near, mirror = 1 / (s - p) ** 2, 1 / (s - np.conj(p)) ** 2
@@ -253,7 +270,7 @@ def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
         change = [(one + other) * p.real, 1j * (one - other) * p.imag]
         for k, operators in enumerate(plays.operators):
             change.append((operators[1:] * (basis.response @ shares[k * each : (k + 1) * each])).T)
-        columns = _stack(np.concatenate(change, axis=1))
+        columns = stack(np.concatenate(change, axis=1))
         within = basis.within(columns)
         normal[np.ix_(own, own)] += columns.T @ columns - within.T @ within
         gradient[own] += columns.T @ rest
@@ -276,9 +293,9 @@ class _Basis:
 
     @classmethod
     def of(cls, poles: ComplexArray, weights: FloatArray, plays: Plays) -> _Basis:
-        response, ringing = _columns(poles, plays.f)
+        response, ringing = columns_of(poles, plays.f)
         linear_volts = np.einsum("pr,prl->pl", weights[list(plays.patches)], plays.operators)
-        columns = _stack(np.concatenate([*(x[:, None] * response for x in linear_volts), ringing], axis=1))
+        columns = stack(np.concatenate([*(x[:, None] * response for x in linear_volts), ringing], axis=1))
         norms = np.linalg.norm(columns, axis=0)
         columns /= norms
         # Of columns that coincide, least squares of the least norm.
@@ -297,8 +314,8 @@ class _Basis:
         return found / self.norms[:, None], left
 
 
-def _columns(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Real unknowns' columns (lines, unknowns) of a response, and of what rings."""
+def columns_of(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Columns (lines, unknowns) of the real unknowns of a response, and of those of what rings."""
     s = 2j * np.pi * np.asarray(f)[:, None]
     near, mirror = 1 / (s - poles), 1 / (s - np.conj(poles))
     pairs = np.concatenate([near + mirror, 1j * (near - mirror)], axis=1)
@@ -308,7 +325,7 @@ def _columns(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexA
 
 def _mixed(plays: Plays, count: int) -> Plays:
     """A few combinations of points. They have the table's poles, and each shows every mode."""
-    left, sizes, _ = np.linalg.svd(_stack(plays.velocity), full_matrices=False)
+    left, sizes, _ = np.linalg.svd(stack(plays.velocity), full_matrices=False)
     strongest = (left * sizes)[:, :_STRONGEST]
     many = strongest.shape[1]
     mixing = np.linalg.qr(np.random.default_rng(0).standard_normal((many, many)))[0][:, :count]
@@ -316,5 +333,6 @@ def _mixed(plays: Plays, count: int) -> Plays:
     return Plays(plays.f, plays.patches, plays.operators, mixed[:half] + 1j * mixed[half:])
 
 
-def _stack(values: ComplexArray) -> FloatArray:
+def stack(values: ComplexArray) -> FloatArray:
+    """Real parts (lines, ...) above imaginary parts."""
     return np.concatenate([values.real, values.imag])

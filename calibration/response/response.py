@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from haploop.calibration.response.channels import Channels
 from haploop.calibration.response.excitation import Excitation, LinearSweep, Multisine
 from haploop.calibration.response.from_multisine import from_multisine
 from haploop.calibration.response.from_sweeps import from_sweeps
-from haploop.calibration.response.hysteresis import Hysteresis, hysteresis_of_play
+from haploop.calibration.response.hysteresis import Hysteresis
 from haploop.calibration.response.settling import settle
 from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -31,6 +31,14 @@ ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
 _WORTHWHILE = 1.2
 """Ratio of the highest to the lowest frequency from which the response above the band is measured."""
+LINEAR = Hysteresis(np.zeros(1), np.ones(1), 1.0)
+"""The law of a patch without hysteresis."""
+WITHIN = 0.01
+"""Relative rms standard deviation of a response, above which a multisine is played again."""
+_LONGEST = 8.2
+"""Longest period (s) of a multisine that is played again."""
+_HELPS = 0.8
+"""Ratio of the deviation to that of half the period, up to which twice the period is tried next."""
 SWEEP = LinearSweep()
 QUICK = Multisine()
 
@@ -41,8 +49,10 @@ class Response:
 
     `velocity` is m/s per V at the patch, from the *measured* drive to the surface's own velocity:
     the vibrometer's delay and bandwidth and the card's channel skew are taken out. `deviation` is
-    its standard deviation. `path` is measured volts at the patch per volt commanded (amplifier,
-    converter and relay). `noise` is the density of everything in the measured velocity that did
+    its standard deviation, of noise and of everything else that the measurement could not tell apart
+    (drift, distortion, a law that does not fit, resonances narrower than lines resolve). `path` is measured
+    volts at the patch per volt commanded (amplifier, converter and relay). `noise` is the density of
+    everything in the measured velocity that did
     not repeat (m/s per sqrt(Hz), one-sided). `coherence` is that of one sweep or period: the share
     of the measured velocity's power that follows the drive, from the pooled noise and free of the
     bias that few repeats give the classical estimate. `distortion` is (2, lines) m/s per V: even and
@@ -79,6 +89,11 @@ class Response:
     simulated: bool
     created: str
     """Time of creation, ISO 8601, UTC."""
+    scatter: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """(lines,) m/s per V: the part of `deviation` that differs from line to line, which a fit averages. The
+    rest is common to neighbouring lines: the law's misfit, drift, what the lines do not resolve."""
+    hysteresis: Hysteresis = LINEAR
+    """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
 
     @property
     def acceleration(self) -> ComplexArray:
@@ -97,6 +112,13 @@ class Response:
         distance is exponentially distributed; multiply as `acceleration` and `displacement` do.
         """
         return np.asarray(np.sqrt(-np.log1p(-level)) * self.deviation)
+
+    @property
+    def uncertainty(self) -> float:
+        """Relative standard deviation: rms over the lines, over that of the response; NaN if not known."""
+        if not len(self.deviation):
+            return float("nan")
+        return float(np.linalg.norm(self.deviation) / np.linalg.norm(self.velocity))
 
     def snr_db(self, peak: float) -> float:
         """Velocity over noise (dB) within the band for a multisine of `peak` V, for `plan_excitation`."""
@@ -125,14 +147,18 @@ def measure_response(
     excitation: Excitation = SWEEP,
     level: float | None = None,
     hysteresis: Hysteresis | None = None,
+    within: float = WITHIN,
 ) -> Response:
     """Play an excitation into a patch, measure drive and velocity, and divide the spectra.
 
     The default is the paper's sweep, at several levels, which also shows the patch's hysteresis. `level` is
-    the peak in volts at the patch; None takes what the rig's limits allow. A multisine takes 2.05 s or a few
-    periods more. With the `hysteresis` of an earlier calibration, or with the one identified from a multisine
-    from rest, the response is computed from the linear volts of the measured drive, which removes the
-    distortion: the result equals that of sweeps at `hysteresis.level`.
+    the peak in volts at the patch; None takes what the rig's limits allow.
+
+    A multisine takes 2.05 s or a few periods more. If its response is not known `within` a relative standard
+    deviation, it is played again with twice the period, for as long as that helps and up to 8.2 s; the
+    response's `excitation` states what was played. With the `hysteresis` of an earlier calibration, or with
+    the one identified from the multisine, the response is computed from the linear volts of the measured
+    drive, which removes the distortion: the result equals that of sweeps at `hysteresis.level`.
 
     Raises InstrumentError when the operator does not confirm, a signal leaves its range or the
     drive does not reach the patch; DataError when the point does not follow the patch;
@@ -142,8 +168,8 @@ def measure_response(
     peak = rig.limits.peak if level is None else level
     prepare(rig, point)
     if isinstance(excitation, Multisine):
-        settle(rig, patch, progress)
-        return _coherent(_played(rig, patch, point, monitor, excitation, peak, hysteresis, progress))
+        found = _known(rig, patch, point, monitor, excitation, peak, hysteresis, progress, within)
+        return _coherent(found)
     if hysteresis is not None:
         raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
     return _coherent(_swept(rig, patch, point, monitor, excitation, peak, progress))
@@ -178,7 +204,10 @@ def quick_response(
     level: float | None = None,
     hysteresis: Hysteresis | None = None,
 ) -> Response:
-    """Measure a response with one period of a multisine from rest (2.05 s); see `measure_response`."""
+    """Measure a response with one period of a multisine from rest, 2.05 s or longer if that does not suffice.
+
+    See `measure_response`.
+    """
     return measure_response(rig, patch, point, progress, excitation=QUICK, level=level, hysteresis=hysteresis)
 
 
@@ -225,25 +254,17 @@ def _from_capture(
 ) -> Response:
     refuse_overload(rig, capture)
     volts, velocity, channels = _signals(rig, capture, monitor)
-    if hysteresis is None and multisine.from_rest:
-        hysteresis = hysteresis_of_play(multisine, commanded, volts, velocity, channels)
-    linear_volts = hysteresis.to_linear_volts(volts) if hysteresis is not None else None
-    found = from_multisine(multisine, commanded, volts, velocity, channels, linear_volts)
-    peak, said = float(np.abs(commanded).max()), str(multisine)
-    lag = 1.0 + 0.0j
-    if hysteresis is not None:
-        lag, said = hysteresis.gain(hysteresis.level), f"{said}; the patch's hysteresis taken out"
+    found, law = from_multisine(multisine, commanded, volts, velocity, channels, hysteresis)
     return _response(
         rig,
         found,
         patch,
         point,
-        excitation=said,
+        excitation=f"{multisine}; the patch's hysteresis taken out",
         repeats=multisine.periods,
-        peak=peak,
+        peak=float(np.abs(commanded).max()),
         shares=(),
-        level=None if hysteresis is None else hysteresis.level,
-        lag=lag,
+        hysteresis=law,
     )
 
 
@@ -280,6 +301,31 @@ def refuse_overload(rig: Rig, capture: Capture) -> None:
     problem = overloaded(rig, capture)
     if problem:
         raise InstrumentError(problem)
+
+
+def _known(
+    rig: Rig,
+    patch: str,
+    point: str,
+    monitor: str,
+    multisine: Multisine,
+    peak: float,
+    hysteresis: Hysteresis | None,
+    progress: Progress,
+    within: float,
+) -> Response:
+    """Play a multisine, again with twice the period as long as the response is not known and that helps."""
+    before, said = np.inf, ""
+    while True:
+        settle(rig, patch, progress)
+        response = _played(rig, patch, point, monitor, multisine, peak, hysteresis, progress)
+        unsure = response.uncertainty
+        longer = replace(multisine, period=2 * multisine.period)
+        if unsure <= within or longer.period > _LONGEST or unsure > _HELPS * before:
+            break
+        said += f"; {multisine.duration:.2f} s left a standard deviation of {unsure:.2%}"
+        multisine, before = longer, unsure
+    return replace(response, excitation=f"{response.excitation}; standard deviation {unsure:.2%}{said}")
 
 
 def _played(
@@ -337,8 +383,7 @@ def _response(
     repeats: int,
     peak: float,
     shares: tuple[float, ...],
-    level: float | None = None,
-    lag: complex = 1.0,
+    hysteresis: Hysteresis | None = None,
 ) -> Response:
     gain = float(np.median(np.abs(found.path)))
     _refuse_silent_drive(gain, patch)
@@ -346,14 +391,15 @@ def _response(
         patch=patch,
         point=point,
         frequencies=found.frequencies,
-        velocity=found.velocity * lag,
+        velocity=found.velocity,
         deviation=found.deviation,
+        scatter=found.scatter,
         coherence=found.coherence,
         path=found.path,
         noise=found.noise,
         distortion=found.distortion,
         repeats=repeats,
-        level=gain * peak if level is None else level,
+        level=gain * peak if hysteresis is None else hysteresis.level,
         levels=gain * peak * np.array(shares),
         level_gain=found.level_gain,
         velocity_range=rig.vibrometer.range,
@@ -363,6 +409,7 @@ def _response(
         rig_file=rig.file.model_dump_json(),
         simulated=rig.simulated,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
+        hysteresis=LINEAR if hysteresis is None else hysteresis,
     )
 
 

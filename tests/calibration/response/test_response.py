@@ -121,17 +121,6 @@ def test_two_seconds_from_rest_are_a_response(open: OpenRig, full: bool) -> None
         assert abs(off) < 0.005 and abs(damping) < 0.005
 
 
-def test_distortion_shows_between_the_lines(open: OpenRig) -> None:
-    """The loop of 12 % distorts, on odd lines alone, and a response without its law says so."""
-    rig = open(seed=41)
-    response = measure_response(rig, excitation=Multisine(settle=0.5))
-    truth, inside = true_velocity(rig, response.frequencies), response.frequencies > 30
-    gain = np.vdot(truth, response.velocity) / np.vdot(truth, truth)
-    assert 0.01 < difference(response.velocity[inside] / gain, truth[inside]) < 0.06
-    even, odd = np.sqrt(np.mean(response.distortion**2, axis=1)) / np.sqrt(np.mean(np.abs(truth) ** 2))
-    assert 0.01 < odd < 0.06 and even < 0.5 * odd
-
-
 def test_a_known_law_takes_distortion_and_level_out(calibrated: Calibrated) -> None:
     rig, law, sweep = calibrated.rig, calibrated.calibration.hysteresis, calibrated.calibration.response
     for level in (None, 12.0):
