@@ -20,9 +20,11 @@ _RIDGE = 1e-4
 def fit_hysteresis(response: Response) -> Hysteresis:
     """Fit the hysteresis to the measured differences of the response between levels.
 
-    Without a difference it is a gain of one. Non-negative least squares in the weights keeps
-    the loop invertible.
+    Without further levels it is the law that the response was computed with. Non-negative least squares in
+    the weights keeps the loop invertible.
     """
+    if not len(response.levels):
+        return response.hysteresis
     full = response.level
     radii = _SHARES * full
     at_full = first_harmonic(radii, full)

@@ -27,6 +27,7 @@ MEASURED = "measured"
 _CREST = 1.66
 """Crest factor of the multisines here."""
 SWEEP = LinearSweep()
+LINEAR = Hysteresis(np.zeros(1), np.ones(1), 1.0)
 QUICK = Multisine()
 
 
@@ -74,6 +75,8 @@ class Response:
     simulated: bool
     created: str
     """Time of creation, ISO 8601, UTC."""
+    hysteresis: Hysteresis = LINEAR
+    """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
 
     @property
     def acceleration(self) -> ComplexArray:
@@ -198,6 +201,7 @@ def response_from(
         shares=(),
         level=None if hysteresis is None else hysteresis.level,
         lag=lag,
+        hysteresis=LINEAR if hysteresis is None else hysteresis,
     )
 
 
@@ -275,6 +279,7 @@ def _response(
     shares: tuple[float, ...],
     level: float | None = None,
     lag: complex = 1.0,
+    hysteresis: Hysteresis = LINEAR,
 ) -> Response:
     gain = float(np.median(np.abs(found.path)))
     _refuse_silent_drive(gain, patch)
@@ -299,6 +304,7 @@ def _response(
         rig_file=rig.file.model_dump_json(),
         simulated=rig.simulated,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
+        hysteresis=hysteresis,
     )
     _refuse_incoherent(response)
     return response
