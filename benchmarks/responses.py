@@ -40,7 +40,7 @@ def noise_scale(seed: int, excitation: Multisine | LinearSweep) -> float:
 def compare(rig: Rig, response: Response, model: Model, level: bool) -> Row:
     """Errors of lines and of the model over the band, and of the main resonance (mHz) and its damping."""
     truth = rig.simulation.truth  # type: ignore[union-attr]
-    plate = truth._plant.table.plate
+    plate = truth.surface.modes(rig.clock.now())
     natural = plate.natural_hz
     main = int(np.argmin(np.abs(natural - truth.resonance_hz)))
 

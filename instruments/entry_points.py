@@ -1,4 +1,4 @@
-"""Entry points of installed packages: roles, drivers, twins, wires and faults.
+"""Entry points of installed packages: roles, drivers, twins, wires, plants and faults.
 
 haploop's own are found in the same way. Only those that a rig needs are loaded, so that a broken
 package affects only the rigs that use it.
@@ -16,6 +16,7 @@ from haploop.instruments.errors import ConfigurationError
 __all__ = [
     "DRIVERS",
     "FAULTS",
+    "PLANTS",
     "ROLES",
     "SIMULATION",
     "TWINS",
@@ -23,12 +24,14 @@ __all__ = [
     "driver_class",
     "installed",
     "load",
+    "name_of",
     "named",
+    "plant_class",
     "role_class",
 ]
 
 ROLES, DRIVERS, TWINS, WIRES = "haploop.roles", "haploop.drivers", "haploop.twins", "haploop.wires"
-FAULTS, SIMULATION = "haploop.faults", "haploop.simulation"
+FAULTS, PLANTS, SIMULATION = "haploop.faults", "haploop.plants", "haploop.simulation"
 
 
 def installed(group: str) -> tuple[str, ...]:
@@ -66,6 +69,12 @@ def load(group: str, name: str) -> Any:
     return loaded
 
 
+def name_of(group: str, kind: type[Any]) -> str | None:
+    """Return the name of the entry point that names a class, or None. Nothing is loaded."""
+    value = f"{kind.__module__}:{kind.__qualname__}"
+    return next((entry.name for entry in metadata.entry_points(group=group) if entry.value == value), None)
+
+
 def role_class(role: str) -> type[Any]:
     """Load the abstract class of a role. Raises ConfigurationError, which names the package."""
     kind = load(ROLES, role)
@@ -94,6 +103,17 @@ def driver_class(name: str, role: str | None = None) -> type[Any]:
     else:
         return driver
     raise ConfigurationError(f"{named(DRIVERS, name)} {wrong}")
+
+
+def plant_class(name: str) -> type[BaseModel]:
+    """Load the settings of the plant `name`. Raises ConfigurationError, which names the package."""
+    kind = load(PLANTS, name)
+    if not _is_model(kind):
+        raise ConfigurationError(
+            f"{named(PLANTS, name)} must be a pydantic model, with a method make(file, rng): ask the "
+            "package's author."
+        )
+    return kind  # type: ignore[no-any-return]
 
 
 def _is_model(kind: object) -> bool:

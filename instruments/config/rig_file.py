@@ -134,23 +134,25 @@ class AbortLimits(_Section):
 
 
 class SimulationSettings(_Section):
-    """The `[simulation]` table: the plant of a simulated rig."""
+    """The `[simulation]` table: the plant of a simulated rig, and settings that this plant validates."""
 
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    plant: str = "table"
+    """Name of an installed plant."""
     seed: Annotated[int, Field(ge=0)] = 0
-    mode_drift: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
-    """Relative shift of every mode's frequency."""
-    daily_drift: Annotated[float, Field(ge=0, lt=0.1)] = 0.0
-    """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
-    damping_scale: Positive = 1.0
     vibrometer_noise_scale: NotNegative = 1.0
     hysteresis: Annotated[float, Field(ge=0, le=0.5)] = 0.12
     """Width of the patches' loop over its height; 10 to 15 % is an estimate (docs/hardware.md, "Patches")."""
-    collocated: bool = False
-    """Put patch A under the button point, so that the response has no right-half-plane zeros."""
     bad_press_rate: Fraction = 0.0
     """Fraction of presses that go wrong: too soft, too hard, double, or with a hand resting on the button."""
     faults: tuple[dict[str, Any], ...] = ()
     """Faults of the plant, one table each: its `kind`, and the settings of that kind (docs/faults.md)."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings of the plant itself."""
+        return dict(self.model_extra or {})
 
 
 class Recalibration(_Section):
@@ -265,6 +267,9 @@ def load_rig_file(path: str | Path) -> RigFile:
         if device.driver in drivers:
             driver = entry_points.driver_class(device.driver, role)
             validate(driver.Settings, device.settings, where, (role,))
+    if file.simulation.plant in entry_points.installed(entry_points.PLANTS):
+        plant = entry_points.plant_class(file.simulation.plant)
+        validate(plant, file.simulation.settings, where, ("simulation",))
     for index, fault in enumerate(file.simulation.faults):
         validate_kind(fault_kinds(), fault, where, ("simulation", "faults", index))
     return file
@@ -309,13 +314,14 @@ def _read_calibration(raw: dict[str, Any], path: Path) -> None:
 
 
 def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """Merge `own` over `base`, table by table; a table with another driver replaces the base's."""
+    """Merge `own` over `base`, table by table; one with another driver or plant replaces the base's."""
     both = {
         key: _merged(base[key], value)
         for key, value in own.items()
         if isinstance(value, dict)
         and isinstance(base.get(key), dict)
         and value.get("driver") in (None, base[key].get("driver"))
+        and value.get("plant") in (None, base[key].get("plant", "table"))
     }
     return {**base, **own, **both}
 
@@ -388,6 +394,8 @@ def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Lo
     key = ".".join(str(part) for part in (*above, *first["loc"]))
     if first["type"] == "extra_forbidden":
         known = set(_keys_at(model, first["loc"][:-1]))
+        if above == ("simulation",):
+            known.update(SimulationSettings.model_fields)
         top = model is RigFile and len(first["loc"]) == 1
         if top:
             known.update(roles())

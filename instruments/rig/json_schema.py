@@ -27,7 +27,9 @@ def rig_schema() -> dict[str, Any]:
     for role in roles():
         schema["properties"][role] = _chosen("driver", _settings_of(role, broken), definitions)
     schema["additionalProperties"] = False
-    faults = definitions["SimulationSettings"]["properties"]["faults"]
+    simulation = definitions["SimulationSettings"]
+    faults = simulation["properties"]["faults"]
+    _any_plant(simulation, definitions, broken)
     faults["items"] = _chosen("kind", _usable(fault_kinds(), broken), definitions)
     if broken:
         schema["$comment"] = " ".join(broken)
@@ -57,6 +59,24 @@ def _settings_of(role: str, broken: list[str]) -> dict[str, type[BaseModel]]:
             if str(error) not in broken:
                 broken.append(str(error))
     return settings
+
+
+def _any_plant(simulation: dict[str, Any], definitions: dict[str, Any], broken: list[str]) -> None:
+    """Allow the settings of the installed plants in the schema of `[simulation]`, each with its plant."""
+    plants: dict[str, type[BaseModel]] = {}
+    for name in entry_points.installed(entry_points.PLANTS):
+        try:
+            plants[name] = entry_points.plant_class(name)
+        except ConfigurationError as error:
+            broken.append(str(error))
+    rules = _chosen("plant", plants, definitions)["allOf"]
+    default = simulation["properties"]["plant"]["default"]
+    for rule in rules:
+        rule["then"]["properties"] = {**simulation["properties"], **rule["then"]["properties"]}
+        if rule["if"]["properties"]["plant"]["const"] == default:
+            rule["if"]["required"] = []  # it holds without the key, too
+    simulation["properties"]["plant"]["enum"] = sorted(plants)
+    simulation["allOf"] = rules
 
 
 def _usable(kinds: Mapping[str, type[BaseModel]], broken: list[str]) -> dict[str, type[BaseModel]]:
@@ -95,6 +115,6 @@ def _soften(schema: Any) -> None:
             del schema["default"]
         for name, value in schema.items():
             if name == "if":
-                value["required"] = list(value["properties"])
+                value.setdefault("required", list(value["properties"]))
             else:
                 _soften(value)

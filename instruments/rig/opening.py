@@ -7,6 +7,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from haploop.instruments import entry_points
 from haploop.instruments.clock import RealClock
 from haploop.instruments.config import Device, RigFile, SimulationSettings, load_rig_file, validate
@@ -20,14 +22,19 @@ __all__ = ["hardware", "open_rig", "simulated_file"]
 
 
 def open_rig(
-    rig: str | Path | RigFile, simulate: Mode | None = None, simulation: Mapping[str, Any] | None = None
+    rig: str | Path | RigFile,
+    simulate: Mode | None = None,
+    simulation: Mapping[str, Any] | None = None,
+    *,
+    plant: object = None,
 ) -> Rig:
     """Open every instrument of a rig; use it as a context.
 
     `rig` is a rig file's path, the bare name of a rig that haploop ships, or a loaded file.
     `simulate` replaces every driver by its twin, or connects the drivers to their wires; None: as
     the file says, which for a lab's rig is the hardware. `simulation`
-    overrides keys of the file's `[simulation]` table. Connecting changes no output. Hardware is
+    overrides keys of the file's `[simulation]` table; `plant` replaces its plant by an object
+    (docs/simulation.md, "A plant of your own"). Connecting changes no output. Hardware is
     locked while it is open: no other program, and no other rig of this one, can open it.
 
     Raises ConfigurationError, and InstrumentError when an instrument is missing or in use.
@@ -36,9 +43,13 @@ def open_rig(
     mode = simulate or file.simulate
     world: Simulation | None = None
     if mode is not None:
-        file = simulated_file(file, simulation or {})
+        file = simulated_file(file, simulation or {}, plant)
         simulation_class = entry_points.load(entry_points.SIMULATION, "plant")
-        world = simulation_class(file)
+        world = simulation_class(file, plant=plant)
+    elif plant is not None:
+        raise ConfigurationError(
+            f"The rig {file.name!r} is opened on its hardware, which takes no plant: simulate it."
+        )
     pieces = hardware(file, mode)
     opened = Rig(file, world.clock if world else RealClock(), world, mode, pieces)
     try:
@@ -64,11 +75,31 @@ def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
     )
 
 
-def simulated_file(file: RigFile, changes: Mapping[str, Any]) -> RigFile:
-    """Return a rig file with keys of its `[simulation]` table changed."""
-    plant = {**file.simulation.model_dump(), **changes}
-    settings = validate(SimulationSettings, plant, f"[simulation] of {file.name}")
+def simulated_file(file: RigFile, changes: Mapping[str, Any], plant: object = None) -> RigFile:
+    """Return a rig file with keys of its `[simulation]` table changed, and the name of the `plant` in it.
+
+    With another plant, the settings of the file's own plant are dropped.
+    Raises ConfigurationError for an unknown key or a wrong value.
+    """
+    where = f"[simulation] of {file.name}"
+    named = {} if plant is None else _described(plant)
+    table = file.simulation.model_dump()
+    if named or changes.get("plant", table["plant"]) != table["plant"]:
+        table = {key: value for key, value in table.items() if key not in file.simulation.settings}
+    settings = validate(SimulationSettings, {**table, **changes, **named}, where)
+    if plant is None:
+        validate(entry_points.plant_class(settings.plant), settings.settings, where, ("simulation",))
     return file.model_copy(update={"simulation": settings})
+
+
+def _described(plant: object) -> dict[str, Any]:
+    """Keys of `[simulation]` that tell a plant given as an object: its class, and its settings if it has any.
+
+    The class of an installed plant is told by its entry point's name, with which it can be opened again.
+    """
+    kind = type(plant)
+    name = entry_points.name_of(entry_points.PLANTS, kind) or f"{kind.__module__}.{kind.__qualname__}"
+    return {**(plant.model_dump(mode="json") if isinstance(plant, BaseModel) else {}), "plant": name}
 
 
 def _connect(rig: Rig) -> None:

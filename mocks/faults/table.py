@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+
+import numpy as np
 
 from haploop.instruments.arrays import FloatArray
-from haploop.mocks.plant import Fault, FaultSettings, Plate
+from haploop.mocks.plant import Fault, FaultSettings, PatchLaw
 
 __all__ = ["PatchDead"]
 
-_NOWHERE = (0.0, 0.0)
-"""The pane's corner, where no mode has curvature: a patch placed there moves nothing."""
+
+class _Dead:
+    def follow(self, volts: FloatArray) -> FloatArray:
+        return np.zeros(len(volts))
 
 
 class PatchDead(Fault):
@@ -24,9 +27,9 @@ class PatchDead(Fault):
 
     settings: Settings
 
-    def plate(self, plate: Plate) -> Plate:
-        """See `Fault.plate`."""
-        return replace(plate, patches={**plate.patches, self.settings.patch: _NOWHERE})
+    def law(self, patch: str, law: PatchLaw) -> PatchLaw:
+        """See `Fault.law`."""
+        return _Dead() if patch == self.settings.patch else law
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
         """See `Fault.patches`."""

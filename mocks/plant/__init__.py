@@ -12,35 +12,57 @@ from haploop.mocks.plant.fault import (
     TimedFault,
 )
 from haploop.mocks.plant.fault_kinds import KINDS, FaultKinds, Faults, fault_class
+from haploop.mocks.plant.hysteresis import Hysteresis, PatchLaw
+from haploop.mocks.plant.modal import ModalSurface, Modes
 from haploop.mocks.plant.nodes import LaserHead, Nodes, Run, SamplesLost, Source, Switched, Switches
 from haploop.mocks.plant.plant import Plant
 from haploop.mocks.plant.scene import AmplifierOutput
-from haploop.mocks.plant.table import Plate
+from haploop.mocks.plant.surface import (
+    AMPLIFIER_POLE_HZ,
+    REMEMBERED,
+    PlantSettings,
+    PlantSource,
+    Surface,
+    place_of,
+    table_of,
+)
+from haploop.mocks.plant.table import TouchTable
 from haploop.mocks.plant.truth import Truth
 
 __all__ = [
     "AMPLIFIER_GAIN_ERROR",
+    "AMPLIFIER_POLE_HZ",
     "KINDS",
+    "REMEMBERED",
     "AmplifierOutput",
     "Fault",
     "FaultKinds",
     "FaultSettings",
     "Faults",
+    "Hysteresis",
     "LaserHead",
+    "ModalSurface",
+    "Modes",
     "Nodes",
     "NotNegative",
+    "PatchLaw",
     "PerEventFault",
     "Plant",
-    "Plate",
+    "PlantSettings",
+    "PlantSource",
     "Positive",
     "RelayFailure",
     "Run",
     "SamplesLost",
     "ScheduledFault",
     "Source",
+    "Surface",
     "Switched",
     "Switches",
     "TimedFault",
+    "TouchTable",
     "Truth",
     "fault_class",
+    "place_of",
+    "table_of",
 ]

@@ -21,8 +21,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.instruments.config import RigFile
+from haploop.mocks.plant.hysteresis import PatchLaw
+from haploop.mocks.plant.modal import Modes
 from haploop.mocks.plant.nodes import LaserHead, Run
-from haploop.mocks.plant.table import Plate
 from haploop.mocks.transport import ReplyFault
 
 __all__ = [
@@ -93,11 +94,21 @@ class Fault:
     def __repr__(self) -> str:
         return f"<fault {self.kind}, fired {self.fired} times>"
 
-    # Hooks: the table
+    # Hooks: the surface and its patches
 
-    def plate(self, plate: Plate) -> Plate:
-        """Return the pane, when it is created."""
-        return plate
+    every: float = math.inf
+    """Interval at which `modes` is asked anew (s)."""
+
+    def modes(self, modes: Modes, time: float) -> Modes:
+        """Return the surface's modes at a time (s), as many as there were.
+
+        A plant whose surface has no modes is refused with a kind that overrides this.
+        """
+        return modes
+
+    def law(self, patch: str, law: PatchLaw) -> PatchLaw:
+        """Return the law of a patch, when the plant is created."""
+        return law
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
         """Return the volts at each patch, (steps,), from `start` (s) on."""

@@ -6,11 +6,13 @@ The model is rate-independent, remembers its turning points and closes minor loo
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from haploop.instruments.arrays import FloatArray
 
-__all__ = ["Hysteresis"]
+__all__ = ["Hysteresis", "PatchLaw"]
 
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
 """Half-widths of the play operators (V; docs/hardware.md, "Patches")."""
@@ -19,6 +21,13 @@ _ASYMMETRY = 0.01
 docs/hardware.md, "Patches"). It makes the plant differ from the law that an estimator may assume."""
 _AMPLITUDE = 50.0
 """Amplitude (V) at which the loop has the specified width and the gain is one: the paper's 100 Vpp."""
+
+
+class PatchLaw(Protocol):
+    """Law of one patch, from its voltage to the linear volts that drive the surface; it keeps its state."""
+
+    def follow(self, volts: FloatArray) -> FloatArray:
+        """Convert the next volts (steps,) to linear volts (steps,), as which a patch without a law acts."""
 
 
 class Hysteresis:

@@ -19,27 +19,23 @@ from haploop.mocks.plant.amplifier import Amplifier
 from haploop.mocks.plant.nodes import LaserHead, Source, Switches
 from haploop.mocks.plant.scene import AmplifierOutput, Scene
 from haploop.mocks.plant.sensed import laser, wired
+from haploop.mocks.plant.surface import PlantSource
 from haploop.mocks.plant.truth import Truth
 
 __all__ = ["Plant"]
-
-_TUNED = 10.0
-"""Interval at which the table's modes are updated for its temperature (s): at a drift of 1 % per day they
-have moved by less than a millionth."""
 
 
 class Plant(Scene):
     """The simulated world of one rig. A laser measures once a vibrometer's twin has installed its head."""
 
-    def __init__(self, file: RigFile, clock: Clock) -> None:
-        super().__init__(file, clock)
+    def __init__(self, file: RigFile, clock: Clock, source: PlantSource | None = None) -> None:
+        super().__init__(file, clock, source)
         self._switched: list[tuple[float, int, str, bool]] = []
         self._boxes: list[Switches] = []
         self._sources: dict[str, Source] = {}
         self._now = clock.now()
         self._amplifier = Amplifier(file, self.section.patches, self.rng("amplifier"))
         self._inputs = dict.fromkeys(self._amplifier.inputs.values(), 0.0)
-        self._tuned = -np.inf
         self._cards: dict[str, str] = {
             node: str(channel["terminal"]).split("/")[0]
             for node, channel in file.daq.settings.get("channels", {}).items()
@@ -146,22 +142,19 @@ class Plant(Scene):
         self._now = max(self._now, until)
 
     def _apply(self, start: float, period: float, outputs: Mapping[str, FloatArray]) -> None:
-        """Step the table. `outputs` maps each amplifier input to its output, (steps,) V."""
+        """Step the surface. `outputs` maps each amplifier input to its output, (steps,) V."""
         self._inputs.update({node: float(volts[-1]) for node, volts in outputs.items()})
         steps = len(next(iter(outputs.values()), ()))
         rest = np.zeros(steps)
         input_of = self._amplifier.inputs
         at: Mapping[str, FloatArray] = {
             p: outputs.get(input_of.get(p, ""), rest) if p in self.closed else rest
-            for p in self.table.plate.patches
+            for p in self.surface.patches
         }
         for fault in self.faults:
             at = fault.patches(at, start)
         if steps:
-            if self.settings.daily_drift and start - self._tuned >= _TUNED:
-                self._tuned = start
-                self.table.tune(self.plate_at(start))
-            self.table.step(start, period, at)
+            self.step(start, period, at)
         for node, volts in outputs.items():
             closed = frozenset(p for p in self.closed if input_of.get(p) == node)
             if closed:

@@ -7,7 +7,10 @@ blocks' levels times the impulse response. That is ten times as fast as a recurs
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -16,7 +19,9 @@ from scipy.signal import lfilter
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Poles", "Stretch"]
+__all__ = ["Course", "Poles", "Stretch"]
+
+Owner = TypeVar("Owner")
 
 _BLOCK = 64
 """Steps per block: fewer make more blocks, more make longer products."""
@@ -188,6 +193,41 @@ class Stretch:
         begins[np.abs(begins) < _GONE] = 0.0
         onward = np.exp(np.arange(_BLOCK)[:, None] * period * poles)
         return np.asarray((_as_real(begins) @ _as_real(onward.conj()).T).ravel()[:count])
+
+
+class Course(Generic[Owner]):
+    """The stretches of the last `remembered` seconds; each has an owner, which knows the poles' weights."""
+
+    def __init__(self, owner: Owner, poles: Poles, remembered: float) -> None:
+        rest = np.zeros((poles.inputs.shape[1], 1))
+        self._stretches = deque([(owner, Stretch(poles, 0.0, np.inf, rest))])
+        self._remembered = remembered
+
+    @property
+    def begin(self) -> float:
+        """Earliest time that is remembered (s)."""
+        return self._stretches[0][1].start
+
+    def step(self, owner: Owner, poles: Poles, start: float, period: float, levels: FloatArray) -> None:
+        """Add levels (channels, steps), each held for `period` (s), from `start` (s) on, with these poles."""
+        stretch = Stretch(poles, start, period, levels, self._stretches[-1][1])
+        self._stretches.append((owner, stretch))
+        while len(self._stretches) > 1 and self._stretches[1][1].start < start - self._remembered:
+            self._stretches.popleft()
+
+    def seen(self, times: FloatArray, weights: Callable[[Owner], ComplexArray]) -> FloatArray:
+        """Return the weighted output, (times,), at rising times (s); `weights` of an owner are (poles,)."""
+        out, end = np.zeros(len(times)), len(times)
+        for owner, stretch in reversed(self._stretches):
+            first = int(np.searchsorted(times, stretch.start - 1e-9))
+            if stretch is self._stretches[0][1]:
+                first = 0
+            if first < end:
+                out[first:end] = stretch.seen(times[first:end], weights(owner))
+                end = first
+            if not end:
+                break
+        return out
 
 
 def _as_real(values: ComplexArray) -> FloatArray:

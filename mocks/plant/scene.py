@@ -5,18 +5,21 @@ from __future__ import annotations
 import threading
 import zlib
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
-from haploop.instruments.config import RigFile, TableSettings
+from haploop.instruments.config import RigFile
 from haploop.instruments.operator import Press
 from haploop.mocks.plant.buttons import FLAWS, Finger, Flaw, SimulatedPress, button_named, press_button
 from haploop.mocks.plant.fault_kinds import Faults
 from haploop.mocks.plant.nodes import LaserHead
-from haploop.mocks.plant.table import Plate, TouchTable, make_plate, warmed
+from haploop.mocks.plant.patches import Patches
+from haploop.mocks.plant.plant_kinds import asked, plant_source, surface_and_laws
+from haploop.mocks.plant.surface import PlantSource, place_of, table_of
 
 __all__ = ["GRAVITY", "AmplifierOutput", "Scene"]
 
@@ -42,14 +45,11 @@ class Scene(ABC):
     A scene is static; the plant implements `advance`, which steps it through time.
     """
 
-    def __init__(self, file: RigFile, clock: Clock) -> None:
+    def __init__(self, file: RigFile, clock: Clock, source: PlantSource | None = None) -> None:
         self.file = file
         self.clock = clock
         self.settings = file.simulation
-        # The patch's default limits: docs/hardware.md, "Patches".
-        self.section = file.table or TableSettings(
-            button_point=20, patch_capacitance=90e-9, patch_min=-100, patch_max=400
-        )
+        self.section = table_of(file)
         self.faults = Faults.of_file(file)
         self.presses: list[SimulatedPress] = []
         self.loads: list[tuple[float, float]] = []
@@ -64,8 +64,9 @@ class Scene(ABC):
         """Filtered vibrations of presses, kept for a sensor's next block."""
         self._lock = threading.RLock()
         self._heads: list[tuple[LaserHead, LaserHead]] = []
-        self._pane = self._make_plate()
-        self.table = TouchTable(self._pane, self.settings.hysteresis)
+        source = source or plant_source(file)
+        self.surface, laws = surface_and_laws(file, source, self.faults, self.rng("table"))
+        self.patches = Patches(laws)
 
     @abstractmethod
     def advance(self, until: float) -> None:
@@ -75,29 +76,25 @@ class Scene(ABC):
         """Return the random generator of one part of the world, independent of the other parts."""
         return np.random.default_rng([self.settings.seed, zlib.crc32(name.encode())])
 
-    @property
-    def plate(self) -> Plate:
-        """The pane in its present state."""
-        return self.plate_at(self.clock.now())
-
-    def plate_at(self, time: float) -> Plate:
-        """Return the pane at a time (s), with the frequency drift of the day's temperature."""
-        daily = self.settings.daily_drift
-        return warmed(self._pane, time, daily, self.settings.seed) if daily else self._pane
-
-    def _make_plate(self) -> Plate:
-        s = self.settings
-        under = self.place("button") if s.collocated else None
-        plate = make_plate(self.rng("table"), s.mode_drift, s.damping_scale, under)
-        for fault in self.faults:
-            plate = fault.plate(plate)
-        return plate
-
     def place(self, point: str) -> tuple[float, float]:
         """Return the position of a point of the table, as fractions of its width and height."""
-        index = self.section.button_point if point == "button" else int(point)
-        row, column = divmod(index, self.section.columns)
-        return (column + 0.5) / self.section.columns, (row + 0.5) / self.section.rows
+        return place_of(self.file, point)
+
+    def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> None:
+        """Step patches and surface: see `Surface.step`; `volts` are the amplifier's output at each patch."""
+        linear_volts = self.patches.step(start, period, volts)
+        with asked(self.surface, self.settings.plant):
+            self.surface.step(start, period, linear_volts)
+
+    def seen(self, times: FloatArray) -> FloatArray:
+        """Return the velocity where the laser is aimed, behind its pole, (times,) m/s. See `Surface.seen`."""
+        with asked(self.surface, self.settings.plant):
+            velocity = self.surface.seen(self.place(self.aimed), times)
+            if velocity.shape != times.shape or not np.isfinite(velocity).all():
+                raise ValueError(
+                    f"for {len(times)} times, a velocity of shape {velocity.shape}, or not finite"
+                )
+        return velocity
 
     # Actions of people
 
@@ -137,7 +134,7 @@ class Scene(ABC):
         self._heads.append((head, replace(head)))
         for fault in self.faults:
             fault.head(head)
-        self.table.laser_pole_hz = head.bandwidth_hz
+        self.surface.laser_pole_hz = head.bandwidth_hz
 
     @property
     def set_as_filed(self) -> bool:

@@ -72,7 +72,7 @@ def wired(scene: Scene) -> dict[str, Quantity]:
         nodes[sensors.activation.channels[0]] = _contact
     if sensors.drive:
         one, *more = sensors.drive.channels
-        patches = scene.table.plate.patches
+        patches = scene.surface.patches
         behind = tuple(patches) if not more else scene.section.patches[:1]
         nodes[one] = partial(_monitor, patches=behind)
         for patch, node in zip(scene.section.patches[1:], more, strict=False):
@@ -150,7 +150,7 @@ def _monitor(
     sensor = scene.file.sensors.drive
     assert sensor is not None
     # A divider on the bus behind the relay measures the connected patches.
-    volts = [scene.table.voltage(p, times) for p in patches]
+    volts = [scene.patches.voltage(p, times) for p in patches]
     return np.asarray(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
 
 
@@ -159,7 +159,7 @@ def laser(scene: Scene, times: FloatArray, rng: np.random.Generator, *, head: La
     level = np.full(len(times), head.level)
     for fault in scene.faults:
         level = fault.light(level, times)
-    velocity = scene.table.velocity(scene.place(scene.aimed), times - head.delay) * (level > 0)
+    velocity = scene.seen(np.asarray(times - head.delay)) * (level > 0)
     rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
     density = VIBROMETER_NOISE * scene.settings.vibrometer_noise_scale
     # Noise grows as the light fades: with the inverse root of its level, up to tenfold (estimate;

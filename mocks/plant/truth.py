@@ -9,7 +9,7 @@ import numpy as np
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.mocks.plant.buttons import SimulatedPress
 from haploop.mocks.plant.scene import AmplifierOutput, Scene
-from haploop.mocks.plant.table import MAIN
+from haploop.mocks.plant.surface import Surface
 
 __all__ = ["Truth"]
 
@@ -27,12 +27,20 @@ class Truth:
 
     @property
     def resonance_hz(self) -> float:
-        """Present natural frequency of the mode near 263.5 Hz (Hz)."""
-        return float(self._scene.plate.natural_hz[MAIN])
+        """Present resonance of the first patch at the button (Hz): of the table, its mode near 263.5 Hz."""
+        scene = self._scene
+        place = scene.place("button")
+        return scene.surface.resonance_hz(scene.surface.patches[0], place, scene.clock.now())
+
+    @property
+    def surface(self) -> Surface:
+        """The surface itself; of one that has modes, `surface.modes(time)` are these."""
+        return self._scene.surface
 
     def velocity_response(self, patch: str, point: str, frequencies: FloatArray) -> ComplexArray:
         """Return the response without hysteresis, (frequencies,) m/s per V at the patch."""
-        return self._scene.plate.velocity(patch, self._scene.place(point), frequencies)
+        scene = self._scene
+        return scene.surface.response(patch, scene.place(point), frequencies, scene.clock.now())
 
     def velocity(self, point: str, times: FloatArray) -> FloatArray:
         """Return the surface's own velocity at a point, (times,) m/s, at rising times (s of the rig's clock).
@@ -46,7 +54,7 @@ class Truth:
         if len(times) and times[-1] > now:
             raise ValueError(f"The motion at {times[-1]:.3f} s lies in the future: it is {now:.3f} s.")
         scene.advance(now)
-        return scene.table.true_velocity(scene.place(point), times)
+        return scene.surface.velocity(scene.place(point), times)
 
     @property
     def patch_voltages(self) -> dict[str, float]:
@@ -54,7 +62,7 @@ class Truth:
         scene = self._scene
         now = np.array([scene.clock.now()])
         scene.advance(now[0])
-        return {p: float(scene.table.voltage(p, now)[0]) for p in scene.table.plate.patches}
+        return {p: float(scene.patches.voltage(p, now)[0]) for p in scene.surface.patches}
 
     @property
     def closed(self) -> frozenset[str]:

@@ -80,7 +80,7 @@ def test_two_seconds_are_enough_at_37_db(open: OpenRig, full: bool) -> None:
         if rig.simulation is None:
             pytest.skip("only a simulation knows the truth")
         known = rig.simulation.truth
-        plate = known._scene.table.plate
+        plate = known.surface.modes(rig.clock.now())
         inside = (response.frequencies > 30) & (response.frequencies < 600)
         f = response.frequencies[inside]
         truth = known.velocity_response("A", "button", f)

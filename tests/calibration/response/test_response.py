@@ -112,7 +112,7 @@ def test_two_seconds_from_rest_are_a_response(open: OpenRig, full: bool) -> None
         lines = difference(response.velocity[inside] / gain, truth[inside])
         model, known = fit(response), rig.simulation.truth  # type: ignore[union-attr]
         fitted = difference(model.velocity(response.frequencies)[inside] / gain, truth[inside])
-        plate = known._scene.table.plate
+        plate = known.surface.modes(rig.clock.now())
         main = int(np.argmin(np.abs(plate.natural_hz - known.resonance_hz)))
         mode = min(model.resonances, key=lambda r: abs(r.frequency_hz - known.resonance_hz))
         off, damping = mode.frequency_hz - known.resonance_hz, mode.damping / plate.damping[main] - 1

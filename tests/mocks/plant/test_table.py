@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haploop.mocks.plant.hysteresis import _RADII, Hysteresis, _bent
-from haploop.mocks.plant.table import AMPLIFIER_POLE_HZ, MAIN, Plate, TouchTable, make_plate, warmed
+from haploop.mocks.plant.modal import ModalSurface, Modes
+from haploop.mocks.plant.patches import Patches
+from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ
+from haploop.mocks.plant.table import MAIN, PATCHES, make_plate, warmed
 
 PLACE = (8.5 / 12, 1.5 / 7)
 RATE_HZ = 50_000.0
@@ -16,11 +20,23 @@ LASER_HZ = 5000.0
 
 
 @pytest.fixture(scope="module")
-def plate() -> Plate:
+def plate() -> Modes:
     return make_plate(np.random.default_rng(0))
 
 
-def swing(table: TouchTable, volts: np.ndarray, cuts: list[int], start: float = 10.0) -> None:
+class Table:
+    """A surface of modes with its patches, as a plant steps them."""
+
+    def __init__(self, modes: Modes | Callable[[float], Modes], width: float, every: float = np.inf) -> None:
+        self.surface = ModalSurface(modes, every)
+        self.surface.laser_pole_hz = LASER_HZ
+        self.patches = Patches({patch: Hysteresis(width) for patch in "ABCD"})
+
+    def step(self, start: float, period: float, volts: dict[str, np.ndarray]) -> None:
+        self.surface.step(start, period, self.patches.step(start, period, volts))
+
+
+def swing(table: Table, volts: np.ndarray, cuts: list[int], start: float = 10.0) -> None:
     rest = np.zeros(len(volts))
     for a, b in zip([0, *cuts], [*cuts, len(volts)], strict=True):
         if b > a:
@@ -28,14 +44,14 @@ def swing(table: TouchTable, volts: np.ndarray, cuts: list[int], start: float = 
             table.step(start + a / RATE_HZ, 1 / RATE_HZ, steps)
 
 
-def test_the_staircase_response_is_the_plates_own(plate: Plate) -> None:
+def test_the_staircase_response_is_the_plates_own(plate: Modes) -> None:
     """A whole record's FFT ratio equals plate x staircase x amplifier x laser to a few 1e-5."""
-    table, n = TouchTable(plate, 0.0, LASER_HZ), 100_000
+    table, n = Table(plate, 0.0), 100_000
     t = np.arange(n) / RATE_HZ
     volts = 50 * np.sin(np.pi * 625 * t**2) * (t < 1)
     swing(table, volts, [5000, 5001, 40_000])
     late = 14e-6
-    velocity = table.velocity(PLACE, 10 + t + late)
+    velocity = table.surface.seen(PLACE, 10 + t + late)
     f = np.fft.rfftfreq(n, 1 / RATE_HZ)
     band = (f > 60) & (f < 600)
     measured = (np.fft.rfft(velocity) / np.fft.rfft(volts))[band]
@@ -47,15 +63,15 @@ def test_the_staircase_response_is_the_plates_own(plate: Plate) -> None:
     assert np.linalg.norm(measured - truth) < 2e-3 * np.linalg.norm(truth)
 
 
-def test_the_true_velocity_is_what_the_laser_filters(plate: Plate) -> None:
+def test_the_true_velocity_is_what_the_laser_filters(plate: Modes) -> None:
     """Its FFT ratio is plate x staircase x amplifier, up to 2.5 kHz, without the laser's pole."""
-    table, n = TouchTable(plate, 0.0, LASER_HZ), 100_000
+    table, n = Table(plate, 0.0), 100_000
     t = np.arange(n) / RATE_HZ
     volts = 50 * np.sin(np.pi * 2500 * t**2) * (t < 1)
     swing(table, volts, [5000, 40_000])
     f = np.fft.rfftfreq(n, 1 / RATE_HZ)
     band = (f > 20) & (f < 2500)
-    measured = (np.fft.rfft(table.true_velocity(PLACE, 10 + t)) / np.fft.rfft(volts))[band]
+    measured = (np.fft.rfft(table.surface.velocity(PLACE, 10 + t)) / np.fft.rfft(volts))[band]
     f = f[band]
     stairs = np.sinc(f / RATE_HZ) * np.exp(-1j * np.pi * f / RATE_HZ)
     truth = plate.velocity("A", PLACE, f) * stairs / (1 + 1j * f / AMPLIFIER_POLE_HZ)
@@ -63,26 +79,26 @@ def test_the_true_velocity_is_what_the_laser_filters(plate: Plate) -> None:
     assert np.linalg.norm(measured / (1 + 1j * f / LASER_HZ) - truth) > 0.02 * np.linalg.norm(truth)
 
 
-def test_a_motion_that_is_forgotten_is_no_longer_told(plate: Plate) -> None:
-    table = TouchTable(plate, 0.0, LASER_HZ)
+def test_a_motion_that_is_forgotten_is_no_longer_told(plate: Modes) -> None:
+    table = Table(plate, 0.0)
     for start in (10.0, 30.0, 60.0):
         swing(table, np.array([1.0, 0.0]), [], start=start)
-    table.true_velocity(PLACE, np.array([30.0]))
+    table.surface.velocity(PLACE, np.array([30.0]))
     with pytest.raises(ValueError, match=r"remembered: .* 30 s"):
-        table.true_velocity(PLACE, np.array([9.0]))
+        table.surface.velocity(PLACE, np.array([9.0]))
 
 
-def test_how_the_drive_is_cut_into_steps_changes_nothing(plate: Plate) -> None:
+def test_how_the_drive_is_cut_into_steps_changes_nothing(plate: Modes) -> None:
     rng = np.random.default_rng(1)
     volts = 40 * rng.uniform(-1, 1, 3000)
     times = 10 + np.sort(rng.uniform(0, 0.07, 500))
-    whole, cut = TouchTable(plate, 0.12, LASER_HZ), TouchTable(plate, 0.12, LASER_HZ)
+    whole, cut = Table(plate, 0.12), Table(plate, 0.12)
     swing(whole, volts, [])
     swing(cut, volts, [1, 2, 700, 701, 2999])
     np.testing.assert_allclose(
-        cut.velocity(PLACE, times), whole.velocity(PLACE, times), atol=1e-12 + 1e-9 * 50e-6
+        cut.surface.seen(PLACE, times), whole.surface.seen(PLACE, times), atol=1e-12 + 1e-9 * 50e-6
     )
-    np.testing.assert_allclose(cut.voltage("A", times), whole.voltage("A", times), atol=1e-9)
+    np.testing.assert_allclose(cut.patches.voltage("A", times), whole.patches.voltage("A", times), atol=1e-9)
 
 
 def test_patch_a_drives_the_main_mode_best_whatever_the_seed() -> None:
@@ -99,10 +115,10 @@ def test_patch_a_drives_the_main_mode_best_whatever_the_seed() -> None:
 def test_patch_and_point_apart_give_zeros_in_the_right_half_plane() -> None:
     """So that inverting the response as a stable filter fails, as it does on real tables."""
 
-    def zeros(plate: Plate, place: tuple[float, float]) -> np.ndarray:
+    def zeros(plate: Modes, place: tuple[float, float]) -> np.ndarray:
         w, zeta = plate.natural_hz / 1e3, plate.damping
         modes = [np.array([1, 2 * z * x, x * x]) for z, x in zip(zeta, w, strict=True)]
-        strength = plate.shape(place) * plate.coupling("A")
+        strength = plate.shape(place) * plate.coupling["A"]
         total = np.zeros(1)
         for k, s in enumerate(strength):
             others = np.array([1.0])
@@ -115,7 +131,7 @@ def test_patch_and_point_apart_give_zeros_in_the_right_half_plane() -> None:
     for seed in range(10):
         plate = make_plate(np.random.default_rng(seed))
         assert (zeros(plate, PLACE).real > 1e-6).any()
-        assert not (zeros(plate, plate.patches["A"]).real > 1e-6).any()
+        assert not (zeros(plate, PATCHES["A"]).real > 1e-6).any()
 
 
 def test_the_loop_has_the_width_that_was_asked_for() -> None:
@@ -138,27 +154,27 @@ def test_hysteresis_equals_its_definition_step_by_step(path: list[float], cut: i
     np.testing.assert_allclose(linear_volts, _bent(np.array(expected)), atol=1e-9)
 
 
-def test_a_table_that_warms_at_rest_stays_at_rest_and_rings_as_it_then_is(plate: Plate) -> None:
+def test_a_table_that_warms_at_rest_stays_at_rest_and_rings_as_it_then_is(plate: Modes) -> None:
     """With the linear_volts that the patch kept of an earlier drive."""
     rng = np.random.default_rng(2)
     before, volts = 40 * rng.uniform(-1, 1, 3000), 40 * rng.uniform(-1, 1, 3000)
     later = replace(plate, natural_hz=1.01 * plate.natural_hz)
-    warm, new = TouchTable(plate, 0.12, LASER_HZ), TouchTable(later, 0.12, LASER_HZ)
+    warm = Table(lambda time: plate if time < 30 else later, 0.12, every=10.0)
+    new = Table(later, 0.12)
     for table in (warm, new):
         swing(table, np.append(before, 0.0), [])
         swing(table, np.zeros(1), [], start=20.0)
-    warm.tune(later)
     swing(warm, np.zeros(1), [], start=30.0)
     at = 30 + np.arange(3000) / RATE_HZ
-    assert np.abs(warm.velocity(PLACE, at)).max() < 1e-12
+    assert np.abs(warm.surface.seen(PLACE, at)).max() < 1e-12
     for table in (warm, new):
         swing(table, volts, [700], start=31.0)
     times = 31 + np.arange(4000) / RATE_HZ
-    np.testing.assert_allclose(warm.velocity(PLACE, times), new.velocity(PLACE, times), atol=1e-10)
-    assert np.abs(warm.velocity(PLACE, times)).max() > 1e-4
+    np.testing.assert_allclose(warm.surface.seen(PLACE, times), new.surface.seen(PLACE, times), atol=1e-10)
+    assert np.abs(warm.surface.seen(PLACE, times)).max() > 1e-4
 
 
-def test_a_day_brings_every_mode_back(plate: Plate) -> None:
+def test_a_day_brings_every_mode_back(plate: Modes) -> None:
     share = [warmed(plate, hour * 3600.0, 0.01, 3).natural_hz / plate.natural_hz - 1 for hour in range(49)]
     assert all(np.ptp(s) < 1e-12 for s in share)
     course = np.array([s[0] for s in share])

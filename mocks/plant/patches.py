@@ -1,0 +1,36 @@
+"""Piezo patches between the relay's contacts and the surface: the law of each, and the voltage across it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.mocks.plant.hysteresis import PatchLaw
+from haploop.mocks.plant.poles import Course, Poles
+from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ, REMEMBERED
+
+__all__ = ["Patches"]
+
+
+class Patches:
+    """All patches of a surface, at rest at zero volts."""
+
+    def __init__(self, laws: Mapping[str, PatchLaw]) -> None:
+        self._laws = dict(laws)
+        pole = 2 * np.pi * AMPLIFIER_POLE_HZ
+        count = len(self._laws)
+        self._poles = Poles(np.full(count, -pole, dtype=np.complex128), np.eye(count))
+        self._weights = dict(zip(self._laws, pole * np.eye(count, dtype=np.complex128), strict=True))
+        self._course: Course[Mapping[str, ComplexArray]] = Course(self._weights, self._poles, REMEMBERED)
+
+    def step(self, start: float, period: float, volts: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Apply the amplifier's output at each patch, (steps,) V, as `Surface.step`; return linear volts."""
+        levels = np.array([volts[patch] for patch in self._laws])
+        self._course.step(self._weights, self._poles, start, period, levels)
+        return {patch: law.follow(volts[patch]) for patch, law in self._laws.items()}
+
+    def voltage(self, patch: str, times: FloatArray) -> FloatArray:
+        """Return the voltage across a patch, (times,) V, at rising times (s)."""
+        return self._course.seen(times, lambda weights: weights[patch])
