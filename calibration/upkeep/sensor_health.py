@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import irfft, rfft, rfftfreq
-from scipy.ndimage import binary_dilation, label
-from scipy.signal import butter, sosfiltfilt, welch
+from scipy.linalg import solve_toeplitz
+from scipy.ndimage import binary_dilation, find_objects, label, maximum_filter1d
+from scipy.signal import butter, fftconvolve, firwin, sosfiltfilt, welch
 
 from haploop.calibration.drive import BAND, Check
 from haploop.instruments import Capture, Rest, Rig
-from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 from haploop.instruments.mains import Hum, mains_hum
 
 __all__ = ["LaserAtRest", "laser_at_rest", "laser_or_patch", "loose_accelerometer", "without_spikes"]
@@ -30,10 +31,14 @@ _FAST = 3000.0
 """Frequency (Hz) above which no drive and no table moves, and a spike does."""
 _SPIKE = 9.0
 """Size of a spike above that frequency, over the noise's standard deviation there."""
-_AROUND = 0.3e-3
+_SHARE, _REACH = 0.05, 1e-3
+"""Share of a spike's size, within this time (s) of it, that counts as the filter's ringing and not as a spike."""
+_AROUND = 0.2e-3
 """Time (s) on either side of a spike that is replaced with it."""
-_FITTED, _ORDER = 1e-3, 5
-"""Time (s) on either side of a gap, and order, of the polynomial that fills it."""
+_SLOW, _TAPS = 1000.0, 0.02
+"""Frequency (Hz) above which a filled gap should not move, and length (s) of the filter that tells it."""
+_FLOOR = 1e-6
+"""Regularisation of the filling, over the filter's power."""
 _MATTERS = 0.1
 """Acceleration that the laser shows at rest, over that of a target, above which it can fail a check."""
 
@@ -129,7 +134,7 @@ def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
     if not count:
         return capture, 0
     volts = capture.volts.copy()
-    volts[laser] = _filled(volts[laser], hit, groups, count, capture.rate_hz)
+    volts[laser] = _filled(volts[laser], hit, groups, capture.rate_hz)
     overload = capture.overload.copy()
     fastest = float(np.abs(rig.vibrometer.to_velocity(volts[laser])).max())
     overload[laser] &= fastest > 0.98 * rig.vibrometer.range
@@ -156,22 +161,28 @@ def _spikes(signal: FloatArray, rate_hz: float) -> BoolArray:
     """(samples,): True in spikes and right beside them."""
     fast = sosfiltfilt(butter(4, min(_FAST, 0.3 * rate_hz), "high", fs=rate_hz, output="sos"), signal)
     spread = float(np.median(np.abs(fast))) / 0.6745
-    hit = np.abs(fast) > _SPIKE * spread
+    near = maximum_filter1d(np.abs(fast), 2 * round(_REACH * rate_hz) + 1)
+    hit = np.abs(fast) > np.maximum(_SPIKE * spread, _SHARE * near)
+    edge = round(_REACH * rate_hz)  # where the filter sees the signal begin and end
+    hit[:edge] = hit[len(hit) - edge :] = False
     if not spread or not hit.any():
         return np.zeros(len(signal), dtype=np.bool_)
     return np.asarray(binary_dilation(hit, iterations=max(1, round(_AROUND * rate_hz))))
 
 
-def _filled(signal: FloatArray, hit: BoolArray, groups: FloatArray, count: int, rate_hz: float) -> FloatArray:
-    filled, beside = signal.copy(), round(_FITTED * rate_hz)
-    for number in range(1, count + 1):
-        gap = np.flatnonzero(groups == number)
-        window = np.arange(max(gap[0] - beside, 0), min(gap[-1] + 1 + beside, len(signal)))
-        known = window[~hit[window]]
-        x, width = (known - gap.mean()), max(beside + len(gap) / 2, 1.0)
-        fit = np.polynomial.Polynomial.fit(x, signal[known], _ORDER, domain=[-width, width])
-        low, high = signal[known].min(), signal[known].max()
-        filled[gap] = np.clip(fit(gap - gap.mean()), 1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
+def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float) -> FloatArray:
+    """The signal with each gap filled by what has the least power above 1 kHz, together with its surroundings."""
+    index = np.arange(len(signal))
+    filled = np.interp(index, index[~hit], signal[~hit])
+    taps = firwin(2 * round(_TAPS * rate_hz / 2) + 1, _SLOW, pass_zero=False, fs=rate_hz)
+    kernel = fftconvolve(taps, taps[::-1])
+    middle = len(kernel) // 2
+    for _ in range(2):  # the second time with the neighbouring gaps filled
+        fast = fftconvolve(filled, kernel, mode="same")
+        for gap in find_objects(groups):
+            column = kernel[middle : middle + gap[0].stop - gap[0].start].copy()
+            column[0] *= 1 + _FLOOR
+            filled[gap] -= solve_toeplitz(column, fast[gap])
     return filled
 
 
