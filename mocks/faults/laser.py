@@ -8,9 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from haploop.instruments.arrays import FloatArray
-from haploop.mocks.plant import Fault, FaultSettings, LaserHead, Positive, TimedFault
+from haploop.instruments.config import RigFile
+from haploop.mocks.plant import Fault, FaultSettings, LaserHead, Positive, ScheduledFault, TimedFault
 
-__all__ = ["LaserBlocked", "LaserDropout", "VibrometerRange"]
+__all__ = ["LaserBlocked", "LaserDropout", "LaserSpikes", "VibrometerRange"]
 
 
 class VibrometerRange(Fault):
@@ -49,6 +50,48 @@ class LaserDropout(TimedFault):
         lost = self.active(times)
         velocity[lost] = 1.2 * full_scale * rng.choice([-1.0, 1.0], int(lost.sum()))
         return velocity
+
+
+class LaserSpikes(ScheduledFault):
+    """Speckle makes the output spike for a moment, at random times, mostly far below the end of its range."""
+
+    class Settings(ScheduledFault.Settings):
+        """See `FaultSettings`."""
+
+        rate: Positive = 2.0
+        """Mean number per second."""
+        height: Positive = 2e-3
+        """Mean height (m/s); heights are exponentially distributed, with either sign."""
+        width: Annotated[float, Field(gt=0, le=0.1)] = 1e-4
+        """Duration of each (s)."""
+
+    settings: Settings
+
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        self._drawn = int(rng.integers(2**63))
+
+    def velocity(
+        self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
+    ) -> FloatArray:
+        """See `Fault.velocity`."""
+        # Each second has its own spikes, so that they do not depend on the blocks in which it is read.
+        for second in range(int(times[0] - self.settings.width), int(times[-1]) + 1):
+            for at, height in self._of(second):
+                first, last = np.searchsorted(times, [at, at + self.settings.width])
+                if at < self.begin or first == last:
+                    continue
+                velocity[first:last] += height
+                if at not in self.at:
+                    self.at.append(at)
+        return np.clip(velocity, -full_scale, full_scale)
+
+    def _of(self, second: int) -> list[tuple[float, float]]:
+        """Return time (s) and height (m/s) of the spikes that begin within a second."""
+        rng = np.random.default_rng([self._drawn, second])
+        count = rng.poisson(self.settings.rate)
+        heights = self.settings.height * rng.exponential(size=count) * rng.choice([-1.0, 1.0], count)
+        return list(zip((second + rng.uniform(size=count)).tolist(), heights.tolist(), strict=True))
 
 
 class LaserBlocked(TimedFault):

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
+from pydantic import Field
+from scipy.signal import lfilter
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config import RigFile
 from haploop.mocks.plant import Fault, FaultSettings, NotNegative, Positive, TimedFault
 
-__all__ = ["AccelerometerInverted", "ForceCalibration", "SensorDisconnected", "SensorSaturated"]
+__all__ = [
+    "AccelerometerInverted",
+    "ForceCalibration",
+    "MainsHum",
+    "SensorCreep",
+    "SensorDisconnected",
+    "SensorSaturated",
+]
 
 RAIL = 15.0
 """Output of a saturated sensor (V): its supply, beyond every converter's range (estimate; docs/hardware.md,
@@ -96,3 +107,81 @@ class SensorSaturated(TimedFault):
         if node != self.settings.channel:
             return volts
         return np.where(self.active(times), RAIL, volts)
+
+
+class MainsHum(TimedFault):
+    """The mains couple into channels of the DAQ: the laser's, the gauges'."""
+
+    class Settings(TimedFault.Settings):
+        """See `FaultSettings`."""
+
+        channel: str | tuple[str, ...]
+        volts: Positive = 0.01
+        """Amplitude of the fundamental (V)."""
+        frequency: Positive = 50.0
+        """Frequency of the mains (Hz)."""
+        harmonics: tuple[NotNegative, ...] = (0.1, 0.3, 0.05, 0.15)
+        """Amplitudes of the second harmonic and of those after it, relative to the fundamental."""
+
+    settings: Settings
+
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        self._phases = rng.uniform(0, 2 * np.pi, len(settings.harmonics) + 1)
+
+    def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
+        """See `Fault.channel`."""
+        s = self.settings
+        if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
+            return volts
+        hum = np.zeros(len(times))
+        for k, (share, phase) in enumerate(zip((1.0, *s.harmonics), self._phases, strict=True), start=1):
+            hum += share * np.sin(2 * np.pi * k * s.frequency * times + phase)
+        return np.asarray(volts + s.volts * self.active(times) * hum)
+
+
+class SensorCreep(Fault):
+    """A sensor creeps: after a load it goes on rising for a while, and after its end it comes back as late.
+
+    To each channel, the mean of five low-passes of its own signal, whose time constants lie evenly on a
+    logarithmic scale, is added: about logarithmic in time between the shortest and the longest of them.
+    """
+
+    class Settings(FaultSettings):
+        """See `FaultSettings`."""
+
+        channel: str | tuple[str, ...]
+        share: Annotated[float, Field(gt=0, le=0.5)] = 0.03
+        """Creep of a constant load in the end, relative to the load."""
+        shortest: Positive = 0.1
+        longest: Positive = 100.0
+        """Time constants (s)."""
+
+    settings: Settings
+
+    def __init__(self, settings: Settings, file: RigFile, rng: np.random.Generator) -> None:
+        super().__init__(settings, file, rng)
+        self._rates = 1 / np.geomspace(settings.shortest, settings.longest, 5)
+        self._known: dict[str, tuple[float, float, float, FloatArray]] = {}
+        """Of each channel: volts at rest; time, volts and states at the last sample."""
+
+    def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
+        """See `Fault.channel`."""
+        s = self.settings
+        if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
+            return volts
+        self.mark(float(times[-1]))
+        rest, time, last, states = self._known.get(
+            node, (float(volts[0]), float(times[0]), float(volts[0]), np.zeros(len(self._rates)))
+        )
+        # Between two blocks, the load is taken to be that of the last sample.
+        states = last - rest + (states - (last - rest)) * np.exp(-self._rates * max(times[0] - time, 0.0))
+        period = float(times[-1] - times[0]) / max(len(times) - 1, 1)
+        crept = np.zeros(len(volts))
+        for k, rate in enumerate(self._rates):
+            decay = np.exp(-rate * period)
+            low, _ = lfilter([0.0, 1 - decay], [1.0, -decay], volts - rest, zi=[states[k]])
+            crept += low / len(self._rates)
+            states[k] = low[-1]
+        self._known[node] = (rest, float(times[-1]), float(volts[-1]), states)
+        return np.asarray(volts + s.share * crept)

@@ -1,6 +1,7 @@
 """The plant: the simulated physical world of a rig, and the hooks for faults."""
 
 from haploop.mocks.plant.amplifier import AMPLIFIER_GAIN_ERROR
+from haploop.mocks.plant.bouc_wen import BoucWen
 from haploop.mocks.plant.fault import (
     Fault,
     FaultSettings,
@@ -14,6 +15,7 @@ from haploop.mocks.plant.fault import (
 from haploop.mocks.plant.fault_kinds import KINDS, FaultKinds, Faults, fault_class
 from haploop.mocks.plant.hysteresis import Hysteresis, PatchLaw
 from haploop.mocks.plant.modal import ModalSurface, Modes
+from haploop.mocks.plant.modal_plant import Modal, random_modal
 from haploop.mocks.plant.nodes import LaserHead, Nodes, Run, SamplesLost, Source, Switched, Switches
 from haploop.mocks.plant.plant import Plant
 from haploop.mocks.plant.scene import AmplifierOutput
@@ -35,12 +37,14 @@ __all__ = [
     "KINDS",
     "REMEMBERED",
     "AmplifierOutput",
+    "BoucWen",
     "Fault",
     "FaultKinds",
     "FaultSettings",
     "Faults",
     "Hysteresis",
     "LaserHead",
+    "Modal",
     "ModalSurface",
     "Modes",
     "Nodes",
@@ -64,5 +68,6 @@ __all__ = [
     "Truth",
     "fault_class",
     "place_of",
+    "random_modal",
     "table_of",
 ]

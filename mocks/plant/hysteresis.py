@@ -9,17 +9,18 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from haploop.instruments.arrays import FloatArray
+from haploop.instruments.arrays import BoolArray, FloatArray
 
-__all__ = ["Hysteresis", "PatchLaw"]
+__all__ = ["AMPLITUDE", "Hysteresis", "PatchLaw", "sections"]
 
 _RADII = np.array([2.0, 5.0, 10.0, 16.0, 24.0, 34.0])
 """Half-widths of the play operators (V; docs/hardware.md, "Patches")."""
 _ASYMMETRY = 0.01
 """Fraction by which a patch expands more at +50 V and less at -50 V than by a symmetric law (estimate;
 docs/hardware.md, "Patches"). It makes the plant differ from the law that an estimator may assume."""
-_AMPLITUDE = 50.0
+AMPLITUDE = 50.0
 """Amplitude (V) at which the loop has the specified width and the gain is one: the paper's 100 Vpp."""
 
 
@@ -37,10 +38,10 @@ class Hysteresis:
         weights = np.ones(len(_RADII))
         # A play operator of radius r, driven over +-A, reaches +-(A - r) and is off by r at zero input.
         # Height and opening of the loop are sums over the operators, which gives the operators' share.
-        opening = 2 * (weights * np.minimum(_RADII, _AMPLITUDE - _RADII)).sum()
-        share = width * 2 * _AMPLITUDE / opening
+        opening = 2 * (weights * np.minimum(_RADII, AMPLITUDE - _RADII)).sum()
+        share = width * 2 * AMPLITUDE / opening
         self._weights = share * weights
-        self._linear = float(1 - (self._weights * (1 - _RADII / _AMPLITUDE)).sum())
+        self._linear = float(1 - (self._weights * (1 - _RADII / AMPLITUDE)).sum())
         self._play = np.zeros(len(_RADII))
         self._last = 0.0
 
@@ -53,19 +54,11 @@ class Hysteresis:
             return volts
         if np.all(volts == self._last):
             return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
-        path = np.concatenate([[self._last], volts])
-        slope = np.sign(np.diff(path))
-        # A flat segment belongs to the segment before it, so that only turning points end a segment.
-        moving = np.flatnonzero(slope)
-        turns = moving[np.flatnonzero(np.diff(slope[moving])) + 1]
-        starts = np.concatenate([[0], turns])
-        rising = slope[np.concatenate([[moving[0]], turns])] > 0
-        ends = path[np.concatenate([turns, [len(path) - 1]])]
-        lengths = np.diff(np.concatenate([starts, [len(volts)]]))
+        _, ends, rising, lengths = sections(self._last, volts)
         out = np.asarray(self._linear * volts)
         for i, (radius, weight) in enumerate(zip(_RADII, self._weights, strict=True)):
             at = float(self._play[i])
-            begin = np.empty(len(starts))
+            begin = np.empty(len(ends))
             for k, (end, rises) in enumerate(zip(ends.tolist(), rising.tolist(), strict=True)):
                 begin[k] = at
                 at = max(at, end - radius) if rises else min(at, end + radius)
@@ -76,5 +69,21 @@ class Hysteresis:
         return _bent(out)
 
 
+def sections(last: float, volts: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, NDArray[np.intp]]:
+    """Cut volts (steps,), which come after `last` (V) and are not all equal to it, at the turning points.
+
+    Return the volts at which each section begins and ends, True where it rises, and its number of steps.
+    """
+    path = np.concatenate([[last], volts])
+    slope = np.sign(np.diff(path))
+    # A flat segment belongs to the segment before it, so that only turning points end a segment.
+    moving = np.flatnonzero(slope)
+    turns = moving[np.flatnonzero(np.diff(slope[moving])) + 1]
+    starts = np.concatenate([[0], turns])
+    rising = slope[np.concatenate([[moving[0]], turns])] > 0
+    ends = path[np.concatenate([turns, [len(path) - 1]])]
+    return path[starts], ends, rising, np.diff(np.concatenate([starts, [len(volts)]]))
+
+
 def _bent(linear_volts: FloatArray) -> FloatArray:
-    return linear_volts * (1 + _ASYMMETRY / _AMPLITUDE * linear_volts)
+    return linear_volts * (1 + _ASYMMETRY / AMPLITUDE * linear_volts)
