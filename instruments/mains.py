@@ -16,7 +16,7 @@ _MAINS = (50.0, 60.0)
 _HIGHEST = 650.0
 """Highest harmonic that is looked for (Hz)."""
 _CLEAR = 15.0
-"""Power of a line over that of its surroundings, at which it is a line: noise exceeds 10 once in 10^4 times."""
+"""Power of a line over that of its surroundings, at which it is a line: in 4000 signals of noise none was."""
 _LINE, _NEAR, _FAR = 2, 4, 12
 """Half-width of a line, and its surroundings, in lines of the spectrum."""
 _SHORTEST = 0.4
