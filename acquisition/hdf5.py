@@ -81,8 +81,9 @@ def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -
     values: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         key = prefix + name
-        if dataclasses.is_dataclass(hint):
-            values[name] = restore(hint, flat, path, key + "/")  # type: ignore[arg-type]
+        nested = next((kind for kind in (hint, *get_args(hint)) if dataclasses.is_dataclass(kind)), None)
+        if nested is not None and get_origin(hint) is not tuple and key not in flat:
+            values[name] = restore(nested, flat, path, key + "/")  # type: ignore[arg-type]
         elif f"{key}/count" in flat:
             member = get_args(hint)[0]
             numbers = range(int(flat[f"{key}/count"]))

@@ -63,6 +63,23 @@ class Limits:
         """Largest peak voltage of a drive that is symmetric about zero (V)."""
         return float(min(self.max, -self.min, self.peak_to_peak / 2))
 
+    def headroom(self, drive: FloatArray, rate_hz: float) -> tuple[float, str]:
+        """Return the largest factor that keeps (samples,) V within these limits, and which one binds.
+
+        The limits are those of voltage, slew rate and current. The factor is infinite for a drive of zeros.
+        """
+        steps = np.abs(np.diff(drive, prepend=0.0, append=0.0)) * rate_hz
+        current = self.capacitance * steps
+        average = _averages(current, round(_SUSTAINED * rate_hz)) / 2
+        rows = (
+            (np.abs(drive).max(), self.peak, f"{self.peak:.1f} V at the patch"),
+            (steps.max(), self.slew, f"{self.slew:.3g} V/s at the patch"),
+            (current.max(), self.current_peak, f"{self.current_peak:.3g} A into the patch"),
+            (average.max(), self.current_average, f"{self.current_average:.3g} A on average into the patch"),
+        )
+        factors = [(limit / float(value), binding) for value, limit, binding in rows if value > 0]
+        return min(factors, default=(np.inf, ""))
+
     def check_measured(self, volts: FloatArray, margin: float) -> None:
         """Refuse volts measured at the patch ((samples,) V) beyond min, max or peak_to_peak.
 

@@ -6,6 +6,8 @@ hysteresis), because the table is linear in them; `commanded` converts them to v
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.ndimage import uniform_filter1d
@@ -16,11 +18,10 @@ from haploop.instruments import DataError, Limits
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
 __all__ = [
-    "binding",
     "commanded",
-    "density",
     "gain",
     "headroom",
+    "known",
     "measured_well",
     "path_gain",
     "ringing",
@@ -35,36 +36,44 @@ _LEAST_COHERENCE = 0.8
 
 
 def gain(calibration: Calibration, f: FloatArray) -> ComplexArray:
-    """m/s^2 per linear volt commanded, at `f` (Hz).
+    """m/s^2 per linear volt commanded, at `f` (Hz) within what is `known`.
 
     The model averages the sweeps' noise and contains the lag of hysteresis at the sweeps' level;
     that lag is removed. The path's gain is left out as well, because it acts before the
-    hysteresis; its delay may stay, because hysteresis does not depend on time.
+    hysteresis; its delay may stay, because hysteresis does not depend on time. Beyond the model's band it is
+    the measured response itself.
     """
-    response = calibration.response
-    path = _path(response, f) / (path_gain(calibration) * calibration.hysteresis.gain(response.level))
-    return np.asarray(calibration.model.velocity(f) * 2j * np.pi * f * path)
+    velocity = calibration.model.velocity(f)
+    if calibration.above is not None:
+        measured = np.interp(f, calibration.above.frequencies, calibration.above.velocity)
+        velocity = np.where(f > _edge(calibration), measured, velocity)
+    lag = path_gain(calibration) * calibration.hysteresis.gain(calibration.response.level)
+    return np.asarray(velocity * 2j * np.pi * f * _path(calibration, f) / lag)
+
+
+def known(calibration: Calibration) -> tuple[float, float]:
+    """Lowest and highest frequency (Hz) at which the response was measured."""
+    low, high = calibration.model.band
+    above = calibration.above
+    return low, high if above is None else float(above.frequencies[-1])
 
 
 def uncertainty(calibration: Calibration, f: FloatArray) -> FloatArray:
     """Standard deviation of `gain`: the residual of the model against the measured response.
 
     The residual is averaged over a few lines first, as the model averages over all of them: variation
-    from line to line is the sweeps' noise and the patch's harmonics, not a model error.
+    from line to line is the sweeps' noise and the patch's harmonics, not a model error. Beyond the model's
+    band it is that of the measured response.
     """
     response = calibration.response
     residual = response.velocity - calibration.model.velocity(response.frequencies)
     lines = max(1, round(_SMOOTH_HZ / float(np.median(np.diff(response.frequencies)))))
     smooth = uniform_filter1d(residual.real, lines) + 1j * uniform_filter1d(residual.imag, lines)
-    return np.asarray(np.sqrt(np.mean(np.abs(smooth) ** 2)) * 2 * np.pi * f)
-
-
-def density(calibration: Calibration, f: FloatArray) -> FloatArray:
-    """Acceleration noise of one play (m/s^2 per sqrt(Hz), one-sided) at `f` (Hz)."""
-    response = calibration.response
-    if not len(response.noise):  # imported without noise data
-        return np.zeros(len(f))
-    return np.asarray(np.interp(f, response.frequencies, response.noise) * 2 * np.pi * f)
+    deviation = np.full(len(f), np.sqrt(np.mean(np.abs(smooth) ** 2)))
+    if calibration.above is not None:
+        measured = np.interp(f, calibration.above.frequencies, calibration.above.deviation)
+        deviation = np.where(f > _edge(calibration), measured, deviation)
+    return np.asarray(deviation * 2 * np.pi * f)
 
 
 def path_gain(calibration: Calibration) -> float:
@@ -108,49 +117,43 @@ def commanded(calibration: Calibration, linear_volts: FloatArray, smooth: FloatA
     return volts
 
 
-def headroom(calibration: Calibration, volts: FloatArray, limits: Limits) -> float:
-    """The largest factor that keeps commanded volts within every limit, at the patch as well."""
-    return min(factor for factor, _ in _headrooms(calibration, volts, limits))
+def headroom(calibration: Calibration, volts: FloatArray, limits: Limits) -> tuple[float, str]:
+    """The largest factor that keeps commanded volts within every limit, and the binding limit in words.
+
+    Limits hold for the volts commanded and for those that reach the patch.
+    """
+    waveforms = (volts, _arriving(calibration, volts))
+    return min(limits.headroom(waveform, calibration.rate_hz) for waveform in waveforms)
 
 
-def binding(calibration: Calibration, volts: FloatArray, limits: Limits) -> str:
-    """The limit with the least headroom, in words."""
-    return min(_headrooms(calibration, volts, limits))[1]
-
-
-def _headrooms(calibration: Calibration, volts: FloatArray, limits: Limits) -> list[tuple[float, str]]:
-    rate_hz = calibration.rate_hz
-    factors = []
-    # Limits hold for the volts commanded and for those that reach the patch.
-    for waveform in (volts, _arriving(calibration.response, volts, rate_hz)):
-        steps = np.abs(np.diff(waveform, prepend=0.0, append=0.0)) * rate_hz
-        current = limits.capacitance * steps
-        for value, limit, description in (
-            (float(np.abs(waveform).max()), limits.peak, f"{limits.peak:.1f} V at the patch"),
-            (float(steps.max()), limits.slew, f"{limits.slew:.3g} V/s at the patch"),
-            (float(current.max()), limits.current_peak, f"{limits.current_peak:.3g} A into the patch"),
-            (
-                float(current.mean()) / 2,
-                limits.current_average,
-                f"{limits.current_average:.3g} A on average into the patch",
-            ),
-        ):
-            if value > 0:
-                factors.append((limit / value, description))
-    return factors
-
-
-def _arriving(response: Response, volts: FloatArray, rate_hz: float) -> FloatArray:
+def _arriving(calibration: Calibration, volts: FloatArray) -> FloatArray:
     """(samples,) V that reach the patch, by the measured path.
 
     An AC-coupled output, such as a sound card's, shifts phases below 100 Hz, which can raise the peak at
     equal amplitudes.
     """
+    rate_hz = calibration.rate_hz
     length = next_fast_len(len(volts) + round(_SETTLED * rate_hz), real=True)
     f = rfftfreq(length, 1 / rate_hz)
-    return np.asarray(irfft(rfft(volts, length) * _path(response, f), length)[: len(volts)])
+    return np.asarray(irfft(rfft(volts, length) * _path(calibration, f), length)[: len(volts)])
 
 
-def _path(response: Response, f: FloatArray) -> ComplexArray:
+def _path(calibration: Calibration, f: FloatArray) -> ComplexArray:
     """Measured volts at the patch per volt commanded, at `f` (Hz)."""
-    return np.asarray(np.interp(f, response.frequencies, response.path))
+    return _at(calibration, f, lambda response: response.path)
+
+
+def _at(calibration: Calibration, f: FloatArray, of: Callable[[Response], ComplexArray]) -> ComplexArray:
+    """Interpolate a quantity of the response, and beyond its band of the response above, at `f` (Hz)."""
+    response, above = calibration.response, calibration.above
+    values = np.interp(f, response.frequencies, of(response))
+    if above is None:
+        return np.asarray(values)
+    return np.where(f > _edge(calibration), np.interp(f, above.frequencies, of(above)), values)
+
+
+def _edge(calibration: Calibration) -> float:
+    """Frequency (Hz) from which the response above is used: in the middle of what both cover."""
+    above = calibration.above
+    assert above is not None
+    return float(calibration.model.band[1] + above.frequencies[0]) / 2

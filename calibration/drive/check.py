@@ -1,85 +1,156 @@
-"""The closed loop: play a drive, measure the surface, and compare with the target."""
+"""The closed loop: play a drive, measure the whole motion of the surface, and compare it with the target."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.fft import irfft, rfft
 from scipy.signal import hilbert
 
 from haploop.acquisition import hdf5
+from haploop.calibration.drive.agreement import (
+    SharedPower,
+    error_spectra,
+    lines_inside,
+    plays_needed,
+    shared_power,
+    trend,
+)
 from haploop.calibration.drive.drive import Drive
-from haploop.calibration.response import overloaded, prepare
-from haploop.calibration.spectra import band_window, fade, third_octaves
-from haploop.instruments import Capture, ConfigurationError, Rig
-from haploop.instruments.arrays import FloatArray
+from haploop.calibration.drive.playing import Played, play, refuse_foreign, target_of
+from haploop.calibration.response import prepare
+from haploop.calibration.spectra import third_octaves
+from haploop.instruments import ConfigurationError, Rig
+from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.progress import Progress, part_of, silent
 
 if TYPE_CHECKING:
     from haploop.acquisition import Representative
 
-__all__ = ["Check", "check"]
+__all__ = ["LEAST_MOVED", "TOLERANCE", "UNSEEN", "Check", "Verdict", "check", "compare"]
+
+Verdict = Literal["pass", "fail", "not shown"]
+"""Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies."""
 
 TOLERANCE = 0.20
-"""About the just noticeable difference of vibration amplitude (docs/hardware.md, "Buttons and people")."""
-FLOORS = 1.6
-"""Tolerance over the floor, at least: a tolerance cannot lie much below the spread of the plays."""
-CORRELATION = 0.97
+"""Largest error of the whole motion. About the just noticeable difference of vibration amplitude well above
+threshold (docs/hardware.md, "Buttons and people")."""
 LEAST_IN_BAND = 0.25
 """Smallest share of the modulated press's energy in the drive's band: matching less is no match."""
 LEAST_MOVED = 0.3
 """Measured over target motion, below which the surface counts as not following the drive."""
 UNSEEN = "the patch is not connected, or the laser does not see the surface"
-_TAIL = 0.1
-"""Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
 _EXCESS = 1.02
 """Measured volts over the limit that are attributed to the monitor's noise and gain error."""
+_NUMBERS = (
+    "wideband_nrmse",
+    "wideband_floor",
+    "nrmse",
+    "floor",
+    "outside",
+    "correlation",
+    "envelope_correlation",
+    "third_octave_error_db",
+    "drift",
+    "judged_hz",
+    "drive_measured_peak",
+    "tolerance",
+)
+"""Fields of a `Check` that are single numbers."""
 _HELD = 30.0
 """Range (dB) below the strongest third-octave band within which a band is compared."""
+_LOWEST_OCTAVE = 20.0
+"""Lowest third-octave band (Hz) that is shown; a play lasts about a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """Measured motion of a drive against its target, with no gain or lag fitted.
+    """Measured motion of a drive against its target, with no gain, lag or filter fitted.
 
-    `measured` is (samples,) m/s^2, the mean of the plays, on the clock of `drive.target` and in its
-    band. `nrmse` is the rms of the difference over the target's rms; `floor` is the standard error
-    of the mean of the plays, over the same. `octaves_hz` are the centres of third-octave bands,
-    `target_db` and `measured_db` the levels in them (dB re 1 m/s^2); the error is the rms difference
-    over the bands within 30 dB of the strongest. `reasons` are the reasons for a failure, empty when it
-    passed.
+    `accelerations` is (plays, samples) m/s^2: the whole motion in each play, to the highest frequency that
+    laser and card resolve (`judged_hz`); `target` (samples,) is on the same clock. All errors are rms over
+    the target's rms, and without the plays' noise (see `agreement`); an interval is that of 95 % confidence,
+    from the differences between the plays. `octaves_hz` are the centres of third-octave bands, `target_db`,
+    `measured_db` (mean of the plays) and `floor_db` (noise in that mean) the levels in them (dB re 1 m/s^2);
+    the third-octave error is the rms difference over the bands within 30 dB of the strongest. `reasons` are
+    the reasons for not passing, `notes` are other findings.
     """
 
     drive: Drive
-    plays: int
-    measured: FloatArray
+    rate_hz: float
+    target: FloatArray
+    accelerations: FloatArray
+    judged_hz: float
+    wideband_nrmse: float
+    """Error of the whole motion: the one that is judged."""
+    wideband_interval: tuple[float, float]
+    wideband_floor: float
+    """Standard error of the mean of the plays, whole motion."""
     nrmse: float
-    correlation: float
-    envelope_correlation: float
+    """Error within the drive's band."""
+    nrmse_interval: tuple[float, float]
     floor: float
+    """Standard error of the mean of the plays, within the drive's band."""
+    outside: float
+    """Motion outside the drive's band."""
+    outside_interval: tuple[float, float]
+    correlation: float
+    """Pearson's correlation of the whole motion, without the plays' noise, and the target."""
+    envelope_correlation: float
     octaves_hz: FloatArray
     target_db: FloatArray
     measured_db: FloatArray
+    floor_db: FloatArray
     third_octave_error_db: float
+    drift: float
+    """Change from the first to the last play; 0 when it is not significant."""
     drive_measured_peak: float
     """Largest voltage measured at the patch (V)."""
     overload: bool
     tolerance: float
+    verdict: Verdict
     reasons: tuple[str, ...]
+    notes: tuple[str, ...]
     simulated: bool
 
     @property
-    def passed(self) -> bool:
-        """True when there is no reason to fail."""
-        return not self.reasons
+    def plays(self) -> int:
+        """Number of plays."""
+        return len(self.accelerations)
 
     @property
-    def beyond_noise(self) -> float:
-        """Error without the plays' noise, over the target: it stems from model and limits."""
-        return float(np.sqrt(max(self.nrmse**2 - self.floor**2, 0.0)))
+    def measured(self) -> FloatArray:
+        """(samples,) m/s^2: mean of the plays, whole motion."""
+        return np.asarray(self.accelerations.mean(axis=0))
+
+    @property
+    def noise(self) -> FloatArray:
+        """(samples,) m/s^2 of the same power as the noise left in `measured`: of the first two plays' "
+        "difference.
+        """
+        one, other = self.accelerations[:2]
+        return np.asarray((one - other) / np.sqrt(2 * self.plays))
+
+    @property
+    def passed(self) -> bool:
+        """True when the verdict is "pass"."""
+        return self.verdict == "pass"
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON, without the waveforms; NaN (nothing moved) becomes null."""
+        intervals = ("wideband_interval", "nrmse_interval", "outside_interval")
+        return {
+            **{name: _finite(getattr(self, name)) for name in _NUMBERS},
+            **{name: [_finite(edge) for edge in getattr(self, name)] for name in intervals},
+            "plays": self.plays,
+            "verdict": self.verdict,
+            "passed": self.passed,
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+        }
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
@@ -91,9 +162,11 @@ class Check:
         return hdf5.restore(cls, hdf5.read(path, "check"), path)
 
     def __str__(self) -> str:
-        verdict = "pass" if self.passed else "fail. " + " ".join(self.reasons)
+        low, high = self.wideband_interval
+        verdict = " ".join([f"{self.verdict}.", *self.reasons]) if self.reasons else self.verdict
         return (
-            f"error {self.nrmse:.3f}, correlation {self.correlation:.3f}, floor {self.floor:.3f}: {verdict}"
+            f"error of the whole motion {self.wideband_nrmse:.3f} ({low:.3f} to {high:.3f}), in band "
+            f"{self.nrmse:.3f}, outside {self.outside:.3f}: {verdict}"
         )
 
 
@@ -105,15 +178,15 @@ def check(
     plays: int = 8,
     progress: Progress = silent,
 ) -> Check:
-    """Play a drive `plays` times and compare the motion of the surface with the drive's target.
+    """Play a drive `plays` times and compare the whole motion of the surface with the drive's target.
 
     `press`, if given, must be the one that the drive was computed for: ConfigurationError
     otherwise. `progress` is called after each play. A signal that leaves its range, a dead
     patch or a blocked laser fails the check, with its reason. Raises ConfigurationError for fewer than
-    two plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
+    three plays or a drive made for another rig or sample rate, and what `Rig.excite` raises.
     """
-    if plays < 2:
-        raise ConfigurationError("A check needs at least 2 plays: their difference is its floor.")
+    if plays < 3:
+        raise ConfigurationError("A check needs at least 3 plays: their differences are its uncertainty.")
     refuse_foreign(rig, drive)
     if press is not None and (press.button, tuple(press.sources)) != (drive.button, drive.sources):
         raise ConfigurationError(
@@ -125,157 +198,153 @@ def check(
     return compare(drive, played, rig)
 
 
-@dataclass(frozen=True, eq=False)
-class Played:
-    """Measurements of several plays of one drive: `accelerations` is (plays, samples) m/s^2."""
-
-    accelerations: FloatArray
-    peak: float
-    """Largest voltage at the patch (V)."""
-    overload: str | None
-    """Sentence about the signal that left its range, if any."""
-
-
-def play(
-    rig: Rig,
-    drive: Drive,
-    plays: int,
-    tail: float = 0.0,
-    progress: Progress = silent,
-) -> Played:
-    """Play a drive and measure the surface on the drive's clock and in its band, for `tail` s longer."""
-    samples = len(drive.volts) + round(tail * drive.rate_hz)
-    channels = (rig.monitor(drive.patch), rig.vibrometer.channel)
-    accelerations, peaks, problems = [], [], []
-    for number in range(plays):
-        capture = rig.excite(drive.volts, (drive.patch,), channels, tail + _TAIL)
-        accelerations.append(_acceleration(rig, capture, drive)[:samples])
-        peaks.append(_peak(rig, capture))
-        problems.append(overloaded(rig, capture))
-        progress("Play", number + 1, plays, "plays")
-    return Played(np.array(accelerations), max(peaks), next((p for p in problems if p), None))
-
-
-def errors(accelerations: FloatArray, target: FloatArray) -> tuple[float, float]:
-    """Rms error of the mean of the plays, and its standard error, both over the target's rms."""
-    size = _rms(target)
-    spread = np.mean(np.var(accelerations, axis=0, ddof=1)) / len(accelerations)
-    return _rms(accelerations.mean(axis=0) - target) / size, float(np.sqrt(spread)) / size
-
-
-def refuse_foreign(rig: Rig, drive: Drive) -> None:
-    """Raises ConfigurationError for a drive that was not computed for this rig."""
-    if drive.rig != rig.name:
-        raise ConfigurationError(
-            f"The drive was computed from a calibration of the rig {drive.rig!r}, and this is {rig.name!r}: "
-            "calibrate this rig and compute it again."
-        )
-    if drive.rate_hz != rig.table.rate_hz:
-        raise ConfigurationError(
-            f"The drive has {drive.rate_hz:g} samples/s and the rig plays {rig.table.rate_hz:g}: "
-            "calibrate on this rig and compute it again."
-        )
-
-
 def compare(drive: Drive, played: Played, rig: Rig) -> Check:
     """Compare measured plays with the target of their drive."""
-    target, measured = drive.target, played.accelerations.mean(axis=0)
-    nrmse, floor = errors(played.accelerations, target)
-    centres, target_db = third_octaves(target, drive.rate_hz, *drive.band)
-    _, measured_db = third_octaves(measured, drive.rate_hz, *drive.band)
-    held = target_db > target_db.max(initial=-np.inf) - _HELD
-    difference = (measured_db - target_db)[held]
+    rate_hz = played.rate_hz
+    target = target_of(drive, rate_hz)
+    accelerations = played.accelerations[:, : len(target)]
+    inside = lines_inside(drive.band, len(target), rate_hz)
+    missed = error_spectra(accelerations, target)
+    still = error_spectra(np.zeros((1, len(target))), target)
+    moved = missed - still
+    whole, within = shared_power(missed), shared_power(missed[:, inside])
+    outside, motion = shared_power(moved[:, ~inside]), shared_power(moved)
+    mean = accelerations.mean(axis=0)
+    band_only = irfft(np.where(inside, rfft(mean), 0.0), len(mean))
+    octaves_hz, target_db = third_octaves(target, rate_hz, _LOWEST_OCTAVE, played.judged_hz)
+    _, measured_db = third_octaves(mean, rate_hz, _LOWEST_OCTAVE, played.judged_hz)
+    difference = (measured_db - target_db)[target_db > target_db.max(initial=-np.inf) - _HELD]
     result = Check(
         drive=drive,
-        plays=len(played.accelerations),
-        measured=measured,
-        nrmse=nrmse,
-        correlation=_correlation(measured, target),
-        envelope_correlation=_correlation(np.abs(hilbert(measured)), np.abs(hilbert(target))),
-        floor=floor,
-        octaves_hz=centres,
+        rate_hz=rate_hz,
+        target=target,
+        accelerations=accelerations,
+        judged_hz=played.judged_hz,
+        wideband_nrmse=whole.root,
+        wideband_interval=whole.interval,
+        wideband_floor=whole.floor,
+        nrmse=within.root,
+        nrmse_interval=within.interval,
+        floor=within.floor,
+        outside=outside.root,
+        outside_interval=outside.interval,
+        correlation=_correlation(moved.mean(axis=0), -still[0], motion),
+        envelope_correlation=_pearson(np.abs(hilbert(band_only)), np.abs(hilbert(target))),
+        octaves_hz=octaves_hz,
         target_db=target_db,
         measured_db=measured_db,
+        floor_db=_floor_db(accelerations, rate_hz, played.judged_hz),
         third_octave_error_db=float(np.sqrt(np.mean(difference**2))) if len(difference) else 0.0,
+        drift=trend(moved[:, inside]),
         drive_measured_peak=played.peak,
         overload=played.overload is not None,
-        tolerance=max(TOLERANCE, FLOORS * floor),
+        tolerance=TOLERANCE,
+        verdict="pass",
         reasons=(),
+        notes=(),
         simulated=rig.simulated or drive.simulated,
     )
-    return replace(result, reasons=_reasons(result, played.overload, rig.limits.peak))
+    return _judged(result, whole, motion.root, played.overload, rig.limits.peak)
 
 
-def _acceleration(rig: Rig, capture: Capture, drive: Drive) -> FloatArray:
-    """(samples,) m/s^2 of one capture, on the drive's clock and in its band."""
-    laser = capture.channels.index(rig.vibrometer.channel)
-    velocity = rig.vibrometer.to_velocity(capture.volts[laser])
-    velocity = velocity - velocity[: max(1, round(0.05 * drive.rate_hz))].mean()
-    edge = round(_TAIL / 4 * capture.rate_hz)
-    length = next_fast_len(len(velocity), real=True)
-    f = rfftfreq(length, 1 / capture.rate_hz)
-    late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.vibrometer.response(f)
-    window = band_window(f, *drive.band, outside=True)
-    spectrum = rfft(velocity * fade(len(velocity), 0, edge), length)
-    return np.asarray(irfft(spectrum * window * 2j * np.pi * f / late, length)[: len(velocity)])
-
-
-def _peak(rig: Rig, capture: Capture) -> float:
-    assert rig.sensors.drive is not None
-    monitor = capture.channels.index(rig.sensors.drive.channels[0])
-    return float(np.abs(rig.sensors.drive.to_si(capture.volts[[monitor]])).max())
-
-
-def _reasons(result: Check, overload: str | None, peak: float) -> tuple[str, ...]:
-    drive, reasons = result.drive, []
+def _judged(result: Check, whole: SharedPower, moved: float, overload: str | None, peak: float) -> Check:
+    """The check with its verdict, reasons and notes. `moved` is the measured over the target motion."""
+    drive, failures = result.drive, []
+    low, high = result.wideband_interval
+    said = f"{result.wideband_nrmse:.1%} rms (95 % confidence: {low:.1%} to {high:.1%})"
     if overload:
-        reasons.append(overload)
+        failures.append(overload)
     if result.drive_measured_peak > _EXCESS * peak:
-        reasons.append(
+        failures.append(
             f"The patch got {result.drive_measured_peak:.1f} V, and the rig's limit is {peak:.1f} V."
         )
     if result.drive_measured_peak < 0.8 * drive.peak:
-        reasons.append(
+        failures.append(
             f"The patch got {result.drive_measured_peak:.2g} V where the drive has {drive.peak:.1f} V: "
             "check the amplifier, the relay and the drive monitor."
         )
-    moved = _rms(result.measured) / _rms(drive.target)
     # Written so that NaN fails too.
-    if not result.nrmse <= result.tolerance:
-        reasons.append(
-            f"The surface differs from the target by {result.nrmse:.1%} rms, "
-            f"and {result.tolerance:.1%} is accepted."
-        )
-    if not result.correlation >= CORRELATION:
-        reasons.append(
-            f"The correlation with the target is {result.correlation:.3f}, and {CORRELATION} is needed."
+    if not low <= result.tolerance:
+        failures.append(
+            f"The whole motion of the surface differs from the target by {said}, and "
+            f"{result.tolerance:.0%} is "
+            f"accepted: {result.nrmse:.1%} within {drive.band[0]:.0f} to {drive.band[1]:.0f} Hz, and "
+            f"{result.outside:.1%} outside."
         )
     if not drive.in_band >= LEAST_IN_BAND:
-        reasons.append(
+        failures.append(
             f"Only {drive.in_band:.1%} of the press's energy lies in the {drive.band[0]:.0f} to "
             f"{drive.band[1]:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
         )
-    if reasons and moved < LEAST_MOVED:
-        reasons.append(f"The surface moved {moved:.1%} of the target motion: {UNSEEN}.")
-    elif reasons and result.floor > TOLERANCE / FLOORS:
-        reasons.append(
-            f"The mean of {result.plays} plays is uncertain by {result.floor:.1%} of the target: the "
-            "vibrometer's noise hides the motion of the surface."
-        )
-    elif reasons and drive.predicted_error > result.tolerance:
-        reasons.append(
+    if failures and moved < LEAST_MOVED:
+        failures.append(f"The surface moved {moved:.1%} of the target motion: {UNSEEN}.")
+    elif failures and drive.predicted_error > result.tolerance:
+        failures.append(
             f"The error predicted when the drive was computed is {drive.predicted_error:.1%}: within the "
-            "limits, and with the noise in this calibration, the table cannot follow the press."
+            "limits, and with this calibration, the table cannot follow the press."
         )
-    return tuple(reasons)
+    notes = _notes(result)
+    if failures:
+        return replace(result, verdict="fail", reasons=tuple(failures), notes=notes)
+    if high <= result.tolerance:
+        return replace(result, verdict="pass", notes=notes)
+    needed = plays_needed(whole, result.tolerance)
+    remedy = (
+        f"{needed} plays would probably show it."
+        if needed
+        else "More plays would not: use a range or filter of the vibrometer with less noise, or more output."
+    )
+    reason = (
+        f"Not shown: the whole motion differs from the target by {said}, which does not tell on "
+        f"which side of the accepted {result.tolerance:.0%} it lies. {remedy}"
+    )
+    return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
 
 
-def _rms(signal: FloatArray) -> float:
-    return float(np.sqrt(np.mean(signal**2)))
+def _notes(result: Check) -> tuple[str, ...]:
+    notes = []
+    if result.drift > 0:
+        notes.append(
+            f"The motion changed by {result.drift:.1%} of the target from the first play to the last: the "
+            "table "
+            "or the patch had not settled, or its temperature changes."
+        )
+    drowned = (result.floor_db > result.target_db.max() + 20 * np.log10(result.tolerance)) & (
+        result.octaves_hz > result.drive.band[1]
+    )
+    if np.any(drowned):
+        notes.append(
+            f"Above {result.octaves_hz[drowned][0] / 10**0.05:.0f} Hz, the noise left in the mean of "
+            f"{result.plays} plays exceeds {result.tolerance:.0%} of the target's strongest third octave: "
+            "single "
+            "tones there would not be seen; more plays, or a narrower filter of the vibrometer, resolve more."
+        )
+    return tuple(notes)
 
 
-def _correlation(a: FloatArray, b: FloatArray) -> float:
+def _floor_db(accelerations: FloatArray, rate_hz: float, judged_hz: float) -> FloatArray:
+    """Third-octave levels (dB re 1 m/s^2) of the noise left in the mean of (plays, samples)."""
+    plays = len(accelerations)
+    each = [
+        10 ** (third_octaves(deviation, rate_hz, _LOWEST_OCTAVE, judged_hz)[1] / 10)
+        for deviation in accelerations - accelerations.mean(axis=0)
+    ]
+    return np.asarray(10 * np.log10(np.maximum(np.sum(each, axis=0) / (plays * (plays - 1)), 1e-30)))
+
+
+def _correlation(moved: ComplexArray, wanted: ComplexArray, motion: SharedPower) -> float:
+    """Correlation of the mean motion with the target (power one), without noise; zero when nothing moved."""
+    if not motion.value > 0:
+        return 0.0
+    return float(np.clip(np.vdot(wanted, moved).real / motion.root, -1.0, 1.0))
+
+
+def _pearson(a: FloatArray, b: FloatArray) -> float:
     """Pearson's correlation; zero when a signal is constant."""
     a, b = a - a.mean(), b - b.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0 else 0.0
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -17,9 +17,9 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import uniform_filter1d
 
 from haploop.calibration.drive import actuation
-from haploop.calibration.drive.check import Played
 from haploop.calibration.drive.drive import FADE, Drive, plan_for
-from haploop.calibration.drive.inversion import Plan, within
+from haploop.calibration.drive.inversion import within
+from haploop.calibration.drive.playing import Played
 from haploop.calibration.model import Calibration
 from haploop.calibration.spectra import fade, resample
 from haploop.instruments import Limits
@@ -103,13 +103,12 @@ class ResponseEstimate:
 
         limit = self.calibration.hysteresis.reach(limits.peak * min(1.0, path))
         periodic = irfft(target, grid.samples)
-        plan = plan_for(self.calibration, periodic, grid.window, grid.rate_hz, self.drive.band, limits, limit)
+        plan = plan_for(self.calibration, periodic, grid.window, grid.rate_hz, self.drive.band, limits)
         plan = replace(
             plan,
             target=missed + self.gain * linear_volts,
             gain=self.gain,
             uncertainty=np.sqrt(self.variance),
-            noise=0.0,
             operating_point=linear_volts,
             ridge=_CAUTION,
         )
@@ -119,7 +118,7 @@ class ResponseEstimate:
             planned, state = within(plan, limit, state)
             changed = now + step * grid.up(planned - irfft(linear_volts, grid.samples))
             new = actuation.commanded(self.calibration, changed, grid.smooth)
-            headroom = actuation.headroom(self.calibration, new, limits)
+            headroom, _ = actuation.headroom(self.calibration, new, limits)
             if headroom >= 1:
                 break
             # Between the plan's samples, and by the hysteresis, the volts exceed the plan.
@@ -128,8 +127,8 @@ class ResponseEstimate:
         while headroom < 1:
             changed *= headroom * (1 - 1e-6)
             new = actuation.commanded(self.calibration, changed, grid.smooth)
-            headroom = actuation.headroom(self.calibration, new, limits)
-        taken = _left(plan, linear_volts) - _left(plan, self._linear_volts(new))
+            headroom, _ = actuation.headroom(self.calibration, new, limits)
+        taken = plan.left(linear_volts) - plan.left(self._linear_volts(new))
         return new, float(taken / (np.abs(target) ** 2).sum())
 
     def _corrected(
@@ -151,7 +150,8 @@ class ResponseEstimate:
 
     def _spectra(self, volts: FloatArray, played: Played) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """(lines,) linear volts and mean acceleration, and the noise power left in the mean."""
-        motions = np.array([rfft(self.grid.down(a)) for a in played.accelerations])
+        scale = self.drive.rate_hz / played.rate_hz
+        motions = np.array([rfft(self.grid.sampled(a, scale)) for a in played.accelerations])
         noise = self.grid.pooled(np.var(motions, axis=0, ddof=1) / len(motions))
         return self._linear_volts(volts), motions.mean(axis=0), noise
 
@@ -162,13 +162,6 @@ class ResponseEstimate:
         # The offset that hysteresis leaves at the end is removed slowly, far below the band, without a step.
         linear_volts -= linear_volts[-1] * fade(len(linear_volts), len(linear_volts), 0)
         return np.asarray(rfft(self.grid.down(linear_volts)))
-
-
-def _left(plan: Plan, linear_volts: ComplexArray) -> float:
-    """Expected squared error of a spectrum in linear volts."""
-    missed = np.abs(plan.target - plan.gain * linear_volts) ** 2
-    unsure = (plan.uncertainty * np.abs(linear_volts - plan.operating_point)) ** 2
-    return float((plan.weight * (missed + unsure)).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +200,12 @@ class _Grid:
 
     def down(self, signal: FloatArray) -> FloatArray:
         """(played or more,) at the drive's rate to (samples,), band-limited."""
-        return resample(np.pad(signal, (0, self.samples * self.factor - len(signal))), self.samples)
+        return self.sampled(signal, 1.0)
+
+    def sampled(self, signal: FloatArray, slower: float) -> FloatArray:
+        """(any,) at the drive's rate over `slower` to (samples,), band-limited; beyond its end it is zero."""
+        length = round(self.samples * self.factor / slower)
+        return resample(np.pad(signal[:length], (0, max(0, length - len(signal)))), self.samples)
 
     def up(self, signal: FloatArray) -> FloatArray:
         """(samples,) to the drive's (played,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -42,13 +42,9 @@ _BUDGET = 0.005
 """Error accepted in exchange for a larger output. Small, because unmodelled error (hysteresis is known to
 some percent) adds to it, and learning needs spare volts to correct that; 3 % would raise the output by a
 tenth."""
-_NOISE_SHARE = 0.3
-"""Error accepted for output, over the noise of a check of a drive without it: the larger the noise, the more
-output reduces the total error. Of twelve plans at eight times a PDV-100's noise, eleven had the least error,
-noise included, at 0.25 or 0.35; at 0.5 the accepted error rose by more than 40 %, which learning cannot
-remove."""
-_PLAYS = 8
-"""Plays averaged in a check, for the noise expected in it."""
+_SPREAD = 0.6
+"""Error of a drive over that which distortion would make if it were spread evenly over the band: part of it
+stays near the drive's own lines, where the table moves little (measured on simulated tables)."""
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""
@@ -63,8 +59,8 @@ class Drive:
     `volts` is (samples,) V at the patch as commanded, `target` is (samples,) m/s^2, on the same
     clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
     multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
-    band. `predicted_error` is the error expected in a check: rms of the error over rms of the target.
-    Unmodelled hysteresis of the patch adds some percent, until learning has measured it.
+    band. `predicted_error` is the error expected of the whole motion: rms of the error over rms of the
+    target. Unmodelled hysteresis of the patch adds some percent, until learning has measured it.
     """
 
     button: str
@@ -80,6 +76,8 @@ class Drive:
     """Carrier frequency of the modulation (Hz); 0 without modulation."""
     band: tuple[float, float]
     in_band: float
+    known: tuple[float, float]
+    """Frequencies (Hz) between which the response was measured: beyond them the drive has no power."""
     predicted_error: float
     unreached: str
     """Shortfalls against the target caused by the limits, as sentences; empty when there are none."""
@@ -191,10 +189,10 @@ def drive_for(
     The press is modulated with the point's resonance (equation 1 of the paper), or taken as it is for
     "broadband"; cut to the well-measured part of `band` (Hz), inverted non-causally, with the patch's
     hysteresis compensated; then scaled to the largest output within `limits` and the vibrometer's
-    range. For output 0.5 % of error is accepted, more if the vibrometer's noise is larger, or the least
-    possible (see `inversion.max_output`; `inversion.min_peak` for "regularised", which is scaled to the
-    limits instead of planned within them). The drive has zero ends and zero mean. A response given
-    without a calibration is fitted first.
+    range. For output 0.5 % of error is accepted, or the least possible (see `inversion.max_output`;
+    `inversion.min_peak` for "regularised", which is scaled to the limits instead of planned within them).
+    Wherever the response was measured, motion outside the band counts as error; elsewhere the drive has no
+    power. The drive has zero ends and zero mean. A response given without a calibration is fitted first.
 
     Raises DataError for a press that cannot be driven or a response that is too noisy, LimitError
     when the limits leave no headroom.
@@ -207,26 +205,22 @@ def drive_for(
     target, in_band = grid.within(band)
 
     limit = calibration.hysteresis.reach(limits.peak * min(1.0, actuation.path_gain(calibration)))
-    plan = plan_for(calibration, target, grid.window, grid.rate_hz, band, limits, limit)
-    noise_free = replace(plan, noise=0.0)
-    noise = plan.noise * float(np.abs(min_peak(noise_free, _BUDGET)[0]).max())
+    plan = plan_for(calibration, target, grid.window, grid.rate_hz, band, limits)
     invert = max_output if inversion == "optimised" else min_peak
-    planned, _ = invert(noise_free, max(_BUDGET, _NOISE_SHARE * noise))
+    planned, _ = invert(plan, _BUDGET)
 
     smooth = grid.smooth
     linear_volts = grid.on_drive(planned) * np.minimum(1.0, smooth / 0.05)
     # Back on the plan's grid, to predict the motion of the exact signal that will be played.
     length = len(grid.window)
     played = resample(np.pad(linear_volts, (0, length * grid.oversampling - len(linear_volts))), length)
-    f = grid.frequencies
-    velocity = irfft(rfft(played) * plan.gain / (2j * np.pi * np.maximum(f, f[1])), length)
+    omega = 2j * np.pi * np.maximum(grid.frequencies, 1.0)
+    velocity = irfft(rfft(played) * plan.gain / omega, length)
     range_scale = _RANGE_USED * response.velocity_range / float(np.abs(velocity).max())
     scale = min(limit / float(np.abs(linear_volts).max()), range_scale)
     volts, scale = _within(limits, calibration, linear_volts, smooth, scale)
-    expected = replace(plan, noise=plan.noise * limit / (scale * float(np.abs(played).max())))
-    error = expected.error(played)
     if scale < range_scale:
-        by = actuation.binding(calibration, volts, limits)
+        _, by = actuation.headroom(calibration, volts, limits)
     else:
         by = f"{_RANGE_USED:.0%} of the vibrometer's {response.velocity_range * 1e3:g} mm/s"
     return Drive(
@@ -241,8 +235,9 @@ def drive_for(
         carrier_hz=grid.carrier_hz,
         band=band,
         in_band=in_band,
-        predicted_error=error,
-        unreached=_unreached(expected, played, grid.rate_hz, band, scale, in_band, by),
+        known=actuation.known(calibration),
+        predicted_error=float(np.hypot(plan.error(played), _distorted(calibration, plan, played))),
+        unreached=_unreached(plan, played, grid.rate_hz, band, scale, in_band, by),
         rig=response.rig,
         simulated=bool(press.simulated or response.simulated),
         sources=tuple((str(name), str(content)) for name, content in press.sources),
@@ -257,23 +252,38 @@ def plan_for(
     rate_hz: float,
     band: tuple[float, float],
     limits: Limits,
-    limit: float,
 ) -> Plan:
-    """The plan, in linear volts limited to `limit`, for a target ((grid,) m/s^2)."""
+    """The plan, in linear volts, for a target ((grid,) m/s^2) within `band` (Hz).
+
+    Motion that is not wanted counts wherever the response was measured, also outside the band.
+    """
     f = rfftfreq(len(target), 1 / rate_hz)
-    weight = band_window(f, *band, outside=True) ** 2
-    rms = np.sqrt(2 * np.sum(target**2) / len(target))
-    noise = np.sqrt(np.sum(weight * actuation.density(calibration, f) ** 2) * (f[1] - f[0]) / _PLAYS)
+    low, high = actuation.known(calibration)
+    known = (f >= low) & (f <= high)
+    gain = np.where(known, actuation.gain(calibration, np.clip(f, low, high)), 0.0)
     slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
     return Plan(
         target=rfft(target),
-        gain=actuation.gain(calibration, f),
-        weight=weight,
+        gain=gain,
+        known=known,
         uncertainty=actuation.uncertainty(calibration, f),
         window=window,
-        noise=float(noise / rms / limit),
+        typical=float(np.median(np.abs(gain[(f >= band[0]) & (f <= band[1])]) ** 2)),
         slew=slew / rate_hz / limits.peak,
     )
+
+
+def _distorted(calibration: Calibration, plan: Plan, linear_volts: FloatArray) -> float:
+    """Error expected from distortion, over the target's rms.
+
+    Linear volts that the hysteresis model misses are spread over the band by it; the table then moves as it
+    does there, also where the drive itself has little power.
+    """
+    target = np.abs(plan.target) ** 2
+    inside = target > 1e-6 * target.max()
+    spread = (np.abs(rfft(linear_volts)) ** 2).sum() / inside.sum()
+    missed = calibration.distortion**2 * spread * (np.abs(plan.gain[plan.known]) ** 2).sum()
+    return float(_SPREAD * np.sqrt(missed / target.sum()))
 
 
 def _oversampling(press: Representative, rate_hz: float) -> int:
@@ -304,7 +314,7 @@ def _within(
     """
     for _ in range(_TRIES):
         volts = actuation.commanded(calibration, scale * linear_volts, smooth)
-        headroom = actuation.headroom(calibration, volts, limits)
+        headroom, _ = actuation.headroom(calibration, volts, limits)
         if headroom >= 1:
             break
         # Hysteresis makes the volts nonlinear in the factor, so that it is found by iteration.
@@ -331,12 +341,13 @@ def _unreached(
         sentences.append(
             f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
         )
-    missed = irfft((plan.target - plan.gain * rfft(played)) * np.sqrt(plan.weight), len(played))
+    missed = irfft((plan.target - plan.gain * rfft(played)) * plan.known, len(played))
     error = float(np.linalg.norm(missed) / np.linalg.norm(irfft(plan.target, len(played))))
     if error > _BUDGET:
         centres, levels = third_octaves(missed, rate_hz, *band)
         sentences.append(
-            f"Within the band {error:.1%} of the target is given up, most near "
-            f"{centres[int(np.argmax(levels))]:.0f} Hz, for a larger output or because of measurement noise."
+            f"{error:.1%} of the target is given up, most near "
+            f"{centres[int(np.argmax(levels))]:.0f} Hz, for a larger output or because the response is not "
+            "known better."
         )
     return " ".join(sentences)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, rfft
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
 
 __all__ = ["Plan", "max_output", "min_peak", "within"]
 
@@ -26,39 +26,36 @@ _REGULARISATIONS = 10.0 ** np.arange(-4.0, 0.5, 0.5)
 class Plan:
     """An inversion problem on one periodic grid that is long enough for the ringing to die out.
 
-    `target` is the target's spectrum (lines,), `gain` (lines,) target per volt, `weight` (lines,) the
-    weight of each line's error, `uncertainty` (lines,) the standard deviation of `gain`, `window`
-    (samples,) the share of the limit available to the drive over time: zero where the drive must be
-    zero. `noise` is the measurement error per volt of the drive's peak: the more volts per unit of
-    target, the smaller the target that the limit allows. `slew` is the largest allowed step from one
-    sample to the next, over the limit. `uncertainty` applies to the difference from `operating_point`
-    (lines,), the spectrum of a drive whose outcome was measured; zero before any was played.
+    `target` is the target's spectrum (lines,), `gain` (lines,) target per volt, `known` (lines,) True where
+    the gain was measured: elsewhere the drive has no power. `uncertainty` (lines,) is the standard deviation
+    of `gain`, `window` (samples,) the share of the limit available to the drive over time: zero where the
+    drive must be zero. `typical` is the median power of the gain within the target's band. `slew` is the
+    largest allowed step from one sample to the next, over the limit. `uncertainty` applies to the difference
+    from `operating_point` (lines,), the spectrum of a drive whose outcome was measured; zero before any was
+    played.
     """
 
     target: ComplexArray
     gain: ComplexArray
-    weight: FloatArray
+    known: BoolArray
     uncertainty: FloatArray
     window: FloatArray
-    noise: float
+    typical: float
     slew: float = np.inf
     operating_point: ComplexArray | float = 0.0
     ridge: float = 5e-6
-    """Penalty for a difference from `operating_point` on every line, over the median power of the gain:
-    it suppresses the drive outside the band."""
+    """Penalty for a difference from `operating_point` on every line, over `typical`: it limits the drive
+    where the table hardly moves."""
 
-    def error(self, drive: FloatArray) -> float:
-        """Expected rms error of `drive` over the target's rms, noise and uncertainty included."""
-        V = rfft(drive)
+    def left(self, V: ComplexArray) -> float:
+        """Expected squared error of a spectrum (lines,) over all known lines, uncertainty included."""
         missed = np.abs(self.target - self.gain * V) ** 2
         unsure = (self.uncertainty * np.abs(V - self.operating_point)) ** 2
-        share = (self.weight * (missed + unsure)).sum() / (np.abs(self.target) ** 2).sum()
-        return float(np.sqrt(share + (self.noise * np.abs(drive).max()) ** 2))
+        return float((missed + unsure)[self.known].sum())
 
-    @property
-    def typical(self) -> float:
-        """Median power of the gain within the band."""
-        return float(np.median(np.abs(self.gain[self.weight > 0.5]) ** 2))
+    def error(self, drive: FloatArray) -> float:
+        """Expected rms error of `drive` over the target's rms, uncertainty included."""
+        return float(np.sqrt(self.left(rfft(drive)) / (np.abs(self.target) ** 2).sum()))
 
 
 def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
@@ -68,10 +65,10 @@ def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     regularisation: a line of unknown gain is not inverted. Returns (samples,) V for the unscaled
     target, and the expected error.
     """
-    power = plan.weight * (np.abs(plan.gain) ** 2 + plan.uncertainty**2)
+    power = np.abs(plan.gain) ** 2 + plan.uncertainty**2
     found = []
     for share in _REGULARISATIONS:
-        V = plan.weight * np.conj(plan.gain) * plan.target / (power + share * plan.typical)
+        V = plan.known * np.conj(plan.gain) * plan.target / (power + share * plan.typical)
         drive = irfft(V, len(plan.window)) * (plan.window > 0)
         found.append((drive, plan.error(drive)))
     within = [candidate for candidate in found if candidate[1] <= budget]
@@ -125,12 +122,13 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
         rows.append((1 - np.exp(-omega)) / plan.slew)
         bounds.append(np.full(n, limit))
     constraints, bound = np.array(rows), np.array(bounds)
-    power = plan.weight * (np.abs(plan.gain) ** 2 + plan.uncertainty**2)
+    power = np.abs(plan.gain) ** 2 + plan.uncertainty**2
     ridge = plan.ridge * plan.typical
-    anchor = (plan.weight * plan.uncertainty**2 + ridge) * plan.operating_point
-    right_side = plan.weight * np.conj(plan.gain) * plan.target + anchor
+    anchor = (plan.uncertainty**2 + ridge) * plan.operating_point
+    right_side = np.conj(plan.gain) * plan.target + anchor
     rho = _SPLITTING * plan.typical
-    inverse = 1 / (power + rho * (np.abs(constraints) ** 2).sum(axis=0) + ridge)
+    # Where nothing is known, the drive has no power.
+    inverse = plan.known / (power + rho * (np.abs(constraints) ** 2).sum(axis=0) + ridge)
     begin = np.clip(irfft(constraints * plan.operating_point, n), -bound, bound)
     z, u = state or (begin, np.zeros(bound.shape))
     for _ in range(_ITERATIONS):

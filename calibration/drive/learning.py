@@ -14,20 +14,19 @@ from pathlib import Path
 import numpy as np
 
 from haploop.acquisition import hdf5
-from haploop.calibration.drive.check import LEAST_MOVED, UNSEEN, Played, errors, play, refuse_foreign
+from haploop.calibration.drive.agreement import SharedPower, error_spectra, lines_inside, shared_power
+from haploop.calibration.drive.check import LEAST_MOVED, UNSEEN
 from haploop.calibration.drive.correction import ResponseEstimate
 from haploop.calibration.drive.drive import Drive
+from haploop.calibration.drive.playing import Played, play, refuse_foreign, target_of
 from haploop.calibration.model import Calibration
 from haploop.calibration.response import prepare
 from haploop.instruments import ConfigurationError, Rig
-from haploop.instruments.arrays import FloatArray, IntArray
+from haploop.instruments.arrays import FloatArray
 from haploop.instruments.progress import Progress, part_of, silent
 
 __all__ = ["Iteration", "Learning", "learn"]
 
-FLOORS = 1.2
-"""Error over the floor at which the floor counts as reached: at most a third of the error's power is then
-not noise."""
 _STEP_SIGNIFICANCE = 1.0
 """Improvement, in standard deviations, required to accept a step."""
 _FINAL_SIGNIFICANCE = 1.5
@@ -43,21 +42,39 @@ _LEAST_STEP = 0.25
 class Iteration:
     """One drive that was played, and its result.
 
-    `volts` is (samples,) V as commanded, `measured` (samples,) m/s^2, the mean of the plays. `nrmse` and
-    `floor` are as in a `Check`; `squared_error` is the mean square of the error without the plays' noise,
-    estimated from the products of different plays, and `deviation` that estimate's standard deviation (both
-    over the target's mean square).
+    `volts` is (samples,) V as commanded, `accelerations` (plays, samples) m/s^2, the whole motion in each
+    play, at `rate_hz`. `whole` is the squared error of the whole motion over the target's mean square,
+    `within` the part of it within the drive's band.
     """
 
     volts: FloatArray
-    measured: FloatArray
-    nrmse: float
-    floor: float
-    squared_error: float
-    deviation: float
+    accelerations: FloatArray
+    rate_hz: float
+    whole: SharedPower
+    within: SharedPower
     kept: bool
     reason: str
     """Reason for keeping or rejecting it."""
+
+    @property
+    def nrmse(self) -> float:
+        """Error within the band, without the plays' noise."""
+        return self.within.root
+
+    @property
+    def floor(self) -> float:
+        """Standard error of the mean of the plays, within the band."""
+        return self.within.floor
+
+    @property
+    def wideband_nrmse(self) -> float:
+        """Error of the whole motion, without the plays' noise."""
+        return self.whole.root
+
+    @property
+    def measured(self) -> FloatArray:
+        """(samples,) m/s^2: mean of the plays."""
+        return np.asarray(self.accelerations.mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +82,9 @@ class Learning:
     """Every drive that was tried; the first is the initial one.
 
     `best` is the number of the iteration whose drive is `drive`. `first_again` and `best_again` are the
-    errors (nrmse) of first and best in the final replay, alternately, after the last iteration: plays that
-    had no part in the selection. Without an improvement they are those of the first iteration.
+    errors (nrmse, within the band) of first and best in the final replay, alternately, after the last
+    iteration: plays that had no part in the selection. Without an improvement they are those of the first
+    iteration.
     """
 
     iterations: tuple[Iteration, ...]
@@ -118,29 +136,30 @@ def learn(
     estimate = ResponseEstimate.of(drive, calibration)
     doing, total, done = f"Learn the {drive.button} button", (iterations + 3) * plays, 0
 
-    def played(volts: FloatArray, count: int = plays) -> Played:
+    def played(volts: FloatArray, count: int = plays, settled: bool = False) -> Played:
         nonlocal done
         before, done = done, done + count
         given = replace(drive, volts=volts)
-        return play(rig, given, count, estimate.tail, part_of(progress, doing, before, total))
+        tell = part_of(progress, doing, before, total)
+        return play(rig, given, count, estimate.tail, tell, settled=settled)
 
     outcome = played(drive.volts)
     estimate = estimate.after(drive.volts, outcome)
-    first = _iteration(drive, drive.volts, outcome.accelerations)
+    first = _iteration(drive, drive.volts, outcome.accelerations, outcome.rate_hz)
     tried = [replace(first, kept=True, reason="the drive as computed")]
     best, step = 0, 1.0
-    stopped = _unlearnable(outcome, drive.target)
+    stopped = _unlearnable(outcome, target_of(drive, outcome.rate_hz))
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
         volts, expected = estimate.correction(tried[best].volts, outcome, step, rig.limits)
-        if expected < _STEP_SIGNIFICANCE * tried[best].deviation:
+        if expected < _STEP_SIGNIFICANCE * tried[best].within.deviation:
             stopped = "The expected improvement of a correction is below the plays' noise."
             break
         result = played(volts)
         estimate = estimate.after(volts, result)
-        new = _iteration(drive, volts, result.accelerations)
+        new = _iteration(drive, volts, result.accelerations, result.rate_hz)
         if result.overload:
             new, step = replace(new, reason=result.overload), step / 2
-        elif _gained(tried[best], new) > _STEP_SIGNIFICANCE:
+        elif _better(tried[best], new, _STEP_SIGNIFICANCE):
             new = replace(new, kept=True, reason="closer to the target by more than the noise")
             best, outcome = len(tried), result
         else:
@@ -149,7 +168,7 @@ def learn(
         tried.append(new)
 
     first_again, best_again = _again(drive, tried, best, played, plays) if best else (tried[0], tried[0])
-    if best and not _gained(first_again, best_again) > _FINAL_SIGNIFICANCE:
+    if best and not _better(first_again, best_again, _FINAL_SIGNIFICANCE):
         stopped += " Played again, the best drive was not closer by more than the noise: the first is kept."
         tried[1:] = [replace(iteration, kept=False) for iteration in tried[1:]]
         best = 0
@@ -160,54 +179,49 @@ def learn(
     return Learning(tuple(tried), best, first_again.nrmse, best_again.nrmse, stopped, chosen)
 
 
-def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray) -> Iteration:
-    accelerations = accelerations[:, : len(drive.target)]
-    nrmse, floor = errors(accelerations, drive.target)
-    squared, deviation = _in_common(accelerations - drive.target)
-    size = float(np.mean(drive.target**2))
-    measured = np.asarray(accelerations.mean(axis=0))
-    return Iteration(volts, measured, nrmse, floor, squared / size, deviation / size, False, "")
+def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray, rate_hz: float) -> Iteration:
+    target = target_of(drive, rate_hz)
+    accelerations = accelerations[:, : len(target)]
+    missed = error_spectra(accelerations, target)
+    inside = lines_inside(drive.band, len(target), rate_hz)
+    whole, within = shared_power(missed), shared_power(missed[:, inside])
+    return Iteration(volts, accelerations, rate_hz, whole, within, kept=False, reason="")
 
 
-def _gained(before: Iteration, after: Iteration) -> float:
+def _better(before: Iteration, after: Iteration, significance: float) -> bool:
+    """True when the error within the band fell significantly, and that of the whole motion did not rise so.
+
+    The plays' noise within the band is a tenth of that of the whole motion: small improvements show there
+    only.
+    """
+    return (
+        _fallen(before.within, after.within) > significance
+        and _fallen(before.whole, after.whole) > -significance
+    )
+
+
+def _fallen(before: SharedPower, after: SharedPower) -> float:
     """Decrease of the squared error, in its standard deviations."""
     deviation = float(np.hypot(before.deviation, after.deviation))
-    return (before.squared_error - after.squared_error) / max(deviation, 1e-30)
-
-
-def _in_common(plays: FloatArray) -> tuple[float, float]:
-    """Mean square of the common part of (plays, samples), and its standard deviation.
-
-    The deviation is the jackknife's, which for products of pairs is biased upwards, by up to a half: the
-    conservative side (Efron and Stein, Annals of Statistics 9, 1981).
-    """
-    number, samples = plays.shape
-    products = plays @ plays.T / samples
-
-    def common(kept: IntArray) -> float:
-        among = products[np.ix_(kept, kept)]
-        return float((among.sum() - np.trace(among)) / (len(kept) * (len(kept) - 1)))
-
-    left_out = [common(np.delete(np.arange(number), k)) for k in range(number)]
-    spread = np.sqrt((number - 1) * np.var(left_out))
-    return common(np.arange(number)), float(spread)
+    return (before.value - after.value) / max(deviation, 1e-30)
 
 
 def _unlearnable(played: Played, target: FloatArray) -> str:
     """Reason why nothing can be learnt from the first plays; empty when something can."""
     if played.overload:
         return f"{played.overload} Nothing can be learnt from these plays."
-    moved, deviation = _in_common(played.accelerations[:, : len(target)])
+    moved = shared_power(played.accelerations[:, : len(target)].astype(np.complex128))
     # Written so that NaN is refused too.
-    if moved >= LEAST_MOVED**2 * np.mean(target**2) and moved > _MOTION_SIGNIFICANCE * deviation:
+    enough = moved.value >= LEAST_MOVED**2 * float(target @ target)
+    if enough and moved.value > _MOTION_SIGNIFICANCE * moved.deviation:
         return ""
     return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from these plays."
 
 
 def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> str:
     """Reason to end learning before another correction is planned; empty to continue."""
-    if tried[best].nrmse <= FLOORS * tried[best].floor:
-        return "The error has reached the plays' noise."
+    if tried[best].nrmse <= tried[best].floor:
+        return "The error within the band is below the plays' noise."
     if step < _LEAST_STEP:
         return "Smaller steps brought no improvement."
     if len(tried) > iterations:
@@ -216,9 +230,12 @@ def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> s
 
 
 def _again(
-    drive: Drive, tried: list[Iteration], best: int, played: Callable[[FloatArray, int], Played], plays: int
+    drive: Drive, tried: list[Iteration], best: int, played: Callable[..., Played], plays: int
 ) -> tuple[Iteration, Iteration]:
     """First and best, played alternately so that a drift of the table affects both."""
     both = tried[0].volts, tried[best].volts
-    rounds = np.array([[played(volts, 1).accelerations[0] for volts in both] for _ in range(plays)])
-    return _iteration(drive, both[0], rounds[:, 0]), _iteration(drive, both[1], rounds[:, 1])
+    # Played in the same order each time, after one settling, so that each has the same predecessor.
+    rounds = [[played(volts, 1, settled=number > 0) for volts in both] for number in range(plays)]
+    rate_hz = rounds[0][0].rate_hz
+    seen = np.array([[result.accelerations[0] for result in one] for one in rounds])
+    return _iteration(drive, both[0], seen[:, 0], rate_hz), _iteration(drive, both[1], seen[:, 1], rate_hz)

@@ -55,7 +55,7 @@ def paper_drive(
     smooth = fade(len(acceleration), edge, edge)
     volts = smooth * _simulated(poles, residues, constant, acceleration, calibration.rate_hz)
     volts -= smooth * (volts.sum() / smooth.sum())
-    scale = actuation.headroom(calibration, volts, limits) * (1 - 1e-9)
+    scale = actuation.headroom(calibration, volts, limits)[0] * (1 - 1e-9)
     volts *= scale
 
     played = resample(volts / scale, len(target))
@@ -73,6 +73,7 @@ def paper_drive(
         carrier_hz=grid.carrier_hz,
         band=band,
         in_band=in_band,
+        known=actuation.known(calibration),
         predicted_error=float(np.linalg.norm(missed[inside]) / np.linalg.norm(np.fft.rfft(target))),
         unreached="",
         rig=calibration.response.rig,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from haploop.acquisition import hdf5
 from haploop.calibration.model.model import Model, fit
@@ -13,7 +15,9 @@ from haploop.calibration.response import (
     Hysteresis,
     Response,
     fit_hysteresis,
+    measure_above,
     measure_response,
+    quick_response,
 )
 from haploop.instruments import ConfigurationError, Rig, RigFile
 from haploop.instruments.progress import Progress, silent
@@ -32,6 +36,15 @@ class Calibration:
     model: Model
     hysteresis: Hysteresis
     rate_hz: float
+    above: Response | None = None
+    """Response beyond the model's band, to what amplifier and laser resolve; None if not measured: then no
+    drive has power there."""
+    distortion: float = 0.0
+    """Motion at frequencies that were not played, over that at those played, with the hysteresis taken out.
+
+    Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
+    measured.
+    """
 
     @classmethod
     def of(cls, response: Response) -> Calibration:
@@ -71,10 +84,24 @@ def calibrate(
     *,
     excitation: Excitation = SWEEP,
 ) -> Calibration:
-    """Measure the response of a patch at a point and fit a model to it.
+    """Measure the response of a patch at a point, fit a model to it, and measure the response above its band.
 
     Sweeps, the default, measure the patch's hysteresis as well; a multisine yields none (a gain of one).
 
     `progress` is called with the seconds measured. Raises what `measure_response` and `fit` raise.
     """
-    return Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))
+    found = Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))
+    return examined(rig, found, progress)
+
+
+def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) -> Calibration:
+    """Add to a calibration the response above its band, and the distortion that its hysteresis leaves.
+
+    To be called after its response was measured, with the laser still at the point. Raises what
+    `measure_response` raises.
+    """
+    patch, point = calibration.response.patch, calibration.response.point
+    above = measure_above(rig, patch, point, calibration.hysteresis, progress)
+    again = quick_response(rig, patch, point, progress, hysteresis=calibration.hysteresis)
+    relative = np.linalg.norm(again.distortion, axis=0) / np.abs(again.velocity)
+    return replace(calibration, above=above, distortion=float(np.median(relative)))

@@ -15,12 +15,14 @@ from haploop.calibration.response.response import (
     QUICK,
     SWEEP,
     Response,
+    measure_above,
     measure_response,
     overloaded,
     prepare,
     quick_response,
     response_from,
 )
+from haploop.calibration.response.settling import settle
 from haploop.calibration.response.uff import read_uff, write_uff
 
 __all__ = [
@@ -38,6 +40,7 @@ __all__ = [
     "fit_hysteresis",
     "fit_modes",
     "linear_sweep",
+    "measure_above",
     "measure_response",
     "operators",
     "overloaded",
@@ -46,5 +49,6 @@ __all__ = [
     "quick_response",
     "read_uff",
     "response_from",
+    "settle",
     "write_uff",
 ]

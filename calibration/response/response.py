@@ -13,6 +13,7 @@ from haploop.calibration.response.excitation import Excitation, LinearSweep, Mul
 from haploop.calibration.response.from_multisine import from_multisine
 from haploop.calibration.response.from_sweeps import from_sweeps
 from haploop.calibration.response.hysteresis import Hysteresis, hysteresis_of_play
+from haploop.calibration.response.settling import settle
 from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.progress import Progress, part_of, silent
@@ -20,12 +21,16 @@ from haploop.instruments.progress import Progress, part_of, silent
 if TYPE_CHECKING:
     from haploop.calibration.response.estimate import FrfEstimate
 
-__all__ = ["MEASURED", "Response", "measure_response", "quick_response", "response_from"]
+__all__ = ["MEASURED", "Response", "measure_above", "measure_response", "quick_response", "response_from"]
 
 MEASURED = "measured"
 """Source of a response measured on a rig; an imported one names its file."""
 _CREST = 1.66
 """Crest factor of the multisines here."""
+ABOVE_HZ = 600.0
+"""Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
+_WORTHWHILE = 1.2
+"""Ratio of the highest to the lowest frequency from which the response above the band is measured."""
 SWEEP = LinearSweep()
 LINEAR = Hysteresis(np.zeros(1), np.ones(1), 1.0)
 QUICK = Multisine()
@@ -140,15 +145,31 @@ def measure_response(
     peak = rig.limits.peak if level is None else level
     prepare(rig, point)
     if isinstance(excitation, Multisine):
-        drive = excitation.volts(rig.table.rate_hz, peak)
-        tell = part_of(progress, _doing(patch, point), 0, excitation.duration)
-        capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
-        return response_from(
-            rig, capture, excitation, drive, patch=patch, point=point, monitor=monitor, hysteresis=hysteresis
-        )
+        settle(rig, patch, progress)
+        return _coherent(_played(rig, patch, point, monitor, excitation, peak, hysteresis, progress))
     if hysteresis is not None:
         raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
-    return _swept(rig, patch, point, monitor, excitation, peak, progress)
+    return _coherent(_swept(rig, patch, point, monitor, excitation, peak, progress))
+
+
+def measure_above(
+    rig: Rig, patch: str, point: str, hysteresis: Hysteresis, progress: Progress = silent
+) -> Response | None:
+    """Measure the response above the band of the usual excitations, to what the laser resolves.
+
+    To be called after a response was measured at the same point: nothing is asked of the operator. The level
+    is what the limits of slew rate and current allow. Returns None where the laser resolves nothing above
+    that band. Raises what `measure_response` raises.
+    """
+    top = min(rig.vibrometer.resolved_hz, rig.table.rate_hz / 4)
+    if top < _WORTHWHILE * ABOVE_HZ:
+        return None
+    excitation = Multisine(low=ABOVE_HZ, high=top * (1 - 1e-9))
+    one = excitation.volts(rig.table.rate_hz, rig.limits.peak)
+    peak = rig.limits.peak * min(1.0, (1 - 1e-9) * rig.limits.headroom(one, rig.table.rate_hz)[0])
+    settle(rig, patch, progress)
+    # The surface may move less than the laser's noise there: the deviation says so, and nothing is refused.
+    return _played(rig, patch, point, rig.monitor(patch), excitation, peak, hysteresis, progress)
 
 
 def quick_response(
@@ -180,6 +201,31 @@ def response_from(
     `monitor` is the channel that measured this patch's volts. Patches that were driven at once, each
     on lines of its own, take one call each. Raises as `measure_response`.
     """
+    return _coherent(
+        _from_capture(
+            rig,
+            capture,
+            multisine,
+            commanded,
+            patch=patch,
+            point=point,
+            monitor=monitor,
+            hysteresis=hysteresis,
+        )
+    )
+
+
+def _from_capture(
+    rig: Rig,
+    capture: Capture,
+    multisine: Multisine,
+    commanded: FloatArray,
+    *,
+    patch: str,
+    point: str,
+    monitor: str,
+    hysteresis: Hysteresis | None,
+) -> Response:
     refuse_overload(rig, capture)
     volts, velocity, channels = _signals(rig, capture, monitor)
     if hysteresis is None and multisine.from_rest:
@@ -240,6 +286,24 @@ def refuse_overload(rig: Rig, capture: Capture) -> None:
         raise InstrumentError(problem)
 
 
+def _played(
+    rig: Rig,
+    patch: str,
+    point: str,
+    monitor: str,
+    multisine: Multisine,
+    peak: float,
+    hysteresis: Hysteresis | None,
+    progress: Progress,
+) -> Response:
+    drive = multisine.volts(rig.table.rate_hz, peak)
+    tell = part_of(progress, _doing(patch, point), 0, multisine.duration)
+    capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
+    return _from_capture(
+        rig, capture, multisine, drive, patch=patch, point=point, monitor=monitor, hysteresis=hysteresis
+    )
+
+
 def _swept(
     rig: Rig,
     patch: str,
@@ -283,7 +347,7 @@ def _response(
 ) -> Response:
     gain = float(np.median(np.abs(found.path)))
     _refuse_silent_drive(gain, patch)
-    response = Response(
+    return Response(
         patch=patch,
         point=point,
         frequencies=found.frequencies,
@@ -306,8 +370,6 @@ def _response(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         hysteresis=hysteresis,
     )
-    _refuse_incoherent(response)
-    return response
 
 
 def _signals(rig: Rig, capture: Capture, monitor: str) -> tuple[FloatArray, FloatArray, Channels]:
@@ -334,7 +396,7 @@ def _refuse_silent_drive(gain: float, patch: str) -> None:
         )
 
 
-def _refuse_incoherent(response: Response) -> None:
+def _coherent(response: Response) -> Response:
     typical = float(np.median(response.coherence))
     if typical < 0.5:
         raise DataError(
@@ -342,3 +404,4 @@ def _refuse_incoherent(response: Response) -> None:
             f"{typical:.2f} where 0.5 is the least that can be used and 0.99 is usual. Check the laser's "
             "focus and aim, and that the patch is glued and connected."
         )
+    return response

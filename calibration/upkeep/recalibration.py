@@ -71,8 +71,8 @@ class Outcome:
             "places": [asdict(verdict) for verdict in self.verdicts],
             "buttons": {
                 name: {
-                    "before": _told(self.before[name]) if name in self.before else None,
-                    "after": _told(self.after[name].check) if name in self.after else None,
+                    "before": self.before[name].summary() if name in self.before else None,
+                    "after": self.after[name].check.summary() if name in self.after else None,
                 }
                 for name in sorted({*self.before, *self.after})
             },
@@ -289,7 +289,7 @@ def _turn(history: History, active: Generation, buttons: Mapping[str, DigitalBut
 
 
 def _margin(check: Check) -> float:
-    return check.tolerance - check.nrmse
+    return check.tolerance - check.wideband_nrmse
 
 
 def _played(
@@ -385,18 +385,6 @@ def _bring_back(
 
 def _with(outcome: Outcome, *sentences: str) -> Outcome:
     return replace(outcome, sentences=(*outcome.sentences, *sentences))
-
-
-def _told(check: Check) -> dict[str, Any]:
-    """Metrics of a check; NaN (nothing moved) becomes null."""
-    names = ("nrmse", "tolerance", "floor", "correlation", "envelope_correlation", "third_octave_error_db")
-    values = {name: getattr(check, name) for name in names}
-    return {
-        **{name: value if np.isfinite(value) else None for name, value in values.items()},
-        "plays": check.plays,
-        "passed": check.passed,
-        "reasons": list(check.reasons),
-    }
 
 
 def _usual_noise(history: History) -> float | None:

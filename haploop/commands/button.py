@@ -80,7 +80,7 @@ def make(
     Computes the representative press and the drive, corrects the drive by playing and measuring it, and
     checks the result.
 
-    Exit codes: 0 the check passed, 1 it failed (the file is written and states why).
+    Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
     outputs.check_new_file(out)
     loaded = haploop.Calibration.load(calibration)
@@ -107,7 +107,7 @@ def make(
 def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_json: bool) -> int:
     """Play the digital button FILE on the rig that it was made on, measure it, and compare.
 
-    The file is not changed. Exit codes: 0 the check passed, 1 it failed.
+    The file is not changed. Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.DigitalButton.load(file)
     with (
@@ -116,5 +116,5 @@ def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_j
         Steps() as steps,
     ):
         result = haploop.play_button(opened, loaded, progress=steps)
-    display.show_check(loaded.press, result, as_json)
+    display.show_check(result, as_json)
     return 0 if result.passed else 1

@@ -94,7 +94,7 @@ def check(
     Computes the representative press of RECORDINGS and its drive, plays the drive, measures the table, and
     compares the result with the press.
 
-    Exit codes: 0 the check passed, 1 it failed.
+    Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.Calibration.load(calibration)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings])
@@ -112,7 +112,7 @@ def check(
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
         result = haploop.check(opened, drive, progress=steps)
-    display.show_check(press, result, as_json)
+    display.show_check(result, as_json)
     if out is not None:
         outputs.save_check(out, press, result)
     return 0 if result.passed else 1

@@ -61,20 +61,11 @@ def _button(result: ButtonResult) -> dict[str, Any]:
         else None,
         "drive_peak_v": _number(drive.peak),
         "drive_peak_to_peak_v": _number(float(np.ptp(drive.volts))),
-        "drive_measured_peak_v": _number(measured.drive_measured_peak),
         "scale": _number(drive.scale),
         "band_hz": [_number(edge) for edge in drive.band],
         "in_band": _number(drive.in_band),
         "predicted_error": _number(drive.predicted_error),
-        "nrmse": _number(measured.nrmse),
-        "correlation": _number(measured.correlation),
-        "envelope_correlation": _number(measured.envelope_correlation),
-        "third_octave_error_db": _number(measured.third_octave_error_db),
-        "floor": _number(measured.floor),
-        "tolerance": _number(measured.tolerance),
-        "plays": measured.plays,
-        "passed": bool(measured.passed),
-        "reasons": list(measured.reasons),
+        **measured.summary(),
         "left_out": list(result.press.left_out),
         "sources": [{"file": r.path.name, "sha256": r.content_hash} for r in result.recordings],
     }
@@ -140,9 +131,10 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
             figures.comparison([(r.press, r.check) for r in results]),
             "Measured motion of the table",
             "Left: the recorded press (blue) and the reconstructed acceleration (grey), each scaled to "
-            "its peak. Middle: target and measured acceleration around the largest peak. Right: their "
-            "spectra, and that of the recorded press to the same scale; the band that the drive uses is "
-            "shaded. After the paper's figure 9.",
+            "its peak. Middle: target and measured acceleration around the largest peak. Right: spectra of "
+            "the whole motion, of the recorded press to the same scale, and of the noise that is left in "
+            "the mean "
+            "of the plays; the band that the drive uses is shaded. After the paper's figure 9.",
         ),
     )
 

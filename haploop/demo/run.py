@@ -22,7 +22,7 @@ from haploop.live import published
 
 __all__ = ["claim_folder", "run_demo"]
 
-_RESULTS = ("recordings", "presses", "drives", "calibration.h5", "summary.json", "report.html")
+_RESULTS = ("recordings", "presses", "drives", "checks", "calibration.h5", "summary.json", "report.html")
 """Files and folders written by a demo."""
 
 
@@ -40,7 +40,7 @@ def run_demo(
 
     A lab's rig file is always simulated, with twins unless `mode` is "wire": no hardware is used.
     `seed` overrides the seed in the file. Returns the summary, which is also written as `summary.json`
-    beside `report.html`, `calibration.h5`, `recordings/`, `presses/` and `drives/`.
+    beside `report.html`, `calibration.h5`, `recordings/`, `presses/`, `drives/` and `checks/`.
 
     Raises ConfigurationError when `out` holds a demo already or cannot be written, and the
     errors of the steps.
@@ -122,6 +122,7 @@ def _loop(
 
     checks: dict[str, Check] = {}
     (out / "drives").mkdir()
+    (out / "checks").mkdir()
     for button in BUTTONS:
         step = f"Compute the drive of the {button} button"
         progress(step, 0, 1, "")
@@ -129,6 +130,7 @@ def _loop(
         drive.save(out / "drives" / f"{button}.h5")
         progress(step, 1, 1, "")
         checks[button] = check(rig, drive, progress=progress)
+        checks[button].save(out / "checks" / f"{button}.h5")
 
     response = calibration.response
     return Demo(

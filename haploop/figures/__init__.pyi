@@ -1,4 +1,5 @@
 from .button import button_figure as button_figure
+from .button import check_figure as check_figure
 from .history import before_and_after as before_and_after
 from .history import responses as responses
 from .history import trend as trend

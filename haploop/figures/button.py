@@ -1,4 +1,6 @@
-"""Figure of a digital button: target and measured acceleration, and the iterations of its drive."""
+"""Figures of a check and of a digital button: the whole motion beside its target, and the drive's "
+"iterations.
+"""
 
 from __future__ import annotations
 
@@ -6,34 +8,57 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from haploop.calibration import DigitalButton
-from haploop.figures.plotting import active, colour, legend_above, letter, new_figure, style
+from haploop.calibration import Check, DigitalButton
+from haploop.figures.plotting import GREY, active, colour, legend_above, letter, new_figure, style
 
-__all__ = ["button_figure"]
+__all__ = ["button_figure", "check_figure"]
+
+
+def check_figure(check: Check) -> Figure:
+    """Draw target and measured acceleration, and third octaves of the whole motion with the plays' noise."""
+    with style():
+        drawn = new_figure(2.6)
+        panels = drawn.subplots(1, 2, width_ratios=[2, 1])
+        _motion(panels[0], check)
+        _octaves(panels[1], check)
+        for index, axes in enumerate(panels):
+            letter(axes, index)
+    return drawn
 
 
 def button_figure(button: DigitalButton) -> Figure:
-    """Draw target and measured acceleration, third octaves, and each iteration's error over the floor."""
-    check, drive = button.check, button.drive
+    """Draw a button's check, and each iteration's error over the plays' noise."""
     with style():
         drawn = new_figure(2.6)
-        whole, bands, errors = drawn.subplots(1, 3, width_ratios=[2, 1, 1])
-        begin, end = active(drive.target, drive.rate_hz)
-        part = slice(max(0, round(begin * drive.rate_hz)), round(end * drive.rate_hz))
-        milliseconds = 1e3 * np.arange(part.start, part.stop)[: len(drive.target[part])] / drive.rate_hz
-        whole.plot(milliseconds, drive.target[part], color=colour(0), label="target")
-        whole.plot(milliseconds, check.measured[part], color=colour(1), linestyle="--", label="measured")
-        whole.set_xlabel("Time (ms)")
-        whole.set_ylabel("Acceleration (m/s²)")
-        legend_above(whole, 2)
-        bands.semilogx(check.octaves_hz, check.target_db, "o-", color=colour(0), markersize=3)
-        bands.semilogx(check.octaves_hz, check.measured_db, "s--", color=colour(1), markersize=3)
-        bands.set_xlabel("Third octave (Hz)")
-        bands.set_ylabel("Level (dB re 1 m/s²)")
-        _learning(errors, button)
-        for index, axes in enumerate((whole, bands, errors)):
+        panels = drawn.subplots(1, 3, width_ratios=[2, 1, 1])
+        _motion(panels[0], button.check)
+        _octaves(panels[1], button.check)
+        _learning(panels[2], button)
+        for index, axes in enumerate(panels):
             letter(axes, index)
     return drawn
+
+
+def _motion(axes: Axes, check: Check) -> None:
+    begin, end = active(check.target, check.rate_hz)
+    part = slice(max(0, round(begin * check.rate_hz)), round(end * check.rate_hz))
+    milliseconds = 1e3 * np.arange(len(check.target))[part] / check.rate_hz
+    axes.plot(milliseconds, check.target[part], color=colour(0), label="target")
+    axes.plot(milliseconds, check.measured[part], color=colour(1), linestyle="--", label="measured")
+    axes.set_xlabel("Time (ms)")
+    axes.set_ylabel("Acceleration (m/s²)")
+    legend_above(axes, 2)
+
+
+def _octaves(axes: Axes, check: Check) -> None:
+    axes.semilogx(check.octaves_hz, check.target_db, "o-", color=colour(0), markersize=3)
+    axes.semilogx(check.octaves_hz, check.measured_db, "s--", color=colour(1), markersize=3)
+    axes.semilogx(check.octaves_hz, check.floor_db, ":", color=GREY, label="noise of the mean")
+    # Outside the band the target is zero.
+    axes.set_ylim(bottom=min(check.floor_db.min(), check.measured_db.min()) - 5)
+    axes.set_xlabel("Third octave (Hz)")
+    axes.set_ylabel("Level (dB re 1 m/s²)")
+    legend_above(axes, 1)
 
 
 def _learning(axes: Axes, button: DigitalButton) -> None:
@@ -43,9 +68,9 @@ def _learning(axes: Axes, button: DigitalButton) -> None:
     kept = np.array([i.kept for i in tried])
     axes.plot(numbers[kept], values[kept], "o-", color=colour(0), markersize=4, label="kept")
     axes.plot(numbers[~kept], values[~kept], "x", color=colour(0), markersize=4, label="not kept")
-    axes.plot(numbers, [100 * i.floor for i in tried], "--", color=colour(1), label="floor")
+    axes.plot(numbers, [100 * i.floor for i in tried], "--", color=colour(1), label="noise")
     axes.set_ylim(bottom=0)
     axes.set_xlabel("Iteration")
-    axes.set_ylabel("Error (%)")
+    axes.set_ylabel("Error in band (%)")
     axes.set_xticks(numbers)
     legend_above(axes, 2)

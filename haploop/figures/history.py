@@ -151,8 +151,7 @@ def before_and_after(before: Mapping[str, Check], after: Mapping[str, Check]) ->
                 if name in checks:
                     check = checks[name]
                     _stretch(axes, check)
-                    verdict = "pass" if check.passed else "FAIL"
-                    title = f"{name}, {when}: error {100 * check.nrmse:.1f} %, {verdict}"
+                    title = f"{name}, {when}: error {100 * check.wideband_nrmse:.1f} %, {check.verdict}"
                 letter(axes, 2 * row + column, title)
                 axes.set_xlabel("Time in the drive (ms)" if row == len(names) - 1 else "")
             grid[row, 0].set_ylabel("Acceleration (m/s²)")
@@ -162,11 +161,10 @@ def before_and_after(before: Mapping[str, Check], after: Mapping[str, Check]) ->
 
 def _stretch(axes: Axes, check: Check) -> None:
     """Draw 20 ms to either side of the target's largest acceleration."""
-    drive = check.drive
-    time = 1e3 * np.arange(len(drive.target)) / drive.rate_hz
-    middle = time[int(np.argmax(np.abs(drive.target)))]
+    time = 1e3 * np.arange(len(check.target)) / check.rate_hz
+    middle = time[int(np.argmax(np.abs(check.target)))]
     part = np.abs(time - middle) <= 20
-    axes.plot(time[part], drive.target[part], color=ORANGE, linewidth=2.0, label="Target")
+    axes.plot(time[part], check.target[part], color=ORANGE, linewidth=2.0, label="Target")
     axes.plot(time[part], check.measured[part], color=INK, linewidth=0.8, label="Measured")
     axes.set_xlim(time[part][0], time[part][-1])
 

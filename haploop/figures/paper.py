@@ -198,9 +198,10 @@ def comparison(results: Sequence[tuple[Representative, Check]]) -> Figure:
             _whole(whole, press, check, with_legend=row == 0)
             _stretch(stretch, press, check, with_legend=row == 0)
             _spectra(spectra, press, check, with_legend=row == 0)
-            verdict = "pass" if check.passed else "FAIL"
-            letter(whole, 3 * row, f"{press.button.capitalize()}: {verdict}")
-            letter(stretch, 3 * row + 1, f"Error {100 * check.nrmse:.1f} %, r = {check.correlation:.4f}")
+            letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}")
+            letter(
+                stretch, 3 * row + 1, f"Error {100 * check.wideband_nrmse:.1f} %, r = {check.correlation:.4f}"
+            )
             letter(spectra, 3 * row + 2)
         labels = ("Time after activation (ms)", "Time after activation (ms)", "Frequency (Hz)")
         for axes, label in zip(grid[-1], labels, strict=True):
@@ -334,7 +335,7 @@ def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colo
 def _whole(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
     drive = check.drive
     zero = _activation(press, drive)
-    measured = np.arange(len(check.measured)) / drive.rate_hz - zero
+    measured = np.arange(len(check.measured)) / check.rate_hz - zero
     recorded = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
     axes.plot(
         1e3 * measured,
@@ -353,11 +354,10 @@ def _whole(axes: Axes, press: Representative, check: Check, with_legend: bool) -
 
 
 def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
-    drive = check.drive
-    time = 1e3 * (np.arange(len(drive.target)) / drive.rate_hz - _activation(press, drive))
-    middle = time[int(np.argmax(np.abs(drive.target)))]
+    time = 1e3 * (np.arange(len(check.target)) / check.rate_hz - _activation(press, check.drive))
+    middle = time[int(np.argmax(np.abs(check.target)))]
     part = (time >= middle - 15) & (time <= middle + 15)
-    axes.plot(time[part], drive.target[part], color=ORANGE, linewidth=2.0, label="Target")
+    axes.plot(time[part], check.target[part], color=ORANGE, linewidth=2.0, label="Target")
     axes.plot(time[part], check.measured[part], color=INK, linewidth=0.8, label="Measured")
     axes.set_xlim(time[part][0], time[part][-1])
     axes.set_ylabel("Acceleration (m/s²)")
@@ -379,19 +379,20 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
     drive = check.drive
     curves: tuple[tuple[str, FloatArray, float, dict[str, Any]], ...] = (
         ("Recorded", press.acceleration * drive.scale, press.rate_hz, {"color": BLUE, "linewidth": 0.8}),
-        ("Target", drive.target, drive.rate_hz, {"color": ORANGE, "linewidth": 1.9}),
-        ("Measured", check.measured, drive.rate_hz, {"color": INK, "linewidth": 0.7}),
+        ("Target", check.target, check.rate_hz, {"color": ORANGE, "linewidth": 1.9}),
+        ("Measured", check.measured, check.rate_hz, {"color": INK, "linewidth": 0.7}),
+        ("Noise", check.noise, check.rate_hz, {"color": GREY, "linewidth": 0.7}),
     )
     top = 0.0
     for label, signal, rate_hz, look in curves:
         frequencies, density = spectrum(np.asarray(signal), rate_hz)
-        part = (frequencies >= 5) & (frequencies <= 700)
+        part = (frequencies >= 5) & (frequencies <= check.judged_hz)
         axes.plot(frequencies[part], density[part], label=label, **look)
         top = max(top, float(density[part].max()))
-    density_axis(axes, 700, top)
+    density_axis(axes, check.judged_hz, top)
     axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
     if with_legend:
-        legend_above(axes, 3)
+        legend_above(axes, 2)
 
 
 def _point(point: str) -> str:

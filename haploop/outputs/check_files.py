@@ -1,4 +1,4 @@
-"""The files of one check: press, drive and plot."""
+"""The files of one check: press, drive, check with every play, and plot."""
 
 from __future__ import annotations
 
@@ -21,11 +21,14 @@ def claim_check(out: Path, button: str) -> None:
 
 def save_check(out: Path, press: Representative, result: Check) -> None:
     """Save the inputs and results of a check in a folder. Raises ConfigurationError and DataError."""
-    press_file, drive_file, picture = _names(out, press.button)
+    press_file, drive_file, check_file, picture = _names(out, press.button)
     press.save(press_file)
     result.drive.save(drive_file)
+    result.save(check_file)
     save_picture(comparison([(press, result)]), picture, result.simulated)
 
 
-def _names(out: Path, button: str) -> tuple[Path, Path, Path]:
-    return out / f"{button}-press.h5", out / f"{button}-drive.h5", out / f"{button}-check.png"
+def _names(out: Path, button: str) -> tuple[Path, Path, Path, Path]:
+    names = (f"{button}-press.h5", f"{button}-drive.h5", f"{button}-check.h5", f"{button}-check.png")
+    press, drive, check, picture = (out / name for name in names)
+    return press, drive, check, picture

@@ -8,7 +8,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop.calibration import DigitalButton
-from haploop.show.formatting import json_number
+from haploop.show.formatting import interval, json_number, percent, verdict
 
 __all__ = ["button_contents"]
 
@@ -22,7 +22,6 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         "simulated": button.simulated,
         "button": button.press.button,
         "passed": button.passed,
-        "reasons": list(check.reasons),
         "rig": drive.rig,
         "patch": drive.patch,
         "point": drive.point,
@@ -33,15 +32,10 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         "scale": json_number(drive.scale),
         "drive_peak_v": json_number(drive.peak),
         "unreached": drive.unreached,
-        "nrmse": json_number(check.nrmse),
-        "floor": json_number(check.floor),
-        "beyond_noise": json_number(check.beyond_noise),
-        "correlation": json_number(check.correlation),
-        "envelope_correlation": json_number(check.envelope_correlation),
-        "third_octave_error_db": json_number(check.third_octave_error_db),
-        "plays": check.plays,
+        "check": check.summary(),
         "iterations": [
             {
+                "wideband_nrmse": json_number(i.wideband_nrmse),
                 "nrmse": json_number(i.nrmse),
                 "floor": json_number(i.floor),
                 "kept": bool(i.kept),
@@ -60,14 +54,16 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
     }
     table = Table(
         box=SIMPLE,
-        title=f"Digital {button.press.button} button, {'pass' if button.passed else 'FAIL'}",
+        title=f"Digital {button.press.button} button, {verdict(check.verdict)}",
         title_justify="left",
         show_header=False,
     )
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for reason in check.reasons:
-        table.add_row("Fails because", reason)
+        table.add_row(f"Verdict: {check.verdict}", reason)
+    for note in check.notes:
+        table.add_row("Note", note)
     table.add_row("Made", f"{button.created} on {drive.rig}, patch {drive.patch} at the {drive.point} point")
     carrier = f" with {drive.carrier_hz:.2f} Hz" if drive.carrier_hz else ""
     table.add_row(
@@ -75,8 +71,13 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
     )
     table.add_row(
         "Error",
-        f"{check.nrmse:.1%} over {check.plays} plays; repeatability floor {check.floor:.1%}, error without "
-        f"noise {check.beyond_noise:.1%}",
+        f"whole motion {percent(check.wideband_nrmse)} ({interval(check.wideband_interval)}) over "
+        f"{check.plays} "
+        f"plays; within the band {percent(check.nrmse)}; motion outside {percent(check.outside)} of the "
+        "target",
+    )
+    table.add_row(
+        "Noise", f"of the plays' mean: {percent(check.wideband_floor)}, in band {percent(check.floor)}"
     )
     table.add_row(
         "Similarity",
@@ -89,7 +90,7 @@ def button_contents(button: DigitalButton) -> tuple[dict[str, Any], Table]:
         kept = "kept" if iteration.kept else "not kept"
         table.add_row(
             "Learning" if index == 0 else "",
-            f"{index}: {iteration.nrmse:.1%}, {kept}: {iteration.reason}",
+            f"{index}: in band {iteration.nrmse:.1%}, {kept}: {iteration.reason}",
         )
     table.add_row("", learning.stopped)
     table.add_row("Calibration", f"{response.created}, SHA-256 {drive.calibration}")

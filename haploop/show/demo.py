@@ -9,7 +9,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop.progress import print_line, print_table
-from haploop.show.formatting import fixed, percent, verdict
+from haploop.show.formatting import fixed, interval, percent, verdict
 
 __all__ = ["show_demo"]
 
@@ -25,8 +25,8 @@ def show_demo(summary: Mapping[str, Any]) -> None:
         "Drive",
         "In band",
         "Error",
-        "Floor",
-        "Correlation",
+        "(95 %)",
+        "Outside",
         "Verdict",
     ):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -38,18 +38,22 @@ def show_demo(summary: Mapping[str, Any]) -> None:
             fixed(button["activation_force_true_n"], 2, "N"),
             fixed(button["drive_peak_v"], 1, "V"),
             percent(button["in_band"]),
-            percent(button["nrmse"]),
-            percent(button["floor"]),
-            fixed(button["correlation"], 4),
-            verdict(button["passed"]),
+            percent(button["wideband_nrmse"]),
+            interval(button["wideband_interval"]),
+            percent(button["outside"]),
+            verdict(button["verdict"]),
         )
     print_table(table)
     for name, button in summary["buttons"].items():
-        for reason in button["reasons"]:
-            print_line(f"{name}: {reason}")
+        for sentence in (*button["reasons"], *button["notes"]):
+            print_line(f"{name}: {sentence}")
     for note in summary["notes"]:
         print_line(note)
-    print_line("In band: share of the modulated press's energy within the band that is played and compared.")
+    print_line(
+        "In band: share of the modulated press's energy within the band that is played. Error: of the "
+        "whole motion, "
+        "with its 95 % confidence interval; outside: motion outside the band, over the target's."
+    )
     print_line(
         f"Resonance {summary['resonance_hz']:.2f} Hz (true: {summary['resonance_true_hz']:.2f} Hz). "
         f"{summary['simulated_s']:.0f} s of simulated time in {summary['wall_s']:.0f} s."

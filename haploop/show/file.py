@@ -12,13 +12,14 @@ from rich.table import Table
 
 from haploop import figures
 from haploop.acquisition import Recording, Representative, accepted_presses, find_presses, hdf5
-from haploop.calibration import Calibration, DigitalButton, Drive
+from haploop.calibration import Calibration, Check, DigitalButton, Drive
 from haploop.calibration.map import VibrationMap
 from haploop.instruments import DataError
 from haploop.outputs import check_new_picture, save_picture
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.button import button_contents
 from haploop.show.calibration import calibration_contents, drive_contents
+from haploop.show.check import check_contents
 from haploop.show.formatting import SIMULATED
 from haploop.show.map import map_contents
 from haploop.show.press import recording_contents, representative_contents
@@ -69,33 +70,59 @@ def file_contents(path: str | Path) -> FileContents:
     if path.is_dir():
         mapped = VibrationMap.load(path)
         return FileContents(*map_contents(mapped), lambda: figures.map_figure(mapped))
-    kind = _kind(path)
-    if kind == "recording":
-        recording = Recording.open(path)
-        pressed = find_presses(recording)
-        counted = accepted_presses(recording, pressed)
-        return FileContents(
-            *recording_contents(recording, pressed, counted),
-            lambda: figures.recording_figure(recording, counted),
-        )
-    if kind == "representative":
-        press = Representative.load(path)
-        return FileContents(
-            *representative_contents(press), lambda: figures.profiles([figures.Profile.of(press)])
-        )
-    if kind == "calibration":
-        calibration = Calibration.load(path)
-        return FileContents(*calibration_contents(calibration), lambda: figures.response(calibration))
-    if kind == "button":
-        button = DigitalButton.load(path)
-        return FileContents(*button_contents(button), lambda: figures.button_figure(button))
+    return _READERS[_kind(path)](path)
+
+
+def _recording(path: Path) -> FileContents:
+    recording = Recording.open(path)
+    pressed = find_presses(recording)
+    counted = accepted_presses(recording, pressed)
+    return FileContents(
+        *recording_contents(recording, pressed, counted), lambda: figures.recording_figure(recording, counted)
+    )
+
+
+def _representative(path: Path) -> FileContents:
+    press = Representative.load(path)
+    return FileContents(
+        *representative_contents(press), lambda: figures.profiles([figures.Profile.of(press)])
+    )
+
+
+def _calibration(path: Path) -> FileContents:
+    calibration = Calibration.load(path)
+    return FileContents(*calibration_contents(calibration), lambda: figures.response(calibration))
+
+
+def _drive(path: Path) -> FileContents:
     drive = Drive.load(path)
     return FileContents(*drive_contents(drive), lambda: figures.drives([drive]))
 
 
+def _check(path: Path) -> FileContents:
+    check = Check.load(path)
+    return FileContents(*check_contents(check), lambda: figures.check_figure(check))
+
+
+def _button(path: Path) -> FileContents:
+    button = DigitalButton.load(path)
+    return FileContents(*button_contents(button), lambda: figures.button_figure(button))
+
+
+_READERS = {
+    "recording": _recording,
+    "representative": _representative,
+    "calibration": _calibration,
+    "drive": _drive,
+    "check": _check,
+    "button": _button,
+}
+"""Functions that read each kind of file."""
+
+
 def _kind(path: Path) -> str:
-    """Kind of a file: recording, representative, calibration, drive or button. Raises DataError."""
+    """Kind of a file. Raises DataError for one that cannot be shown."""
     kind = hdf5.kind_of(path)
-    if kind not in ("recording", "representative", "calibration", "drive", "button"):
+    if kind not in _READERS:
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
     return kind

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from rich.box import SIMPLE
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["SIMULATED", "fixed", "json_number", "percent", "property_table", "verdict"]
+__all__ = ["SIMULATED", "fixed", "interval", "json_number", "percent", "property_table", "verdict"]
 
 SIMULATED = "Simulated: no real instrument measured this."
 """Printed after every result of a simulated rig."""
@@ -23,9 +24,16 @@ def property_table(title: str) -> Table:
     return table
 
 
-def verdict(passed: bool) -> Text:
-    """The word "pass" or "FAIL", in colour."""
-    return Text("pass", style="bold green") if passed else Text("FAIL", style="bold red")
+def verdict(said: str) -> Text:
+    """The words "pass", "FAIL" or "not shown", in colour."""
+    styles = {"pass": "bold green", "fail": "bold red", "not shown": "bold yellow"}
+    return Text("FAIL" if said == "fail" else said, style=styles[said])
+
+
+def interval(edges: Sequence[float | None]) -> str:
+    """A confidence interval as percentages."""
+    low, high = edges
+    return f"{percent(low)} to {percent(high)}"
 
 
 def percent(value: float | None) -> str:

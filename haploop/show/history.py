@@ -80,10 +80,8 @@ def describe(history: History, generation: Generation) -> tuple[dict[str, Any], 
         "places": {"-".join(_place(c)): vars(PlaceMetrics.of(c)) for c in calibrations},
         "buttons": {
             name: {
-                "nrmse": float(b.check.nrmse),
-                "correlation": float(b.check.correlation),
                 "drive_peak_v": float(b.drive.peak),
-                "passed": b.passed,
+                **b.check.summary(),
             }
             for name, b in buttons.items()
         },
@@ -104,9 +102,7 @@ def describe(history: History, generation: Generation) -> tuple[dict[str, Any], 
         )
         table.add_row(f"Patch {c.response.patch}, {c.response.point}", told)
     for name, b in buttons.items():
-        verdict = "pass" if b.passed else "FAIL"
-        told = f"error {b.check.nrmse:.1%}, correlation {b.check.correlation:.4f}, {verdict}"
-        table.add_row(name, told)
+        table.add_row(name, str(b.check))
     for a in activations:
         table.add_row("Activated", f"{a.when} by {a.actor}: {a.reason}")
     return values, table
@@ -130,17 +126,10 @@ def difference(one: Generation, other: Generation) -> tuple[dict[str, Any], Tabl
             table.add_row(f"{place[0]} at {place[1]}: {label}", *_row(numbers))
     for key in sorted({*buttons[0], *buttons[1]}):
         checks = [b[key].check if key in b else None for b in buttons]
-        values["buttons"][key] = {
-            "from": None
-            if checks[0] is None
-            else {"nrmse": float(checks[0].nrmse), "passed": checks[0].passed},
-            "to": None
-            if checks[1] is None
-            else {"nrmse": float(checks[1].nrmse), "passed": checks[1].passed},
-        }
-        table.add_row(
-            f"{key}: error (%)", *_row([None if c is None else 100 * float(c.nrmse) for c in checks])
-        )
+        was, now = (None if c is None else c.summary() for c in checks)
+        values["buttons"][key] = {"from": was, "to": now}
+        errors = [None if c is None else 100 * float(c.wideband_nrmse) for c in checks]
+        table.add_row(f"{key}: error of the whole motion (%)", *_row(errors))
     return values, table
 
 

@@ -53,6 +53,6 @@ def show_outcome(outcome: Outcome, assumed: Sequence[str], report: Path | None, 
 
 
 def _error(check: dict[str, Any] | None) -> str:
-    if check is None or check["nrmse"] is None:
+    if check is None or check["wideband_nrmse"] is None:
         return "not measured"
-    return f"{100 * check['nrmse']:.1f} %"
+    return f"{100 * check['wideband_nrmse']:.1f} %"

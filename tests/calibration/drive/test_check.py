@@ -43,7 +43,7 @@ def test_third_octaves_are_levels(calibrated: Calibrated, drive: Drive) -> None:
     assert centres == pytest.approx([100, 125.9, 158.5, 199.5, 251.2, 316.2, 398.1, 501.2], abs=0.1)
     assert levels[4] == pytest.approx(0, abs=1e-6)
     assert np.all(np.delete(levels, 4) < -60)
-    result = check(calibrated.rig, drive, plays=2)
+    result = check(calibrated.rig, drive, plays=3)
     assert np.all((result.octaves_hz <= drive.band[1]) & (result.octaves_hz >= drive.band[0]))
     assert len(result.octaves_hz) == len(result.target_db) == len(result.measured_db) > 2
 
@@ -66,7 +66,7 @@ def test_what_did_not_follow_never_passes(
 ) -> None:
     """A blocked laser, noise, 3 dB too little, 1 ms late, upside down, clipped, overloaded, NaN."""
     tamper(calibrated.rig, monkeypatch, laser=how)  # type: ignore[arg-type]
-    result = check(calibrated.rig, drive, plays=2)
+    result = check(calibrated.rig, drive, plays=3)
     assert not result.passed
     assert says in " ".join(result.reasons)
 
@@ -76,7 +76,7 @@ def test_noise_alone_does_not_pass_by_its_own_tolerance(
 ) -> None:
     noise = np.random.default_rng(0)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.3 * noise.standard_normal(len(v)))
-    result = check(calibrated.rig, drive, plays=2)
+    result = check(calibrated.rig, drive, plays=3)
     assert result.tolerance == pytest.approx(1.6 * result.floor) and result.floor > 0.3
     assert not result.passed
     assert "noise hides" in " ".join(result.reasons)
@@ -86,7 +86,7 @@ def test_a_patch_without_volts_is_told(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tamper(calibrated.rig, monkeypatch, drive=lambda v: 0 * v, laser=lambda v: 0 * v)
-    result = check(calibrated.rig, drive, plays=2)
+    result = check(calibrated.rig, drive, plays=3)
     assert not result.passed
     assert "relay" in " ".join(result.reasons)
 
@@ -95,7 +95,7 @@ def test_too_much_voltage_at_the_patch_fails(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tamper(calibrated.rig, monkeypatch, drive=lambda v: 1.1 * v)
-    result = check(calibrated.rig, drive, plays=2)
+    result = check(calibrated.rig, drive, plays=3)
     assert "the rig's limit" in result.reasons[0]
 
 
@@ -104,12 +104,12 @@ def test_the_floor_is_the_standard_error_of_the_mean(
 ) -> None:
     noise = np.random.default_rng(3)
     tamper(calibrated.rig, monkeypatch, laser=lambda v: v + 0.02 * noise.standard_normal(len(v)))
-    few, many = check(calibrated.rig, drive, plays=2), check(calibrated.rig, drive, plays=8)
+    few, many = check(calibrated.rig, drive, plays=3), check(calibrated.rig, drive, plays=8)
     assert few.floor / many.floor == pytest.approx(2, rel=0.2)
 
 
 def test_yesterdays_drive_fails_on_a_table_that_drifted(open: OpenRig, drive: Drive) -> None:
-    result = check(open(mode_drift=0.03), drive, plays=2)
+    result = check(open(mode_drift=0.03), drive, plays=3)
     assert not result.passed
     assert result.nrmse > 0.5
 
@@ -143,13 +143,13 @@ def test_a_check_needs_plays_and_its_own_sample_rate(calibrated: Calibrated, dri
 
 def test_a_drive_that_holds_little_of_its_press_does_not_pass(calibrated: Calibrated) -> None:
     drive = drive_for(make_press(), calibrated.calibration, calibrated.rig.limits, band=(240.0, 290.0))
-    result = check(calibrated.rig, drive, make_press(), plays=2)
+    result = check(calibrated.rig, drive, make_press(), plays=3)
     assert not result.passed
     assert "of the press's energy lies in" in str(result)
 
 
 def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_path: Path) -> None:
-    result = check(calibrated.rig, drive, plays=2)
+    result = check(calibrated.rig, drive, plays=3)
     result.save(tmp_path / "check.h5")
     back = Check.load(tmp_path / "check.h5")
     assert np.array_equal(back.measured, result.measured) and np.array_equal(back.drive.volts, drive.volts)

@@ -1,0 +1,142 @@
+"""Agreement of several plays with a target: errors without the plays' noise, and their confidence intervals.
+
+The squared error is estimated from products of different plays, in which independent noise averages to zero;
+its standard deviation is the jackknife's, which for products of pairs is biased upwards, the conservative
+side (Efron and Stein, Annals of Statistics 9, 1981).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import rfft, rfftfreq
+from scipy.stats import f as f_distribution
+from scipy.stats import t as t_distribution
+
+from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+
+__all__ = [
+    "CONFIDENCE",
+    "SharedPower",
+    "error_spectra",
+    "lines_inside",
+    "plays_needed",
+    "shared_power",
+    "trend",
+]
+
+CONFIDENCE = 0.95
+"""Probability that an interval contains the surface's own value."""
+_UNLIKELY = 1e-5
+"""Probability of calling plays without a trend drifting."""
+_MOST_PLAYS = 64
+
+
+@dataclass(frozen=True)
+class SharedPower:
+    """Power that is common to `plays` plays, its standard deviation, and the power of the noise in "
+    "their mean.
+    """
+
+    value: float
+    deviation: float
+    noise: float
+    plays: int
+
+    @property
+    def root(self) -> float:
+        """Root of the power; zero when noise makes the estimate negative."""
+        return float(np.sqrt(max(self.value, 0.0)))
+
+    @property
+    def floor(self) -> float:
+        """Root power of the noise in the mean of the plays: its standard error."""
+        return float(np.sqrt(max(self.noise, 0.0)))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Confidence interval of the root (`CONFIDENCE`), from the plays alone."""
+        reach = _quantile(self.plays) * self.deviation
+        return float(np.sqrt(max(self.value - reach, 0.0))), float(np.sqrt(max(self.value + reach, 0.0)))
+
+
+def error_spectra(accelerations: FloatArray, target: FloatArray) -> ComplexArray:
+    """(plays, lines) of the differences of (plays, samples) from the target, whose power is one.
+
+    The sum of the squared magnitudes over all lines is the squared error.
+    """
+    wanted = _lines(target)
+    return np.asarray((_lines(accelerations) - wanted) / np.linalg.norm(wanted))
+
+
+def lines_inside(band: tuple[float, float], samples: int, rate_hz: float) -> BoolArray:
+    """(lines,) True for those within a band (Hz), its ends included."""
+    f = rfftfreq(samples, 1 / rate_hz)
+    return np.asarray((f >= band[0]) & (f <= band[1]))
+
+
+def shared_power(spectra: ComplexArray) -> SharedPower:
+    """Estimate the power that (plays, lines) spectra have in common, summed over the lines.
+
+    Raises ValueError for fewer than three plays.
+    """
+    plays = len(spectra)
+    if plays < 3:
+        raise ValueError("A deviation needs at least three plays.")
+    products = (spectra @ spectra.conj().T).real
+    everyone = np.arange(plays)
+    left_out = [_common(products, np.delete(everyone, k)) for k in everyone]
+    value = _common(products, everyone)
+    noise = (float(np.trace(products)) / plays - value) / plays
+    return SharedPower(value, float(np.sqrt((plays - 1) * np.var(left_out))), noise, plays)
+
+
+def plays_needed(power: SharedPower, limit: float) -> int | None:
+    """Number of plays whose interval of the root would not contain `limit`; None when 64 do not suffice.
+
+    The deviation is taken to fall with the root of the number of plays: products of noise alone fall faster.
+    """
+    for plays in range(power.plays + 1, _MOST_PLAYS + 1):
+        reach = _quantile(plays) * power.deviation * np.sqrt(power.plays / plays)
+        if abs(power.value - limit**2) > reach:
+            return plays
+    return None
+
+
+def trend(spectra: ComplexArray) -> float:
+    """Root power of the change from the first to the last of (plays, lines) spectra; 0 if not significant.
+
+    The power along the order of the plays is compared with that along all other contrasts by an F test:
+    stationary noise has the same along each. Lines of little noise tell little of its power, so that the
+    degrees of freedom are those of as many lines of equal noise.
+    """
+    plays = len(spectra)
+    along = np.arange(plays) - (plays - 1) / 2
+    size = float(np.linalg.norm(along))
+    changed = float((np.abs(along @ spectra / size) ** 2).sum())
+    around = (np.abs(spectra - spectra.mean(axis=0)) ** 2).sum(axis=0)
+    noise = (float(around.sum()) - changed) / (plays - 2)
+    freedom = 2 * float(around.sum() ** 2 / max((around**2).sum(), 1e-300))
+    if not changed > noise * f_distribution.ppf(1 - _UNLIKELY, freedom, freedom * (plays - 2)):
+        return 0.0
+    return float(np.sqrt(changed - noise) * (plays - 1) / size)
+
+
+def _quantile(plays: int) -> float:
+    return float(t_distribution.ppf(0.5 + CONFIDENCE / 2, plays - 1))
+
+
+def _common(products: FloatArray, kept: IntArray) -> float:
+    among = products[np.ix_(kept, kept)]
+    return float((among.sum() - np.trace(among)) / (len(kept) * (len(kept) - 1)))
+
+
+def _lines(signals: FloatArray) -> ComplexArray:
+    """(..., lines) of (..., samples), scaled so that the sum of the squared magnitudes is the mean square."""
+    samples = signals.shape[-1]
+    spectra = rfft(signals) * (np.sqrt(2) / samples)
+    spectra[..., 0] /= np.sqrt(2)
+    if samples % 2 == 0:
+        spectra[..., -1] /= np.sqrt(2)
+    return np.asarray(spectra)
