@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from haploop.calibration.drive import Drive
 from haploop.calibration.model import Calibration
-from haploop.calibration.response import QUICK, Hysteresis, Response, prepare, response_from
+from haploop.calibration.response import QUICK, Hysteresis, Response, prepare, response_from, settle
 from haploop.calibration.upkeep.drift import Kind, PlaceMetrics, Verdict, compare
 from haploop.calibration.upkeep.sensor_health import (
     LaserAtRest,
@@ -118,6 +118,7 @@ def _measured(rig: Rig, place: Place, progress: Progress) -> tuple[Response, int
     patch, point = place
     monitor = rig.monitor(patch)
     prepare(rig, point)
+    settle(rig, patch, progress)
     drive = QUICK.volts(rig.table.rate_hz, rig.limits.peak)
     tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)
     capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)

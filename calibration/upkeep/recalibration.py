@@ -310,7 +310,7 @@ def _played(
         return _with(replace(outcome, kind="broken"), f"{name}: {error}")
     outcome = replace(outcome, before={name: found})
     if found.passed:
-        return _with(outcome, f"{told}: its error is {found.nrmse:.1%}, and it passes.")
+        return _with(outcome, f"{told}: its error is {found.wideband_nrmse:.1%}, and it passes.")
     reasons = " ".join(found.reasons)
     if disturbed and look.laser and look.laser.hides(found):
         return _with(
