@@ -191,6 +191,7 @@ def main() -> None:
     parser.add_argument("--tables", type=int, default=4, help="number of calibrated tables")
     parser.add_argument("--rounds", type=int, default=1, help="how often each condition is tried")
     parser.add_argument("--only", default="", help="conditions whose name contains this")
+    parser.add_argument("--part", default="1/1", help="one of several parts of the conditions, as 2/3")
     parser.add_argument("--first", type=int, default=0, help="number of the first seed")
     parser.add_argument("--iterations", type=int, default=2, help="corrections in learning")
     parser.add_argument("--restore", type=int, default=1, help="restore every n-th drifted table, and leave the others")
@@ -200,7 +201,8 @@ def main() -> None:
         os.environ |= {"HAPLOOP_STATE": str(folder / "state"), "HAPLOOP_LIVE": "off"}
         seeds = [seed_of(options.first + k) for k in range(options.tables)]
         bases = {seed: calibrated(seed, folder, options.iterations) for seed in seeds}
-        chosen = [c for c in conditions() if options.only in c.name]
+        part, parts = (int(number) for number in options.part.split("/"))
+        chosen = [c for c in conditions() if options.only in c.name][part - 1 :: parts]
         matrix: Counter[tuple[str, str]] = Counter()
         wrong: list[str] = []
         drifted = 0

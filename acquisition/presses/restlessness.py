@@ -17,8 +17,6 @@ _BLOCK = 0.025
 """Averaging time (s) that suppresses noise."""
 _CREPT = 0.15
 """Largest force after a press, over its peak, that counts as creep: a sensor creeps by some percent."""
-_FALL = 0.5
-"""Smallest share of a finger's last force that goes at once when it leaves; creep fades without an end."""
 _NOISE = 0.02
 """N by which the mean of a block may rise by noise."""
 
@@ -56,13 +54,15 @@ def hum_of(force: FloatArray, rate_hz: float) -> str:
 def crept(force: FloatArray, peak: float, rate_hz: float) -> bool:
     """True when a force (samples,) N after a press of `peak` N fades as a sensor creeps, and no finger leaves.
 
-    Creep is small, only falls, and has no end; a finger that rests on the button takes its force away at once.
+    Creep is small, only falls, and falls ever more slowly; a finger that rests on the button takes its force
+    away at the end.
     """
     means = _means(force, rate_hz)
     if len(means) < 4 or means.max() > _CREPT * peak:
         return False
-    falling = np.diff(means)
-    return bool((falling < _NOISE).all() and -falling.min() < _FALL * means.max())
+    half = len(means) // 2
+    early, late = means[0] - means[half], means[half] - means[-1]
+    return bool((np.diff(means) < _NOISE).all() and early > late)
 
 
 def _means(force: FloatArray, rate_hz: float) -> FloatArray:

@@ -21,7 +21,7 @@ __all__ = ["LaserAtRest", "laser_at_rest", "laser_or_patch", "loose_acceleromete
 _NOISIER, _QUIETER = 4.0, 0.7
 """Noise of the laser at rest, over its usual noise, beyond which the laser is at fault: a blocked laser has
 ten times; the DAQ alone, without a laser, half of a PDV-100's (measured on the simulated rig)."""
-_LOUD = 1.5
+_LOUD = 2.0
 """Noise over the usual one, above which it is told."""
 _SHAKING = 0.5
 """m/s^2 rms of an accelerometer at rest; its own noise is a fifth of this or less."""
