@@ -115,9 +115,9 @@ class QualityCheck:
         moving = round(_MOVING * rate_hz)
         if len(coming) > p.linger * rate_hz and not crept(coming[:-moving], peak, rate_hz):
             wrong["not-quiet-before"] = f"the finger rested on it for {len(coming) / rate_hz:.1f} s before"
-        elif (waiting > p.segmentation.released).any() and not crept(waiting, peak, rate_hz):
-            wrong["not-quiet-before"] = "it was touched just before"
-        elif _touches(coming, p.segmentation):
+        elif _touches(coming, p.segmentation) or (
+            (waiting > p.segmentation.released).any() and not crept(waiting, peak, rate_hz)
+        ):
             wrong["not-quiet-before"] = "it was touched just before"
         if len(leaving) > p.linger * rate_hz and not crept(leaving[moving:], peak, rate_hz):
             wrong["not-quiet-after"] = f"the finger rested on it for {len(leaving) / rate_hz:.1f} s after"

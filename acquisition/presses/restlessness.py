@@ -22,7 +22,7 @@ _NOISE = 0.02
 
 
 def restlessness(force: FloatArray, rate_hz: float) -> str:
-    """The cause of a restless force (samples,) N and its remedy, as a clause; empty when it may be a hand."""
+    """Cause of a restless force (samples,) N and its remedy, as a clause; empty when it may be a hand."""
     hum = hum_of(force, rate_hz)
     if hum:
         return hum
@@ -35,8 +35,8 @@ def restlessness(force: FloatArray, rate_hz: float) -> str:
     if steady < _STEADY:
         return ""
     return (
-        f"it drifts by {slope:+.2g} N/s, steadily, as a sensor does that warms up or creeps after a load; wait "
-        "until it has settled"
+        f"it drifts by {slope:+.2g} N/s, steadily, as a sensor does that warms up or creeps after a load; "
+        "wait until it has settled"
     )
 
 
@@ -46,13 +46,13 @@ def hum_of(force: FloatArray, rate_hz: float) -> str:
     if hum is None or hum.share < _HUM_SHARE:
         return ""
     return (
-        f"the force sensor has mains hum, {hum.rms:.2g} N rms at {hum.mains_hz:g} Hz; check the grounding and the "
-        "shield of its cable"
+        f"the force sensor has mains hum, {hum.rms:.2g} N rms at {hum.mains_hz:g} Hz; check the grounding "
+        "and the shield of its cable"
     )
 
 
 def crept(force: FloatArray, peak: float, rate_hz: float) -> bool:
-    """True when a force (samples,) N after a press of `peak` N fades as a sensor creeps, and no finger leaves.
+    """True when a force (samples,) N after a press of `peak` N fades as a sensor creeps.
 
     Creep is small, only falls, and falls ever more slowly; a finger that rests on the button takes its force
     away at the end.

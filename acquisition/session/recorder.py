@@ -320,7 +320,9 @@ class _SessionRun:
                     f"{self._kept}."
                 )
             if began is not None and self._index > began + p.patience * self._rate_hz:
-                cause = self._restlessness([block.volts[self._gauges] for block in self._recent][-round(1 / p.block) :])
+                cause = self._restlessness(
+                    [block.volts[self._gauges] for block in self._recent][-round(1 / p.block) :]
+                )
                 raise DataError(
                     f"Press {reminder.number} of {reminder.of} did not end within {p.patience:g} s of its "
                     f"beginning{f': {cause}' if cause else ''}; {self._kept}."

@@ -87,7 +87,7 @@ def look_at(
             )
             continue
         try:
-            response, seen = _measured(rig, place, progress)
+            response, seen = _measured(rig, place, laser, progress)
         except DataError as error:
             verdicts.append(_broken(calibration, f"{error} {laser_or_patch(laser.noise, usual)}"))
         except (InstrumentError, LimitError) as error:
@@ -113,12 +113,17 @@ def place_of(calibration: Calibration) -> Place:
     return calibration.response.patch, calibration.response.point
 
 
-def _measured(rig: Rig, place: Place, progress: Progress) -> tuple[Response, int]:
+def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) -> tuple[Response, int]:
     """The response of a multisine from rest, with its hysteresis, and the laser's spikes in it."""
     patch, point = place
     monitor = rig.monitor(patch)
     prepare(rig, point)
-    settle(rig, patch, progress)
+    try:
+        settle(rig, patch, progress)
+    except InstrumentError:
+        # Spikes and hum hide that the surface has come to rest; the patch's memory is erased all the same.
+        if not (laser.spikes or laser.hum):
+            raise
     drive = QUICK.volts(rig.table.rate_hz, rig.limits.peak)
     tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)
     capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)

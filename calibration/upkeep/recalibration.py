@@ -108,8 +108,7 @@ def recalibrate(
         look = look_at(rig, calibrations, _drives(buttons), usual, progress)
         outcome = Outcome(look.kind, when, active, look.verdicts, look.sentences, simulated=rig.simulated)
         disturbed = look.disturbances(usual)
-        if outcome.kind != "broken":
-            outcome = _with(outcome, *disturbed)
+        outcome = _with(outcome, *disturbed)
         if outcome.kind == "unchanged":
             turn = _turn(history, active, buttons, look)
             outcome = _played(rig, outcome, turn, buttons[turn], look, disturbed, progress)

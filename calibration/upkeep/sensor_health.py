@@ -32,7 +32,7 @@ _FAST = 3000.0
 _SPIKE = 9.0
 """Size of a spike above that frequency, over the noise's standard deviation there."""
 _SHARE, _REACH = 0.05, 1e-3
-"""Share of a spike's size, within this time (s) of it, that counts as the filter's ringing and not as a spike."""
+"""Share of a spike's size, within this time (s) of it, that counts as the filter's ringing."""
 _AROUND = 0.2e-3
 """Time (s) on either side of a spike that is replaced with it."""
 _SLOW, _TAPS = 1000.0, 0.02
@@ -69,8 +69,8 @@ class LaserAtRest:
             )
         if self.hum:
             told.append(
-                f"The laser's signal has mains hum, {self.hum.rms * 1e6:.3g} µm/s at {self.hum.mains_hz:g} Hz "
-                "and multiples: check the grounding of its cable, and ground laser and card at one point."
+                f"The laser's signal has mains hum, {self.hum.rms * 1e6:.3g} µm/s at {self.hum.mains_hz:g} "
+                "Hz and multiples: check the grounding of its cable, and ground laser and card at one point."
             )
         if usual is not None and self.noise > _LOUD * usual:
             told.append(
@@ -171,7 +171,7 @@ def _spikes(signal: FloatArray, rate_hz: float) -> BoolArray:
 
 
 def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float) -> FloatArray:
-    """The signal with each gap filled by what has the least power above 1 kHz, together with its surroundings."""
+    """The signal with each gap filled such that gap and surroundings have the least power above 1 kHz."""
     index = np.arange(len(signal))
     filled = np.interp(index, index[~hit], signal[~hit])
     taps = firwin(2 * round(_TAPS * rate_hz / 2) + 1, _SLOW, pass_zero=False, fs=rate_hz)

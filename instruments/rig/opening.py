@@ -64,8 +64,8 @@ def open_rig(
 def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
     """Names of a rig's hardware, for its lock and its lockouts.
 
-    A simulated rig is one piece, whatever its plant is and does: what tripped under a seed that a command gave
-    is reset without it.
+    A simulated rig is one piece, whatever its plant is and does: a trip under a seed that a command gave is
+    reset without it.
     """
     if mode is not None:
         alike = file.model_copy(update={"simulation": SimulationSettings()})

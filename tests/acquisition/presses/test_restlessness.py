@@ -61,7 +61,9 @@ def test_hum_of_the_gauges_is_not_a_hand(open: OpenRig, tmp_path: Path) -> None:
 
 @pytest.mark.requires("simulation")
 def test_creep_of_the_gauges_is_not_a_finger_that_rests(open: OpenRig, tmp_path: Path) -> None:
-    rig = open(seed=77123, faults=[{"kind": "sensor-creep", "channel": GAUGES, "share": 0.15, "longest": 0.5}])
+    rig = open(
+        seed=77123, faults=[{"kind": "sensor-creep", "channel": GAUGES, "share": 0.15, "longest": 0.5}]
+    )
     recording = record(rig, "latch", "P01", 3, tmp_path)
     assert [press.reason for press in recording.verdicts] == ["", "", ""]
     assert rig.simulation.faults[0].fired
