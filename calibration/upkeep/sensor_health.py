@@ -130,7 +130,8 @@ def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
     """
     laser = capture.channels.index(rig.vibrometer.channel)
     hit = _spikes(capture.volts[laser], capture.rate_hz)
-    groups, count = label(hit)
+    found, count = label(hit)
+    groups = np.asarray(found, dtype=np.int64)
     if not count:
         return capture, 0
     volts = capture.volts.copy()
