@@ -5,6 +5,7 @@ from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.quality import QualityCheck, accepted_presses
 from haploop.acquisition.presses.registration import WarpModel
 from haploop.acquisition.presses.representative import Representative, Window, high_pass, representative
+from haploop.acquisition.presses.restlessness import restlessness
 from haploop.acquisition.presses.segmentation import (
     SEGMENTATIONS,
     ButtonPress,
@@ -29,5 +30,6 @@ __all__ = [
     "find_presses",
     "high_pass",
     "representative",
+    "restlessness",
     "segmentation_for",
 ]

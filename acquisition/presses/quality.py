@@ -14,6 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from haploop.acquisition.presses.protocol import Protocol
+from haploop.acquisition.presses.restlessness import crept, hum_of
 from haploop.acquisition.presses.segmentation import ButtonPress, Segmentation, Span, find_presses
 from haploop.acquisition.recording import (
     BLOCK,
@@ -35,6 +36,8 @@ _RATING = 0.8
 """Largest fraction of the force sensor's rating in a press (a choice; docs/hardware.md, "Force sensor")."""
 _LIGHT = 0.3
 """Fraction of a press's largest force below which the finger rests on the button, arrives or leaves."""
+_MOVING = 0.1
+"""Time (s) in which a finger lands or leaves."""
 _BETWEEN = 0.35
 """Fraction of both peaks below which the force must fall between two presses (it stays above 60 % at a
 snap)."""
@@ -108,15 +111,22 @@ class QualityCheck:
         pressing = np.flatnonzero(force[begin:end] >= min(p.light, _LIGHT * peak))
         coming, leaving = force[begin : begin + pressing[0]], force[begin + pressing[-1] : end]
         waiting = force[max(0, begin - round(p.before * rate_hz)) : begin]
-        if len(coming) > p.linger * rate_hz:
+        # A sensor that creeps shows a force that fades after a press, and before the next.
+        moving = round(_MOVING * rate_hz)
+        if len(coming) > p.linger * rate_hz and not crept(coming[:-moving], peak, rate_hz):
             wrong["not-quiet-before"] = f"the finger rested on it for {len(coming) / rate_hz:.1f} s before"
-        elif (waiting > p.segmentation.released).any() or _touches(coming, p.segmentation):
+        elif _touches(coming, p.segmentation) or (
+            (waiting > p.segmentation.released).any() and not crept(waiting, peak, rate_hz)
+        ):
             wrong["not-quiet-before"] = "it was touched just before"
-        if len(leaving) > p.linger * rate_hz:
+        if len(leaving) > p.linger * rate_hz and not crept(leaving[moving:], peak, rate_hz):
             wrong["not-quiet-after"] = f"the finger rested on it for {len(leaving) / rate_hz:.1f} s after"
         elif _touches(leaving[::-1], p.segmentation):
             wrong["not-quiet-after"] = "it was touched just after"
-        sentence = "; ".join(wrong.values())
+        if wrong and (hum := hum_of(excerpt.force[quiet], rate_hz)):
+            restless = [flag for flag in ("double", "not-quiet-before", "not-quiet-after") if flag in wrong]
+            wrong |= dict.fromkeys(restless, hum)
+        sentence = "; ".join(dict.fromkeys(wrong.values()))
         return PressVerdict(
             number=number,
             attempt=attempt,

@@ -6,7 +6,7 @@ Every sample goes to disk.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.acquisition.presses import Detector, Protocol, QualityCheck, segmentation_for
+from haploop.acquisition.presses import Detector, Protocol, QualityCheck, restlessness, segmentation_for
 from haploop.acquisition.recording import (
     Header,
     PressVerdict,
@@ -320,9 +320,12 @@ class _SessionRun:
                     f"{self._kept}."
                 )
             if began is not None and self._index > began + p.patience * self._rate_hz:
+                cause = self._restlessness(
+                    [block.volts[self._gauges] for block in self._recent][-round(1 / p.block) :]
+                )
                 raise DataError(
                     f"Press {reminder.number} of {reminder.of} did not end within {p.patience:g} s of its "
-                    f"beginning; {self._kept}."
+                    f"beginning{f': {cause}' if cause else ''}; {self._kept}."
                 )
 
     def _overdue(self, asked: int, reminder: Request) -> float:
@@ -411,9 +414,12 @@ class _SessionRun:
             if np.ptp(self._force.to_si(means)[2]) < p.rest_spread:
                 self._wait_left -= max(0.0, self._index / self._rate_hz - p.patience)
                 return np.asarray(means.mean(axis=1, keepdims=True))
-        raise DataError(
-            f"The force did not come to rest within {waited:g} s: take hands off the button, and start again."
-        )
+        cause = self._restlessness(list(recent)) or "take hands off the button"
+        raise DataError(f"The force did not come to rest within {waited:g} s: {cause}, and start again.")
+
+    def _restlessness(self, recent: Sequence[FloatArray]) -> str:
+        """The cause of a restless force in recent blocks of the gauges, (6, samples) V each."""
+        return restlessness(self._force.to_si(np.concatenate(recent, axis=1))[2], self._rate_hz)
 
     def _block(self) -> Block:
         block = next(self._blocks, None)

@@ -12,6 +12,7 @@ from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, ope
 from haploop.calibration.response.hysteresis_of_levels import fit_hysteresis
 from haploop.calibration.response.modes import Modes, Plays, fit_modes
 from haploop.calibration.response.response import (
+    QUICK,
     SWEEP,
     Response,
     measure_above,
@@ -19,12 +20,14 @@ from haploop.calibration.response.response import (
     overloaded,
     prepare,
     quick_response,
+    response_from,
 )
 from haploop.calibration.response.settling import settle
 from haploop.calibration.response.uff import read_uff, write_uff
 
 __all__ = [
     "HALF_WIDTHS",
+    "QUICK",
     "SWEEP",
     "Channels",
     "Excitation",
@@ -45,6 +48,7 @@ __all__ = [
     "prepare",
     "quick_response",
     "read_uff",
+    "response_from",
     "settle",
     "write_uff",
 ]

@@ -1,25 +1,87 @@
-"""Sensor health: tests of accelerometer and laser at rest, for unattended runs."""
+"""Sensor health: tests of accelerometer and laser, for unattended runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import welch
+from scipy.fft import irfft, rfft, rfftfreq
+from scipy.linalg import solve_toeplitz
+from scipy.ndimage import binary_dilation, find_objects, label, maximum_filter1d
+from scipy.signal import butter, fftconvolve, firwin, sosfiltfilt, welch
 
-from haploop.calibration.drive import BAND
-from haploop.instruments import Rest, Rig
-from haploop.instruments.arrays import FloatArray
+from haploop.calibration.drive import BAND, Check
+from haploop.instruments import Capture, Rest, Rig
+from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
+from haploop.instruments.mains import Hum, mains_hum
 
-__all__ = ["laser_noise", "laser_or_patch", "loose_accelerometer"]
+__all__ = ["LaserAtRest", "laser_at_rest", "laser_or_patch", "loose_accelerometer", "without_spikes"]
 
 _NOISIER, _QUIETER = 4.0, 0.7
 """Noise of the laser at rest, over its usual noise, beyond which the laser is at fault: a blocked laser has
 ten times; the DAQ alone, without a laser, half of a PDV-100's (measured on the simulated rig)."""
+_LOUD = 2.0
+"""Noise over the usual one, above which it is told."""
 _SHAKING = 0.5
 """m/s^2 rms of an accelerometer at rest; its own noise is a fifth of this or less."""
-_REST = 0.5
-"""Recording time (s) of accelerometer or laser at rest."""
+_REST, _LASER_REST = 0.5, 1.0
+"""Recording time (s) of accelerometer and laser at rest."""
+_FAST = 3000.0
+"""Frequency (Hz) above which no drive and no table moves, and a spike does."""
+_SPIKE = 9.0
+"""Size of a spike above that frequency, over the noise's standard deviation there."""
+_SHARE, _REACH = 0.05, 1e-3
+"""Share of a spike's size, within this time (s) of it, that counts as the filter's ringing."""
+_AROUND = 0.2e-3
+"""Time (s) on either side of a spike that is replaced with it."""
+_SLOW, _TAPS = 1000.0, 0.02
+"""Frequency (Hz) above which a filled gap should not move, and length (s) of the filter that tells it."""
+_FLOOR = 1e-6
+"""Regularisation of the filling, over the filter's power."""
+_MATTERS = 0.1
+"""Acceleration that the laser shows at rest, over that of a target, above which it can fail a check."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaserAtRest:
+    """Signal of the laser while nothing is driven."""
+
+    noise: float
+    """m/s per sqrt(Hz), one-sided, median over the band, without spikes."""
+    spikes: float
+    """Spikes per second."""
+    hum: Hum | None
+    """Mains hum (m/s)."""
+    shaking: float
+    """Acceleration (m/s^2 rms within the band) that the signal would mean, spikes and hum included."""
+
+    def disturbances(self, usual: float | None, spikes: float = 0.0) -> tuple[str, ...]:
+        """Sentences on what disturbs the laser. `spikes` (per s) were counted while a patch was driven.
+
+        `usual` is its noise in earlier, healthy runs; None if none is on record.
+        """
+        told = []
+        if max(spikes, self.spikes) > 0:
+            told.append(
+                f"The laser spikes, {self.spikes:.0f} times a second at rest and {spikes:.0f} times while it "
+                "measured: focus it, put reflective tape on the point, or move it by a millimetre."
+            )
+        if self.hum:
+            told.append(
+                f"The laser's signal has mains hum, {self.hum.rms * 1e6:.3g} µm/s at {self.hum.mains_hz:g} "
+                "Hz and multiples: check the grounding of its cable, and ground laser and card at one point."
+            )
+        if usual is not None and self.noise > _LOUD * usual:
+            told.append(
+                f"The laser has {self.noise / usual:.1f} times its usual noise: focus it, or put reflective "
+                "tape on the point."
+            )
+        return tuple(told)
+
+    def hides(self, check: Check) -> bool:
+        """True when the laser at rest shows so much motion that a check could fail by it."""
+        return self.shaking > _MATTERS * float(np.sqrt(np.mean(check.drive.target**2)))
 
 
 def loose_accelerometer(rig: Rig) -> str | None:
@@ -28,24 +90,56 @@ def loose_accelerometer(rig: Rig) -> str | None:
     if sensor is None:
         return None
     rig.operator.tell(Rest(_REST))
-    volts = _captured(rig, sensor.channels, rig.file.rate_hz)
+    volts = _captured(rig, sensor.channels, rig.file.rate_hz, _REST).volts
     problem = sensor.fault_at_rest(volts)
-    if problem is None and float(sensor.to_si(volts).std(axis=1).max()) > _SHAKING:
+    shown = sensor.to_si(volts)
+    if problem is None and float(shown.std(axis=1).max()) > _SHAKING:
+        hum = mains_hum(shown[int(np.argmax(shown.std(axis=1)))], rig.file.rate_hz)
         problem = "it shows vibration at rest: check its wires, and that nobody touches the rig."
+        if hum and hum.share > 0.5:
+            problem = f"it shows mains hum at {hum.mains_hz:g} Hz: check its grounding and its supply."
     if problem is None:
         return None
-    x, y, z = sensor.to_si(volts).mean(axis=1)
+    x, y, z = shown.mean(axis=1)
     rests = f"{x:.1f}, {y:.1f}, {z:.1f} m/s² along x, y, z"
     return f"The accelerometer is loose or turned: it rests at {rests}; {problem}"
 
 
-def laser_noise(rig: Rig) -> float:
-    """Noise of the laser at rest: m/s per sqrt(Hz), one-sided, median over the band."""
+def laser_at_rest(rig: Rig) -> LaserAtRest:
+    """Record the laser for a second without a drive, and look for noise, spikes and hum."""
     rate_hz = rig.table.rate_hz
-    volts = _captured(rig, (rig.vibrometer.channel,), rate_hz)[0]
-    f, power = welch(rig.vibrometer.to_velocity(volts), rate_hz, nperseg=round(rate_hz / 10))
+    capture = _captured(rig, (rig.vibrometer.channel,), rate_hz, _LASER_REST)
+    calm, spikes = without_spikes(rig, capture)
+    velocity = rig.vibrometer.to_velocity(capture.volts[0])
+    quiet = rig.vibrometer.to_velocity(calm.volts[0])
+    f, power = welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
     inside = (f >= BAND[0]) & (f <= BAND[1])
-    return float(np.sqrt(np.median(power[inside])))
+    return LaserAtRest(
+        noise=float(np.sqrt(np.median(power[inside]))),
+        spikes=spikes / _LASER_REST,
+        hum=mains_hum(quiet, rate_hz),
+        shaking=_in_band(velocity, rate_hz),
+    )
+
+
+def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
+    """Replace the spikes of the laser's channel by what the signal around them suggests, and count them.
+
+    A spike is told from motion by its speed: neither drive nor table move above 3 kHz. A signal that left its
+    range in spikes alone counts as within it.
+    """
+    laser = capture.channels.index(rig.vibrometer.channel)
+    hit = _spikes(capture.volts[laser], capture.rate_hz)
+    found, count = label(hit)
+    groups = np.asarray(found, dtype=np.int64)
+    if not count:
+        return capture, 0
+    volts = capture.volts.copy()
+    volts[laser] = _filled(volts[laser], hit, groups, capture.rate_hz)
+    overload = capture.overload.copy()
+    fastest = float(np.abs(rig.vibrometer.to_velocity(volts[laser])).max())
+    overload[laser] &= fastest > 0.98 * rig.vibrometer.range
+    return replace(capture, volts=volts, overload=overload), count
 
 
 def laser_or_patch(noise: float, usual: float | None) -> str:
@@ -64,6 +158,43 @@ def laser_or_patch(noise: float, usual: float | None) -> str:
     return f"The laser is healthy, {evidence}, so that the patch is dead or its wires are off."
 
 
-def _captured(rig: Rig, channels: Sequence[str], rate_hz: float) -> FloatArray:
-    with rig.daq.stream(channels, rate_hz, round(rate_hz / 10), round(_REST * rate_hz)) as stream:
-        return stream.capture().volts
+def _spikes(signal: FloatArray, rate_hz: float) -> BoolArray:
+    """(samples,): True in spikes and right beside them."""
+    fast = sosfiltfilt(butter(4, min(_FAST, 0.3 * rate_hz), "high", fs=rate_hz, output="sos"), signal)
+    spread = float(np.median(np.abs(fast))) / 0.6745
+    near = maximum_filter1d(np.abs(fast), 2 * round(_REACH * rate_hz) + 1)
+    hit = np.abs(fast) > np.maximum(_SPIKE * spread, _SHARE * near)
+    edge = round(_REACH * rate_hz)  # where the filter sees the signal begin and end
+    hit[:edge] = hit[len(hit) - edge :] = False
+    if not spread or not hit.any():
+        return np.zeros(len(signal), dtype=np.bool_)
+    return np.asarray(binary_dilation(hit, iterations=max(1, round(_AROUND * rate_hz))))
+
+
+def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float) -> FloatArray:
+    """The signal with each gap filled such that gap and surroundings have the least power above 1 kHz."""
+    index = np.arange(len(signal))
+    filled = np.interp(index, index[~hit], signal[~hit])
+    taps = firwin(2 * round(_TAPS * rate_hz / 2) + 1, _SLOW, pass_zero=False, fs=rate_hz)
+    kernel = fftconvolve(taps, taps[::-1])
+    middle = len(kernel) // 2
+    for _ in range(2):  # the second time with the neighbouring gaps filled
+        fast = fftconvolve(filled, kernel, mode="same")
+        for gap in find_objects(groups):
+            column = kernel[middle : middle + gap[0].stop - gap[0].start].copy()
+            column[0] *= 1 + _FLOOR
+            filled[gap] -= solve_toeplitz(column, fast[gap])
+    return filled
+
+
+def _in_band(velocity: FloatArray, rate_hz: float) -> float:
+    """Acceleration within the band of drives (m/s^2 rms)."""
+    f = rfftfreq(len(velocity), 1 / rate_hz)
+    spectrum = rfft(velocity - velocity.mean()) * 2j * np.pi * f
+    spectrum[(f < BAND[0]) | (f > BAND[1])] = 0
+    return float(irfft(spectrum, len(velocity)).std())
+
+
+def _captured(rig: Rig, channels: Sequence[str], rate_hz: float, seconds: float) -> Capture:
+    with rig.daq.stream(channels, rate_hz, round(rate_hz / 10), round(seconds * rate_hz)) as stream:
+        return stream.capture()

@@ -17,11 +17,11 @@ __all__ = ["write_recalibration"]
 
 
 def write_recalibration(history: History, outcome: Outcome) -> Path | None:
-    """Write the report of a drifted table into the history's `reports`; None for any other outcome.
+    """Write the report of a drifted table into the history's `reports`; None for an unchanged one.
 
     Raises DataError when it cannot be written.
     """
-    if not outcome.before:
+    if outcome.kind == "unchanged" or not outcome.before:
         return None
     path = history.folder / "reports" / f"{outcome.when:%Y%m%dT%H%M%SZ}-{outcome.kind}.html"
     html = render(_summary(outcome), _captioned_figures(history, outcome), "recalibration.html")

@@ -36,7 +36,9 @@ def show_outcome(outcome: Outcome, assumed: Sequence[str], report: Path | None, 
             table.add_column(heading, justify="left" if heading == "Button" else "right")
         for name, checks in summary["buttons"].items():
             after = checks["after"]
-            verdict = "not made" if after is None else "pass" if after["passed"] else "FAIL"
+            # On an unchanged table, the old drive is the one that is judged.
+            judged = checks["before"] if outcome.kind == "unchanged" else after
+            verdict = "not made" if judged is None else "pass" if judged["passed"] else "FAIL"
             table.add_row(name, _error(checks["before"]), _error(after), verdict)
         print_table(table)
     else:

@@ -158,7 +158,7 @@ class SimulationSettings(_Section):
 class Recalibration(_Section):
     """The `[recalibration]` table: thresholds of drifted and broken for `haploop recalibrate`.
 
-    The first four let a button's error grow by about a tenth of its target, half of what a check
+    The first five let a button's error grow by about a tenth of its target, half of what a check
     accepts, so that a drift is found before a button fails (measured on the simulated table: 0.3 %
     of resonance raises an error of 6.8 % to 12.0 %, 20 % of damping to 10.5 %). A table with less
     damping needs a smaller `resonance`: about a third of the damping ratio.
@@ -171,7 +171,10 @@ class Recalibration(_Section):
     gain: Positive = 0.1
     """Relative change of surface velocity per volt: an error of the same size."""
     shape: Positive = 0.1
-    """Residual, relative to the whole response, that no common shift, damping and gain explain."""
+    """Residual, relative to the whole response, that no drift of the modes explains."""
+    change: Positive = 0.1
+    """Change of the motion that any button's drive makes, predicted from response and hysteresis as they
+    are now, over its target: by so much the error grows, or by less."""
     coherence: Fraction = 0.8
     """Lowest median coherence: below it no drive can be computed, and something is broken."""
 

@@ -62,9 +62,14 @@ def open_rig(
 
 
 def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
-    """Names of a rig's hardware, for its lock and its lockouts. A simulated rig is one piece."""
+    """Names of a rig's hardware, for its lock and its lockouts.
+
+    A simulated rig is one piece, whatever its plant is and does: a trip under a seed that a command gave is
+    reset without it.
+    """
     if mode is not None:
-        return frozenset({f"the simulated rig {file.name}, {file.digest}"})
+        alike = file.model_copy(update={"simulation": SimulationSettings()})
+        return frozenset({f"the simulated rig {file.name}, {alike.digest}"})
     return frozenset().union(
         *(
             hardware_of(

@@ -36,7 +36,8 @@ class Lockout:
         """Error message that refuses a play."""
         return (
             f"The rig is locked out: a play was stopped at {self.when} ({self.why.rstrip('.')}). "
-            "Find the cause, and then run `haploop reset --reason '...'` with this rig."
+            "Find the cause, and then run `haploop reset --reason '...'` with the --rig and --simulate of "
+            "that play."
         )
 
 

@@ -61,3 +61,21 @@ def test_the_doctor_says_what_the_limits_are_and_that_a_rig_is_locked_out(run: R
     assert named["Lockout"]["status"] == "red" and "haploop reset" in named["Lockout"]["sentence"]
     assert "opens by itself after 2 s" in named["Dead-man time"]["sentence"]
     assert "48 V" in named["Limits"]["sentence"] and "52.8 V" in named["Limits"]["sentence"]
+
+
+def test_a_trip_under_a_seed_is_reset_without_it(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "seeded.toml"
+    path.write_text('base = "simulated"\nname = "seeded"\n', encoding="utf-8")
+    t = np.arange(10_000) / 50_000
+    wrong = {"seed": 40077, "faults": [{"kind": "amplifier-gain", "gain": 100.0}]}
+    with (
+        open_rig(path, simulation=wrong) as rig,
+        pytest.raises(InstrumentError, match="The play was stopped"),
+    ):
+        rig.excite(40 * np.sin(2 * np.pi * 250 * t) * np.hanning(len(t)), ["A"], ["drive"])
+    assert "The rig is locked out" in json.loads(run("log", "--rig", path, "--json").stdout)["lockout"]
+    with open_rig(path, simulation={"seed": 7}) as rig:
+        assert rig.lockout is not None
+    assert run("reset", "--rig", path, "--reason", "The gain was set back.").exit_code == 0
+    with open_rig(path, simulation=wrong) as rig:
+        assert rig.lockout is None

@@ -1,0 +1,141 @@
+"""The look at a rig before any action: sensors at rest, and a quick response of each place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from haploop.calibration.drive import Drive
+from haploop.calibration.model import Calibration
+from haploop.calibration.response import QUICK, Hysteresis, Response, prepare, response_from, settle
+from haploop.calibration.upkeep.drift import Kind, PlaceMetrics, Verdict, compare
+from haploop.calibration.upkeep.sensor_health import (
+    LaserAtRest,
+    laser_at_rest,
+    laser_or_patch,
+    loose_accelerometer,
+    without_spikes,
+)
+from haploop.instruments import Aim, DataError, InstrumentError, LimitError, Rig
+from haploop.instruments.progress import Progress, part_of
+
+__all__ = ["Look", "Place", "look_at", "place_of"]
+
+Place = tuple[str, str]
+"""Patch and point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Findings before any action."""
+
+    verdicts: tuple[Verdict, ...]
+    measured: frozenset[Place]
+    broken: tuple[str, ...]
+    """Faults that belong to no place."""
+    unmeasured: tuple[str, ...]
+    laser: LaserAtRest | None
+    spikes: float
+    """Spikes of the laser per second while it measured."""
+
+    @property
+    def kind(self) -> Kind:
+        """The worst finding."""
+        kinds = {verdict.kind for verdict in self.verdicts}
+        if self.broken or "broken" in kinds or not kinds:
+            return "broken"
+        return "drifted" if "drifted" in kinds else "unchanged"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """All findings, the worst first."""
+        told = sorted(self.verdicts, key=lambda v: ("broken", "drifted", "unchanged").index(v.kind))
+        return (*self.broken, *(s for verdict in told for s in verdict.sentences), *self.unmeasured)
+
+    def disturbances(self, usual: float | None) -> tuple[str, ...]:
+        """See `LaserAtRest.disturbances`."""
+        return self.laser.disturbances(usual, self.spikes) if self.laser else ()
+
+
+def look_at(
+    rig: Rig,
+    calibrations: Sequence[Calibration],
+    drives: Mapping[Place, Mapping[str, Drive]],
+    usual: float | None,
+    progress: Progress,
+) -> Look:
+    """Look at sensors and places. `drives` are those of the buttons of each place, by name.
+
+    `usual` is the laser's noise in healthy runs, None if none is on record. A place that the operator does
+    not aim at is not measured; an instrument that fails ends the look. Raises InstrumentError only when the
+    safe state could not be confirmed.
+    """
+    verdicts: list[Verdict] = []
+    unmeasured: list[str] = []
+    spikes = 0
+    try:
+        broken = [told for told in [loose_accelerometer(rig)] if told]
+        laser = laser_at_rest(rig)
+    except InstrumentError as error:
+        rig.make_safe()
+        return Look((), frozenset(), (str(error),), (), None, 0.0)
+    for calibration in calibrations:
+        patch, point = place = place_of(calibration)
+        if not rig.operator.confirm(Aim(point)):
+            unmeasured.append(
+                f"Patch {patch} at the {point} point was not measured: the laser would need to be aimed."
+            )
+            continue
+        try:
+            response, seen = _measured(rig, place, laser, progress)
+        except DataError as error:
+            verdicts.append(_broken(calibration, f"{error} {laser_or_patch(laser.noise, usual)}"))
+        except (InstrumentError, LimitError) as error:
+            # Nothing more is played on a rig that failed. If it is not even safe, that is the message.
+            rig.make_safe()
+            verdicts.append(_broken(calibration, str(error)))
+            break
+        else:
+            spikes += seen
+            law = response.hysteresis if _known(calibration) else None
+            found = compare(calibration, response, drives.get(place, {}), law, rig.file.recalibration)
+            if found.now and found.now.coherence < rig.file.recalibration.coherence:
+                told = f"{found.sentences[0]} {laser_or_patch(laser.noise, usual)}"
+                found = replace(found, sentences=(told,))
+            verdicts.append(found)
+    measured = frozenset((v.patch, v.point) for v in verdicts if v.now)
+    rate = spikes / (QUICK.duration * len(measured)) if measured else 0.0
+    return Look(tuple(verdicts), measured, tuple(broken), tuple(unmeasured), laser, rate)
+
+
+def place_of(calibration: Calibration) -> Place:
+    """Patch and point of a calibration."""
+    return calibration.response.patch, calibration.response.point
+
+
+def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) -> tuple[Response, int]:
+    """The response of a multisine from rest, with its hysteresis, and the laser's spikes in it."""
+    patch, point = place
+    monitor = rig.monitor(patch)
+    prepare(rig, point)
+    try:
+        settle(rig, patch, progress)
+    except InstrumentError:
+        # Spikes and hum hide that the surface has come to rest; the patch's memory is erased all the same.
+        if not (laser.spikes or laser.hum):
+            raise
+    drive = QUICK.volts(rig.table.rate_hz, rig.limits.peak)
+    tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)
+    capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
+    capture, spikes = without_spikes(rig, capture)
+    return response_from(rig, capture, QUICK, drive, patch=patch, point=point, monitor=monitor), spikes
+
+
+def _known(calibration: Calibration) -> bool:
+    """True when the calibration knows the patch's hysteresis: not if its response was imported."""
+    law: Hysteresis = calibration.hysteresis
+    return bool(len(calibration.response.levels) or law.weights[1:].any())
+
+
+def _broken(calibration: Calibration, sentence: str) -> Verdict:
+    return Verdict(*place_of(calibration), "broken", PlaceMetrics.of(calibration), None, (sentence,))

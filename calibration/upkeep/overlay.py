@@ -1,0 +1,203 @@
+"""Lay a model over a new response mode by mode: each mode with its own frequency and damping.
+
+Temperature moves all modes of a table alike; a boundary that gives way, or a body on it, moves each by its
+own amount. So every mode has its own change, which is drawn towards the common one, and a gain is common
+to all. Mode shapes do not drift: a response whose modes changed in strength is that of another place or
+patch, and leaves a residual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from haploop.calibration.model import Model
+from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
+
+__all__ = ["Overlay", "lay_over"]
+
+_FURTHEST = 0.12
+"""Largest common shift (logarithm) in the search."""
+_GRID = 0.0025
+"""Step of the searches: a quarter of a resonance's half-width at 1 % damping."""
+_APART = 0.06
+"""Largest shift of one mode relative to the common one (logarithm) in the search."""
+_SPREAD, _DAMPING_SPREAD, _MISFIT = 0.05, 0.3, 0.1
+"""Standard deviations of a mode's own shift and damping (logarithms) about the common ones, and of the
+relative residual: with these a mode moves by 5 % where the response demands it, and damping does not stand in
+for a strength that changed."""
+_DAMPINGS = np.log([0.6, 0.8, 1.0, 1.25, 1.7])
+"""Changes of a mode's damping in the search."""
+_ROUNDS = 4
+_TOGETHER = 0.5
+"""Distance of two poles, over their decay, within which they move as one: no response tells them apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """A model with every mode moved to where a new response has it; arrays are (poles,)."""
+
+    model: Model
+    """The moved model."""
+    shift: FloatArray
+    """Relative change of each pole's frequency."""
+    damping: FloatArray
+    """Factor of each pole's damping ratio."""
+    gain: float
+    """Factor of the response common to all modes."""
+    weight: FloatArray
+    """Peak of each pole's resonance over that of the strongest."""
+    residual: float
+    """Rms of what no drift explains, over that of the response."""
+
+
+def lay_over(model: Model, f: FloatArray, measured: ComplexArray) -> Overlay:
+    """Fit the changes of a model's modes to a response `measured` (m/s per V) at `f` (Hz).
+
+    A response of narrow resonances has many false minima, so that the common shift and then each mode's own,
+    the strongest first, are searched on a grid before all are refined together, from two starts: the best
+    common shift, and none.
+    """
+    size = float(np.linalg.norm(measured))
+    problem = _Problem(model, f, measured / size, size, _groups(model))
+    starts = {problem.common_start(), 0.0}
+    found = min((problem.refined(problem.searched(start)) for start in starts), key=problem.cost)
+    return problem.overlay(found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """`x` is the common shift, damping and gain, then each group's own shift and damping (logarithms)."""
+
+    model: Model
+    f: FloatArray
+    measured: ComplexArray
+    """(lines,): the response over its size."""
+    size: float
+    groups: IntArray
+    """(poles,): the group that a pole belongs to."""
+
+    @property
+    def count(self) -> int:
+        return int(self.groups.max()) + 1
+
+    def common_start(self) -> float:
+        """The common shift with the least residual, on a grid."""
+        shifts = np.arange(-_FURTHEST, _FURTHEST + _GRID / 2, _GRID)
+        every = self._rest() + self._part(np.arange(len(self.groups)), shifts, 0.0)
+        left = [self._left_by_gain(shape) for shape in every]
+        return float(shifts[int(np.argmin(left))])
+
+    def searched(self, start: float) -> FloatArray:
+        """`x` after a search of each group's own shift and damping, in rounds, the strongest group first."""
+        x = np.zeros(3 + 2 * self.count)
+        x[0] = start
+        own = [np.flatnonzero(self.groups == k) for k in range(self.count)]
+        rest = self._rest()
+        shifts = np.arange(-_APART, _APART + _GRID / 2, _GRID)
+        every = [self._part(poles, start + shifts, _DAMPINGS[:, None]) for poles in own]
+        middle = len(_DAMPINGS) // 2, len(shifts) // 2
+        parts = [tried[middle] for tried in every]
+        prior = (shifts / _SPREAD) ** 2 + (_DAMPINGS[:, None] / _DAMPING_SPREAD) ** 2
+        power = [(np.abs(tried) ** 2).sum(axis=-1) for tried in every]
+        order = np.argsort([-np.linalg.norm(part) for part in parts])
+        for _ in range(_ROUNDS):
+            whole = rest + np.sum(parts, axis=0)
+            gain = self._gain(whole)
+            for k in order:
+                others = whole - parts[k]
+                missing = self.measured - gain * others
+                # |missing - gain tried|^2 without the constant |missing|^2
+                left = gain**2 * power[k] - 2 * gain * (every[k] @ missing.conj()).real
+                b, a = np.unravel_index(int(np.argmin(left / _MISFIT**2 + prior)), left.shape)
+                parts[k], whole = every[k][b, a], others + every[k][b, a]
+                x[3 + k], x[3 + self.count + k] = shifts[a], _DAMPINGS[b]
+        x[2] = np.log(self._gain(rest + np.sum(parts, axis=0)))
+        return x
+
+    def refined(self, x: FloatArray) -> FloatArray:
+        return np.asarray(least_squares(self._rows, x, self._slope, method="lm", max_nfev=60).x)
+
+    def cost(self, x: FloatArray) -> float:
+        return float((self._rows(x) ** 2).sum())
+
+    def overlay(self, x: FloatArray) -> Overlay:
+        a, b = self._of_poles(x)
+        model = self._moved(a, b)
+        gain = float(np.exp(x[2]))
+        moved = replace(
+            model, residues=gain * model.residues, constant=gain * model.constant, slope=gain * model.slope
+        )
+        peaks = np.abs(self.model.residues) / -self.model.poles.real
+        paired = self.model.poles.imag > 0
+        peaks = np.where(paired, peaks, 0.0)
+        residual = np.linalg.norm(self.measured - moved.velocity(self.f) / self.size)
+        return Overlay(moved, np.expm1(a), np.exp(b), gain, peaks / peaks.max(), float(residual))
+
+    def _of_poles(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Logarithms of each pole's frequency and damping, (poles,)."""
+        return x[0] + x[3 + self.groups], x[1] + x[3 + self.count + self.groups]
+
+    def _moved(self, a: FloatArray, b: FloatArray) -> Model:
+        p = self.model.poles
+        return replace(self.model, poles=np.exp(a) * (np.exp(b) * p.real + 1j * p.imag))
+
+    def _rest(self) -> ComplexArray:
+        s = 2j * np.pi * self.f
+        return np.asarray((self.model.constant + self.model.slope * s) / self.size)
+
+    def _part(self, poles: IntArray, shift: FloatArray | float, damping: FloatArray | float) -> ComplexArray:
+        """(..., lines): what these poles contribute when they are moved."""
+        s, shift, damping = 2j * np.pi * self.f, np.asarray(shift)[..., None], np.asarray(damping)[..., None]
+        part: ComplexArray = np.zeros(1, dtype=np.complex128)
+        for p, r in zip(self.model.poles[poles], self.model.residues[poles] / self.size, strict=True):
+            moved = np.exp(shift) * (np.exp(damping) * p.real + 1j * p.imag)
+            part = part + r / (s - moved)
+            if p.imag > 0:
+                part = part + np.conj(r) / (s - np.conj(moved))
+        return part
+
+    def _gain(self, shape: ComplexArray) -> float:
+        return max(float(np.vdot(shape, self.measured).real / np.vdot(shape, shape).real), 1e-3)
+
+    def _left_by_gain(self, shape: ComplexArray) -> float:
+        return float(np.linalg.norm(self.measured - self._gain(shape) * shape))
+
+    def _rows(self, x: FloatArray) -> FloatArray:
+        a, b = self._of_poles(x)
+        left = (self.measured - np.exp(x[2]) * self._moved(a, b).velocity(self.f) / self.size) / _MISFIT
+        return np.concatenate([left.real, left.imag, self._prior(x)])
+
+    def _prior(self, x: FloatArray) -> FloatArray:
+        own = x[3:].reshape(2, -1)
+        return np.concatenate([own[0] / _SPREAD, own[1] / _DAMPING_SPREAD])
+
+    def _slope(self, x: FloatArray) -> FloatArray:
+        """Jacobian of `_rows`."""
+        a, b = self._of_poles(x)
+        model, n = self._moved(a, b), self.count
+        p, r = model.poles, np.exp(x[2]) * model.residues / self.size
+        s = 2j * np.pi * self.f[:, None]
+        near = r / (s - p) ** 2
+        mirror = np.where(p.imag > 0, np.conj(r) / (s - np.conj(p)) ** 2, 0)
+        by_shift, by_damping = near * p + mirror * np.conj(p), (near + mirror) * p.real
+        member = self.groups[:, None] == np.arange(n)
+        shift, damping = by_shift @ member, by_damping @ member
+        gain = np.exp(x[2]) * model.velocity(self.f) / self.size
+        columns = np.column_stack([shift.sum(axis=1), damping.sum(axis=1), gain, shift, damping])
+        rows = -np.concatenate([columns.real, columns.imag]) / _MISFIT
+        prior = np.zeros((2 * n, 3 + 2 * n))
+        prior[:, 3:] = np.diag(np.repeat([1 / _SPREAD, 1 / _DAMPING_SPREAD], n))
+        return np.concatenate([rows, prior])
+
+
+def _groups(model: Model) -> IntArray:
+    """(poles,): numbers of the groups of poles that no response tells apart."""
+    p = model.poles
+    groups = np.arange(len(p))
+    reach = _TOGETHER * np.maximum(-p.real[:, None], -p.real)
+    for one, other in np.argwhere(np.abs(p[:, None] - p) < reach):
+        groups[groups == groups[other]] = groups[one]
+    return np.unique(groups, return_inverse=True)[1].reshape(-1)
