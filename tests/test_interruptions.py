@@ -64,8 +64,8 @@ def plants() -> Iterator[list[Plant]]:
     seen: list[Plant] = []
     original = Simulation.__init__
 
-    def noted(self: Simulation, *args: object) -> None:
-        original(self, *args)  # type: ignore[arg-type]
+    def noted(self: Simulation, *args: object, **more: object) -> None:
+        original(self, *args, **more)  # type: ignore[arg-type]
         seen.append(self.plant)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -10,9 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
-from scipy.ndimage import uniform_filter1d
 
-from haploop.calibration.model import Calibration, Model
+from haploop.calibration.model import Calibration, Model, standard_deviation
 from haploop.calibration.response import Response
 from haploop.instruments import DataError, Limits
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -31,7 +30,6 @@ __all__ = [
 _SETTLED = 0.2
 """Seconds in which the decay that a coupling capacitor adds to the end of a drive dies out."""
 
-_SMOOTH_HZ = 2.5
 _LEAST_COHERENCE = 0.8
 
 
@@ -59,17 +57,9 @@ def known(calibration: Calibration) -> tuple[float, float]:
 
 
 def uncertainty(calibration: Calibration, f: FloatArray) -> FloatArray:
-    """Standard deviation of `gain`: the residual of the model against the measured response.
-
-    The residual is averaged over a few lines first, as the model averages over all of them: variation
-    from line to line is the sweeps' noise and the patch's harmonics, not a model error. Beyond the model's
-    band it is that of the measured response.
-    """
-    response = calibration.response
-    residual = response.velocity - calibration.model.velocity(response.frequencies)
-    lines = max(1, round(_SMOOTH_HZ / float(np.median(np.diff(response.frequencies)))))
-    smooth = uniform_filter1d(residual.real, lines) + 1j * uniform_filter1d(residual.imag, lines)
-    deviation = np.full(len(f), np.sqrt(np.mean(np.abs(smooth) ** 2)))
+    """Standard deviation of `gain`: that of the model, and beyond its band of the measured response."""
+    low, high = calibration.model.band
+    deviation = standard_deviation(calibration, np.clip(f, low, high))
     if calibration.above is not None:
         measured = np.interp(f, calibration.above.frequencies, calibration.above.deviation)
         deviation = np.where(f > _edge(calibration), measured, deviation)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from haploop.acquisition import hdf5
 from haploop.calibration.model.model import Model, fit
 from haploop.calibration.response import (
@@ -16,8 +14,8 @@ from haploop.calibration.response import (
     Response,
     fit_hysteresis,
     measure_above,
+    measure_distortion,
     measure_response,
-    quick_response,
 )
 from haploop.instruments import ConfigurationError, Rig, RigFile
 from haploop.instruments.progress import Progress, silent
@@ -101,7 +99,6 @@ def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) ->
     `measure_response` raises.
     """
     patch, point = calibration.response.patch, calibration.response.point
-    above = measure_above(rig, patch, point, calibration.hysteresis, progress)
-    again = quick_response(rig, patch, point, progress, hysteresis=calibration.hysteresis)
-    relative = np.linalg.norm(again.distortion, axis=0) / np.abs(again.velocity)
-    return replace(calibration, above=above, distortion=float(np.median(relative)))
+    law = calibration.hysteresis
+    above = measure_above(rig, patch, point, law, progress)
+    return replace(calibration, above=above, distortion=measure_distortion(rig, patch, point, law, progress))

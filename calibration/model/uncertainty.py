@@ -54,8 +54,9 @@ def _moved_by(model: Model, lines: FloatArray, power: FloatArray, f: FloatArray)
     norms = np.linalg.norm(J, axis=0)
     values, vectors = np.linalg.eigh((J / norms).T @ (J / norms))
     inner = (vectors / np.maximum(values, _LEAST)) @ (vectors.T @ (J / norms).T)
-    reach = (_derivatives(model, f) / norms) @ inner
-    return np.asarray((np.abs(reach) ** 2) @ np.concatenate([power, power]) / 2)
+    covariance = (inner * np.concatenate([power, power])) @ inner.T / 2
+    reach = _derivatives(model, f) / norms
+    return np.asarray(np.maximum(((reach @ covariance) * reach.conj()).sum(axis=1).real, 0.0))
 
 
 def _derivatives(model: Model, f: FloatArray) -> ComplexArray:

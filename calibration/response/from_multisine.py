@@ -13,8 +13,8 @@ from haploop.calibration.response.estimate import FrfEstimate
 from haploop.calibration.response.excitation import Multisine
 from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, first_harmonic, operators
 from haploop.calibration.response.local_rational import local_rational
-from haploop.calibration.response.modal_estimate import modal_estimate
-from haploop.calibration.response.modes import Plays, fit_modes
+from haploop.calibration.response.modal_estimate import modal_estimate, nothing
+from haploop.calibration.response.modes import Modes, Plays, fit_modes
 from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
 
 __all__ = ["from_multisine"]
@@ -41,13 +41,16 @@ def from_multisine(
     velocity: FloatArray,
     channels: Channels,
     hysteresis: Hysteresis | None = None,
+    *,
+    local_only: bool = False,
 ) -> tuple[FrfEstimate, Hysteresis]:
     """Estimate the response on the excited lines, from signals that begin with the multisine.
 
     `commanded` is (samples,) V; `drive` (V) and `velocity` (m/s) are as sampled, at least as long.
     The patch's `hysteresis` is found together with the table's modes in the same signals, unless it is
     given; the response is that to a sine of `hysteresis.level` volts. Modes explain resonances that a
-    local method cannot resolve, and the local rational method estimates what they leave.
+    local method cannot resolve, and the local rational method estimates what they leave. `local_only` leaves
+    the modes out, which takes a tenth of the time; the hysteresis must then be given.
     """
     one = multisine.samples(channels.rate_hz)
     start = len(commanded) - multisine.periods * one
@@ -73,7 +76,8 @@ def from_multisine(
     seen, moved = spectra(linear) * factor, channels.velocity(spectra(velocity), f)
     plays = Plays(f, (0,), seen[None], moved[:, None])
     with threadpool_limits(1):
-        modes = fit_modes([plays], 1)
+        none = Modes(np.zeros(0, dtype=np.complex128), np.ones((1, 1)))
+        modes = none if local_only else fit_modes([plays], 1)
         if hysteresis is None:
             gains = np.append(first_harmonic(HALF_WIDTHS * level, level), 0.0)
             law = Hysteresis(HALF_WIDTHS * level, modes.weights[0, :-1], level)
@@ -81,7 +85,7 @@ def from_multisine(
         else:
             gains = np.array([hysteresis.gain(level)])
         gain = complex(gains @ modes.weights[0])
-        modal = modal_estimate(modes, plays, gain, gains)
+        modal = nothing(plays) if local_only else modal_estimate(modes, plays, gain, gains)
     x = modes.weights[0] @ seen
     local = local_rational(x, modal.left, inner)
     at = excited - inner[0]

@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from haploop.calibration.response.modes import Modes, Plays, columns_of, stack
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["ModalEstimate", "modal_estimate"]
+__all__ = ["ModalEstimate", "modal_estimate", "nothing"]
 
 _NEAR, _FAR = 5, 25
 """Lines over which the power of the residual is averaged: few, for hum, and many."""
@@ -33,6 +33,12 @@ class ModalEstimate:
     response: ComplexArray
     variance: FloatArray
     left: ComplexArray
+
+
+def nothing(plays: Plays) -> ModalEstimate:
+    """The estimate without modes, which leaves everything."""
+    lines = len(plays.f)
+    return ModalEstimate(np.zeros(lines, dtype=np.complex128), np.zeros(lines), plays.velocity[:, 0])
 
 
 def modal_estimate(modes: Modes, plays: Plays, gain: complex, gains: ComplexArray) -> ModalEstimate:

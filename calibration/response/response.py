@@ -21,7 +21,15 @@ from haploop.instruments.progress import Progress, part_of, silent
 if TYPE_CHECKING:
     from haploop.calibration.response.estimate import FrfEstimate
 
-__all__ = ["MEASURED", "Response", "measure_above", "measure_response", "quick_response", "response_from"]
+__all__ = [
+    "MEASURED",
+    "Response",
+    "measure_above",
+    "measure_distortion",
+    "measure_response",
+    "quick_response",
+    "response_from",
+]
 
 MEASURED = "measured"
 """Source of a response measured on a rig; an imported one names its file."""
@@ -29,6 +37,8 @@ _CREST = 1.66
 """Crest factor of the multisines here."""
 ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
+_MARGIN = 0.999
+"""Level of the excitation above the band over the limit: a player's own rate may overshoot a little."""
 _WORTHWHILE = 1.2
 """Ratio of the highest to the lowest frequency from which the response above the band is measured."""
 LINEAR = Hysteresis(np.zeros(1), np.ones(1), 1.0)
@@ -169,10 +179,10 @@ def measure_response(
     prepare(rig, point)
     if isinstance(excitation, Multisine):
         found = _known(rig, patch, point, monitor, excitation, peak, hysteresis, progress, within)
-        return _coherent(found)
+        return _plausible(found)
     if hysteresis is not None:
         raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
-    return _coherent(_swept(rig, patch, point, monitor, excitation, peak, progress))
+    return _plausible(_swept(rig, patch, point, monitor, excitation, peak, progress))
 
 
 def measure_above(
@@ -189,10 +199,26 @@ def measure_above(
         return None
     excitation = Multisine(low=ABOVE_HZ, high=top * (1 - 1e-9))
     one = excitation.volts(rig.table.rate_hz, rig.limits.peak)
-    peak = rig.limits.peak * min(1.0, (1 - 1e-9) * rig.limits.headroom(one, rig.table.rate_hz)[0])
+    peak = rig.limits.peak * min(1.0, _MARGIN * rig.limits.headroom(one, rig.table.rate_hz)[0])
     settle(rig, patch, progress)
     # The surface may move less than the laser's noise there: the deviation says so, and nothing is refused.
-    return _played(rig, patch, point, rig.monitor(patch), excitation, peak, hysteresis, progress)
+    return _played(
+        rig, patch, point, rig.monitor(patch), excitation, peak, hysteresis, progress, local_only=True
+    )
+
+
+def measure_distortion(
+    rig: Rig, patch: str, point: str, hysteresis: Hysteresis, progress: Progress = silent
+) -> float:
+    """Measure the motion on lines that are not played, over that on those played, hysteresis taken out.
+
+    To be called as `measure_above`; noise is part of it. Raises what `measure_response` raises.
+    """
+    settle(rig, patch, progress)
+    found = _played(
+        rig, patch, point, rig.monitor(patch), QUICK, rig.limits.peak, hysteresis, progress, local_only=True
+    )
+    return float(np.median(np.linalg.norm(found.distortion, axis=0) / np.abs(found.velocity)))
 
 
 def quick_response(
@@ -227,7 +253,7 @@ def response_from(
     `monitor` is the channel that measured this patch's volts. Patches that were driven at once, each
     on lines of its own, take one call each. Raises as `measure_response`.
     """
-    return _coherent(
+    return _plausible(
         _from_capture(
             rig,
             capture,
@@ -251,10 +277,13 @@ def _from_capture(
     point: str,
     monitor: str,
     hysteresis: Hysteresis | None,
+    local_only: bool = False,
 ) -> Response:
     refuse_overload(rig, capture)
     volts, velocity, channels = _signals(rig, capture, monitor)
-    found, law = from_multisine(multisine, commanded, volts, velocity, channels, hysteresis)
+    found, law = from_multisine(
+        multisine, commanded, volts, velocity, channels, hysteresis, local_only=local_only
+    )
     return _response(
         rig,
         found,
@@ -337,12 +366,22 @@ def _played(
     peak: float,
     hysteresis: Hysteresis | None,
     progress: Progress,
+    *,
+    local_only: bool = False,
 ) -> Response:
     drive = multisine.volts(rig.table.rate_hz, peak)
     tell = part_of(progress, _doing(patch, point), 0, multisine.duration)
     capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
     return _from_capture(
-        rig, capture, multisine, drive, patch=patch, point=point, monitor=monitor, hysteresis=hysteresis
+        rig,
+        capture,
+        multisine,
+        drive,
+        patch=patch,
+        point=point,
+        monitor=monitor,
+        hysteresis=hysteresis,
+        local_only=local_only,
     )
 
 
@@ -386,7 +425,6 @@ def _response(
     hysteresis: Hysteresis | None = None,
 ) -> Response:
     gain = float(np.median(np.abs(found.path)))
-    _refuse_silent_drive(gain, patch)
     return Response(
         patch=patch,
         point=point,
@@ -437,7 +475,9 @@ def _refuse_silent_drive(gain: float, patch: str) -> None:
         )
 
 
-def _coherent(response: Response) -> Response:
+def _plausible(response: Response) -> Response:
+    """Return a response whose drive reached the patch and whose surface followed; raise for any other."""
+    _refuse_silent_drive(float(np.median(np.abs(response.path))), response.patch)
     typical = float(np.median(response.coherence))
     if typical < 0.5:
         raise DataError(

@@ -18,6 +18,8 @@ __all__ = ["run_down", "settle"]
 _HZ, _CYCLES = 40.0, 16
 """Frequency (Hz) and number of cycles of the run-down, below a table's first mode. After it the first play
 differs from the fifth by 0.4 % of its target; with half the cycles by 0.7 % (measured)."""
+_MARGIN = 0.999
+"""Level of the run-down over the limit: a player's own rate may overshoot by some millionths."""
 _WINDOW = 0.05
 """Length (s) of the windows whose rms velocities are compared."""
 _TAIL = 0.5
@@ -48,7 +50,7 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
     Raises InstrumentError when the surface does not come to rest, and what `Rig.excite` raises.
     """
     rate_hz = rig.table.rate_hz
-    volts, tail, waited = run_down(rate_hz, rig.limits.peak), _TAIL, 0.0
+    volts, tail, waited = run_down(rate_hz, _MARGIN * rig.limits.peak), _TAIL, 0.0
     while tail <= _LONGEST:
         capture = rig.excite(volts, (patch,), (rig.vibrometer.channel,), tail)
         waited += len(volts) / rate_hz + tail

@@ -144,10 +144,13 @@ def test_a_locked_out_rig_records_but_plays_nothing_until_a_reset() -> None:
         rig.excite(tone(rig, 1), ["A"], ["laser"])
 
 
-def test_another_simulated_world_is_not_locked_out() -> None:
+def test_a_simulated_lockout_holds_whatever_the_plant_is_like() -> None:
+    """As on a real rig: only a person clears it, and `haploop reset` needs no seed to do so."""
     with open_rig(DOUBLED) as rig, pytest.raises(InstrumentError):
         rig.excite(tone(rig), ["A"], ["laser"])
     with open_rig("simulated") as rig:
+        assert rig.lockout is not None
+    with open_rig("four-channel", simulate="twin") as rig:
         assert rig.lockout is None
 
 
