@@ -67,6 +67,7 @@ def test_the_stated_interval_holds_the_surfaces_own_error(
     assert outside < 0.05
 
 
+@pytest.mark.timeout(7200)
 def test_a_button_that_passes_moves_nothing_else(
     open: OpenRig, full: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
