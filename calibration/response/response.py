@@ -37,7 +37,7 @@ _CREST = 1.66
 """Crest factor of the multisines here."""
 ABOVE_HZ = 600.0
 """Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
-_MARGIN = 0.999
+_MARGIN = 0.99
 """Level of the excitation above the band over the limit: a player's own rate may overshoot a little."""
 _WORTHWHILE = 1.2
 """Ratio of the highest to the lowest frequency from which the response above the band is measured."""
