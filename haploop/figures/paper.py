@@ -193,7 +193,7 @@ def comparison(results: Sequence[tuple[Representative, Check]]) -> Figure:
     with style():
         figure = new_figure(1.72 * len(results) + 0.35)
         grid = figure.subplots(len(results), 3, squeeze=False, gridspec_kw={"width_ratios": (1.3, 1, 1.05)})
-        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.22 / figure.get_figheight()))  # type: ignore[union-attr,call-arg]
+        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.38 / figure.get_figheight()))  # type: ignore[union-attr,call-arg]
         for row, ((press, check), (whole, stretch, spectra)) in enumerate(zip(results, grid, strict=True)):
             _whole(whole, press, check, with_legend=row == 0)
             _stretch(stretch, press, check, with_legend=row == 0)
@@ -381,7 +381,7 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
         ("Recorded", press.acceleration * drive.scale, press.rate_hz, {"color": BLUE, "linewidth": 0.8}),
         ("Target", check.target, check.rate_hz, {"color": ORANGE, "linewidth": 1.9}),
         ("Measured", check.measured, check.rate_hz, {"color": INK, "linewidth": 0.7}),
-        ("Noise", check.noise, check.rate_hz, {"color": GREY, "linewidth": 0.7}),
+        ("Noise", check.noise, check.rate_hz, {"color": SKY, "linewidth": 0.5}),
     )
     top = 0.0
     for label, signal, rate_hz, look in curves:
