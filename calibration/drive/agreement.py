@@ -21,6 +21,7 @@ __all__ = [
     "SharedPower",
     "error_spectra",
     "lines_inside",
+    "odd_play",
     "plays_needed",
     "shared_power",
     "trend",
@@ -30,6 +31,8 @@ CONFIDENCE = 0.95
 """Probability that an interval contains the surface's own value."""
 _UNLIKELY = 1e-5
 """Probability of calling plays without a trend drifting."""
+_ODD = 3.0
+"""Distance of a play to the nearest other one, over the median of all, from which it is unlike the others."""
 _MOST_PLAYS = 64
 
 
@@ -121,6 +124,21 @@ def trend(spectra: ComplexArray) -> float:
     if not changed > noise * f_distribution.ppf(1 - _UNLIKELY, freedom, freedom * (plays - 2)):
         return 0.0
     return float(np.sqrt(changed - noise) * (plays - 1) / size)
+
+
+def odd_play(spectra: ComplexArray) -> tuple[int, float]:
+    """Number (from 1) of a play unlike all others, and its root power from the nearest; (0, 0) if none.
+
+    Products of different plays take a single odd one for noise, so that it must be looked for. `spectra` is
+    (plays, lines).
+    """
+    apart = np.linalg.norm(spectra[:, None] - spectra, axis=2)
+    np.fill_diagonal(apart, np.inf)
+    nearest = apart.min(axis=1)
+    odd = int(np.argmax(nearest))
+    if not nearest[odd] > _ODD * float(np.median(nearest)):
+        return 0, 0.0
+    return odd + 1, float(nearest[odd])
 
 
 def _quantile(plays: int) -> float:

@@ -15,6 +15,7 @@ from haploop.calibration.drive.agreement import (
     SharedPower,
     error_spectra,
     lines_inside,
+    odd_play,
     plays_needed,
     shared_power,
     trend,
@@ -246,10 +247,18 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         simulated=rig.simulated or drive.simulated,
     )
     followed = abs(float(np.vdot(-still[0], moved.mean(axis=0)).real))
-    return _judged(result, whole, followed, played.overload, rig.limits.peak)
+    odd = odd_play(moved[:, inside])
+    return _judged(result, whole, followed, odd, played.overload, rig.limits.peak)
 
 
-def _judged(result: Check, whole: SharedPower, followed: float, overload: str | None, peak: float) -> Check:
+def _judged(
+    result: Check,
+    whole: SharedPower,
+    followed: float,
+    odd: tuple[int, float],
+    overload: str | None,
+    peak: float,
+) -> Check:
     """The check with its verdict, reasons and notes. `followed` is the share of the target in the motion."""
     drive, failures = result.drive, []
     low, high = result.wideband_interval
@@ -286,8 +295,18 @@ def _judged(result: Check, whole: SharedPower, followed: float, overload: str | 
             "limits, and with this calibration, the table cannot follow the press."
         )
     notes = _notes(result)
+    number, by = odd
+    told = (
+        f"Play {number} of {result.plays} differs from all others by {by:.1%} of the target: something "
+        "shook or touched the table, or the patch had not settled."
+    )
+    if number:
+        notes = (told, *notes)
     if failures:
         return replace(result, verdict="fail", reasons=tuple(failures), notes=notes)
+    if by > result.tolerance:
+        reason = f"Not shown: play {number} is not of the same motion as the others; check again."
+        return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
     if high <= result.tolerance:
         return replace(result, verdict="pass", notes=notes)
     needed = plays_needed(whole, result.tolerance)

@@ -156,6 +156,21 @@ def test_plays_that_drift_are_named(
     assert "from the first play to the last" in result.notes[0]
 
 
+def test_a_play_unlike_the_others_is_no_pass(
+    calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The error without noise would not show it: one odd play is noise to products of different plays."""
+    played = iter(range(100))
+
+    def shaken(volts: np.ndarray) -> np.ndarray:
+        return 1.5 * volts if len(volts) > 45_000 and next(played) == 4 else volts
+
+    tamper(calibrated.rig, monkeypatch, laser=shaken)
+    result = check(calibrated.rig, drive, plays=6)
+    assert result.verdict == "not shown" and "check again" in result.reasons[0]
+    assert "Play 5 of 6 differs from all others by 50" in result.notes[0]
+
+
 def test_what_was_played_before_does_not_change_the_verdict(open: OpenRig, drive: Drive) -> None:
     """A patch remembers: right after an excitation a play was 42 to 60 % wrong."""
     rig = open()
