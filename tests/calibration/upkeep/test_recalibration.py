@@ -271,9 +271,11 @@ def test_what_is_broken_is_named_and_changes_nothing(
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("width", [0.2, 0.0])
 def test_another_hysteresis_is_a_drift_that_is_found_and_brought_back(
-    open: OpenRig, history: History, width: float
+    open: OpenRig, history: History, full: bool, width: float
 ) -> None:
     """The response at the level of the measurement is as it was, and the old drive is 17 to 26 % off."""
+    if width == 0.0 and not full:
+        pytest.skip("the same with no hysteresis left: with --full only")
     rig = left_alone(open(hysteresis=width))
     outcome = recalibrate(rig, history, when=WHEN, iterations=0)
     assert outcome.kind == "restored", outcome.sentences
