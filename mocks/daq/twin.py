@@ -24,8 +24,6 @@ __all__ = ["DaqTwin"]
 
 _APART = 0.5
 """Largest difference between two cards' sample counts that the driver accepts, as time (s)."""
-_HELD = 1.0
-"""Period of a run of one value (s): arbitrary, because the value is held until the next run."""
 
 
 class _Output:
@@ -47,9 +45,9 @@ class _Output:
         past = len(run.values)
         if past > 1:
             past = min(past, int((until - run.start) / run.period + 1e-3) + 1)
-        steps = run.values[self._next : past]
-        start, self._next = run.start + self._next * run.period, past
-        return [Run(start, run.period, steps)] if len(steps) else []
+        first, self._next = self._next, past
+        start = run.start + first * run.period if first else run.start
+        return [Run(start, run.period, run.values[first:past])] if first < past else []
 
 
 class DaqTwin(Daq):
@@ -98,7 +96,7 @@ class DaqTwin(Daq):
         # The plant takes the output played until now before it is set to zero.
         self._plant.advance(now)
         for output in self._outputs.values():
-            output.play(Run(now, _HELD, np.zeros(1)))
+            output.play(Run(now, np.inf, np.zeros(1)))
 
     def close(self) -> None:
         """See `Daq.close`."""

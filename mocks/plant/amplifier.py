@@ -37,7 +37,6 @@ class Amplifier:
             gain = fault.gain(gain, run)
         volts = np.clip(run.values * (gain * self._tolerance), AMPLIFIER_LOW, AMPLIFIER_HIGH)
         if faults:
-            times = np.asarray(run.start + np.arange(len(volts)) * run.period, dtype=np.float64)
             for fault in faults:
-                volts = fault.output(volts, times)
+                volts = fault.output(volts, run.times)
         return np.asarray(volts)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import numpy as np
+
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 
@@ -16,11 +18,19 @@ __all__ = ["LaserHead", "Nodes", "Run", "SamplesLost", "Source", "Switched", "Sw
 class Run:
     """Staircase of an output: value k (V) is held from `start + k * period` (s of the plant's clock)
     until the next value, the last one until the next run.
+
+    One value that is held, rather than played at a rate, has a period of infinity.
     """
 
     start: float
     period: float
     values: FloatArray
+
+    @property
+    def times(self) -> FloatArray:
+        """The time of each value, (steps,) s."""
+        steps = np.arange(1, len(self.values), dtype=np.float64)
+        return np.insert(self.start + steps * self.period, 0, self.start)
 
 
 class Source(Protocol):

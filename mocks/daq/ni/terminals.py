@@ -55,7 +55,7 @@ class OutputTerminal:
     def __init__(self, wired: bool = False) -> None:
         self._wired = wired
         self._lock = threading.Lock()
-        self._past: deque[Run] = deque([Run(-np.inf, 1.0, np.zeros(1))])
+        self._past: deque[Run] = deque([Run(-np.inf, np.inf, np.zeros(1))])
         self._new: deque[Run] = deque()
         self._clock: Timebase | None = None
         self._offset = 0
@@ -71,7 +71,7 @@ class OutputTerminal:
         """Step to `value` at `now` (s) and hold it."""
         with self._lock:
             self._advance(now)
-            self._append(Run(now, 1.0, np.array([float(value)])))
+            self._append(Run(now, np.inf, np.array([float(value)])))
 
     def play(self, data: FloatArray, clock: Timebase, offset: int, limit: int | None, repeat: bool) -> None:
         """Step through `data` on the clock's edges from edge `offset`, at most `limit` steps.

@@ -95,7 +95,7 @@ class Bench:
             return np.asarray(3 * np.sin(2 * np.pi * 10 * times))
         assert node == "loop" and self._source is not None
         for run in self._source.take(float(times[-1])):
-            self._steps += [(run.start + k * run.period, v) for k, v in enumerate(run.values)]
+            self._steps += zip(run.times, run.values, strict=True)
         starts = np.array([s for s, _ in self._steps])
         values = np.array([v for _, v in self._steps])
         # A step on the very edge of a sample has happened.

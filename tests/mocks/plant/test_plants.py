@@ -177,10 +177,8 @@ class AsModes(PlantSource):
         return ModalSurface(Modes(np.array([200.0]), np.array([0.02]), coupling, lambda _place: np.ones(1)))
 
 
-def test_a_surface_without_modes_is_measured_like_one_with(open: OpenRig, mode: str) -> None:
+def test_a_surface_without_modes_is_measured_like_one_with(open: OpenRig) -> None:
     """Up to the amplifier's pole, which the one has and the other has not."""
-    if mode == "wire":
-        pytest.skip("the surface of this test stands still on the wire, for a reason not yet found")
     t = np.arange(25_000) * STEP
     drive = 2 * np.sin(2 * np.pi * 400 * t**2) * np.hanning(25_000)
     seen = []
