@@ -7,6 +7,7 @@ hysteresis), because the table is linear in them; `commanded` converts them to v
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
@@ -32,6 +33,8 @@ _SETTLED = 0.2
 
 _LEAST_COHERENCE = 0.8
 
+_Values = TypeVar("_Values", FloatArray, ComplexArray)
+
 
 def gain(calibration: Calibration, f: FloatArray) -> ComplexArray:
     """m/s^2 per linear volt commanded, at `f` (Hz) within what is `known`.
@@ -41,10 +44,7 @@ def gain(calibration: Calibration, f: FloatArray) -> ComplexArray:
     hysteresis; its delay may stay, because hysteresis does not depend on time. Beyond the model's band it is
     the measured response itself.
     """
-    velocity = calibration.model.velocity(f)
-    if calibration.above is not None:
-        measured = np.interp(f, calibration.above.frequencies, calibration.above.velocity)
-        velocity = np.where(f > _edge(calibration), measured, velocity)
+    velocity = _joined(calibration, f, calibration.model.velocity(f), lambda above: above.velocity)
     lag = path_gain(calibration) * calibration.hysteresis.gain(calibration.response.level)
     return np.asarray(velocity * 2j * np.pi * f * _path(calibration, f) / lag)
 
@@ -59,10 +59,8 @@ def known(calibration: Calibration) -> tuple[float, float]:
 def uncertainty(calibration: Calibration, f: FloatArray) -> FloatArray:
     """Standard deviation of `gain`: that of the model, and beyond its band of the measured response."""
     low, high = calibration.model.band
-    deviation = standard_deviation(calibration, np.clip(f, low, high))
-    if calibration.above is not None:
-        measured = np.interp(f, calibration.above.frequencies, calibration.above.deviation)
-        deviation = np.where(f > _edge(calibration), measured, deviation)
+    inside = standard_deviation(calibration, np.clip(f, low, high))
+    deviation = _joined(calibration, f, inside, lambda above: above.deviation)
     return np.asarray(deviation * 2 * np.pi * f)
 
 
@@ -130,20 +128,17 @@ def _arriving(calibration: Calibration, volts: FloatArray) -> FloatArray:
 
 def _path(calibration: Calibration, f: FloatArray) -> ComplexArray:
     """Measured volts at the patch per volt commanded, at `f` (Hz)."""
-    return _at(calibration, f, lambda response: response.path)
+    response = calibration.response
+    inside = np.interp(f, response.frequencies, response.path)
+    return _joined(calibration, f, inside, lambda above: above.path)
 
 
-def _at(calibration: Calibration, f: FloatArray, of: Callable[[Response], ComplexArray]) -> ComplexArray:
-    """Interpolate a quantity of the response, and beyond its band of the response above, at `f` (Hz)."""
-    response, above = calibration.response, calibration.above
-    values = np.interp(f, response.frequencies, of(response))
-    if above is None:
-        return np.asarray(values)
-    return np.where(f > _edge(calibration), np.interp(f, above.frequencies, of(above)), values)
-
-
-def _edge(calibration: Calibration) -> float:
-    """Frequency (Hz) from which the response above is used: in the middle of what both cover."""
+def _joined(
+    calibration: Calibration, f: FloatArray, inside: _Values, of: Callable[[Response], _Values]
+) -> _Values:
+    """`inside`, given at `f` (Hz); beyond the middle of what both cover, a quantity of the response above."""
     above = calibration.above
-    assert above is not None
-    return float(calibration.model.band[1] + above.frequencies[0]) / 2
+    if above is None:
+        return inside
+    edge = (calibration.model.band[1] + above.frequencies[0]) / 2
+    return np.asarray(np.where(f > edge, np.interp(f, above.frequencies, of(above)), inside))

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import rfft, rfftfreq
-from scipy.stats import f as f_distribution
-from scipy.stats import t as t_distribution
+from scipy.special import fdtri, stdtrit
 
 from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -38,9 +37,7 @@ _MOST_PLAYS = 64
 
 @dataclass(frozen=True)
 class SharedPower:
-    """Power that is common to `plays` plays, its standard deviation, and the power of the noise in "
-    "their mean.
-    """
+    """Power common to `plays` plays, its standard deviation, and the power of the noise in their mean."""
 
     value: float
     deviation: float
@@ -121,7 +118,7 @@ def trend(spectra: ComplexArray) -> float:
     around = (np.abs(spectra - spectra.mean(axis=0)) ** 2).sum(axis=0)
     noise = (float(around.sum()) - changed) / (plays - 2)
     freedom = 2 * float(around.sum() ** 2 / max((around**2).sum(), 1e-300))
-    if not changed > noise * f_distribution.ppf(1 - _UNLIKELY, freedom, freedom * (plays - 2)):
+    if not changed > noise * fdtri(freedom, freedom * (plays - 2), 1 - _UNLIKELY):
         return 0.0
     return float(np.sqrt(changed - noise) * (plays - 1) / size)
 
@@ -142,7 +139,7 @@ def odd_play(spectra: ComplexArray) -> tuple[int, float]:
 
 
 def _quantile(plays: int) -> float:
-    return float(t_distribution.ppf(0.5 + CONFIDENCE / 2, plays - 1))
+    return float(stdtrit(plays - 1, 0.5 + CONFIDENCE / 2))
 
 
 def _common(products: FloatArray, kept: IntArray) -> float:

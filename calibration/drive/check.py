@@ -130,9 +130,7 @@ class Check:
 
     @property
     def noise(self) -> FloatArray:
-        """(samples,) m/s^2 of the same power as the noise left in `measured`: of the first two plays' "
-        "difference.
-        """
+        """(samples,) m/s^2 of the power of the noise left in `measured`: the first two plays' difference."""
         one, other = self.accelerations[:2]
         return np.asarray((one - other) / np.sqrt(2 * self.plays))
 
@@ -277,9 +275,8 @@ def _judged(
     # Written so that NaN fails too.
     if not low <= result.tolerance:
         failures.append(
-            f"The whole motion of the surface differs from the target by {said}, and "
-            f"{result.tolerance:.0%} is "
-            f"accepted: {result.nrmse:.1%} within {drive.band[0]:.0f} to {drive.band[1]:.0f} Hz, and "
+            f"The whole motion of the surface differs from the target by {said}, and {result.tolerance:.0%} "
+            f"is accepted: {result.nrmse:.1%} within {drive.band[0]:.0f} to {drive.band[1]:.0f} Hz, and "
             f"{result.outside:.1%} outside."
         )
     if not drive.in_band >= LEAST_IN_BAND:
@@ -294,14 +291,8 @@ def _judged(
             f"The error predicted when the drive was computed is {drive.predicted_error:.1%}: within the "
             "limits, and with this calibration, the table cannot follow the press."
         )
-    notes = _notes(result)
+    notes = _notes(result, odd)
     number, by = odd
-    told = (
-        f"Play {number} of {result.plays} differs from all others by {by:.1%} of the target: something "
-        "shook or touched the table, or the patch had not settled."
-    )
-    if number:
-        notes = (told, *notes)
     if failures:
         return replace(result, verdict="fail", reasons=tuple(failures), notes=notes)
     if by > result.tolerance:
@@ -322,13 +313,18 @@ def _judged(
     return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
 
 
-def _notes(result: Check) -> tuple[str, ...]:
+def _notes(result: Check, odd: tuple[int, float]) -> tuple[str, ...]:
     notes = []
+    number, by = odd
+    if number:
+        notes.append(
+            f"Play {number} of {result.plays} differs from all others by {by:.1%} of the target: something "
+            "shook or touched the table, or the patch had not settled."
+        )
     if result.drift > 0:
         notes.append(
             f"The motion changed by {result.drift:.1%} of the target from the first play to the last: the "
-            "table "
-            "or the patch had not settled, or its temperature changes."
+            "table or the patch had not settled, or its temperature changes."
         )
     drowned = (result.floor_db > result.target_db.max() + 20 * np.log10(result.tolerance)) & (
         result.octaves_hz > result.drive.band[1]
@@ -337,8 +333,8 @@ def _notes(result: Check) -> tuple[str, ...]:
         notes.append(
             f"Above {result.octaves_hz[drowned][0] / 10**0.05:.0f} Hz, the noise left in the mean of "
             f"{result.plays} plays exceeds {result.tolerance:.0%} of the target's strongest third octave: "
-            "single "
-            "tones there would not be seen; more plays, or a narrower filter of the vibrometer, resolve more."
+            "single tones there would not be seen; more plays, or a narrower filter of the vibrometer, "
+            "resolve more."
         )
     warning = feeling_of(result.target, result.measured, result.rate_hz).warning
     return tuple([*notes, warning] if warning else notes)

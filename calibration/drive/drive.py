@@ -31,7 +31,7 @@ BAND = (75.0, 600.0)
 """Hz: the band of a press that a drive reproduces. Below its first mode a table hardly moves, and the
 paper's sweep ends at 625 Hz. The band is the same for every press and table, so that an error is never
 small because the target is small."""
-_BEFORE, _AFTER = 0.30, 0.20
+BEFORE, _AFTER = 0.30, 0.20
 """Seconds that a drive may begin before the press and end after it. Where patch and point differ, the
 inverse is not causal: it moves the plate before the press, so that the point moves as the target does."""
 FADE = 0.02
@@ -60,7 +60,7 @@ class Drive:
     clock: the press's acceleration, modulated if that is the `method`, cut to `band` (Hz) and
     multiplied by `scale`. `in_band` is the share of that acceleration's energy which lies within the
     band. `predicted_error` is the error expected of the whole motion: rms of the error over rms of the
-    target. Unmodelled hysteresis of the patch adds some percent, until learning has measured it.
+    target. Unmodelled hysteresis of the patch adds some percent; after learning it is the measured error.
     """
 
     button: str
@@ -164,7 +164,7 @@ def target_grid(press: Representative, calibration: Calibration, method: Method)
     carrier_hz = calibration.model.resonance_hz if method == "modulated" else 0.0
     if method == "modulated":
         own = modulate(own, press.rate_hz, carrier_hz)
-    before = round(_BEFORE * press.rate_hz)
+    before = round(BEFORE * press.rate_hz)
     drive_length = before + len(own) + round(_AFTER * press.rate_hz)
     ringing = round(actuation.ringing(calibration.model) * press.rate_hz)
     length = next_fast_len(drive_length + ringing, real=True)

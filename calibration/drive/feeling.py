@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import resample_poly
 
 from haploop.calibration.drive.check import Check
-from haploop.calibration.drive.drive import _BEFORE
+from haploop.calibration.drive.drive import BEFORE
 from haploop.calibration.perception import Feeling, feeling_of
 from haploop.instruments.arrays import FloatArray
 
@@ -40,7 +40,7 @@ def _on_clock(press: Representative, rate_hz: float, samples: int) -> FloatArray
     """(samples,) m/s^2: a recorded press on the clock of its drive, which begins before it."""
     ratio = Fraction(rate_hz / press.rate_hz).limit_denominator(_RATES)
     acceleration = resample_poly(np.asarray(press.acceleration), ratio.numerator, ratio.denominator)
-    start = round(_BEFORE * rate_hz)
+    start = round(BEFORE * rate_hz)
     out = np.zeros(samples)
     kept = acceleration[: samples - start]
     out[start : start + len(kept)] = kept

@@ -177,7 +177,9 @@ def learn(
     progress(doing, total, total, "plays")
     chosen = drive
     if best:
-        chosen = replace(drive, volts=tried[best].volts, predicted_error=best_again.nrmse)
+        # The whole motion errs by no less than the band: noise outside may say so.
+        error = max(best_again.wideband_nrmse, best_again.nrmse)
+        chosen = replace(drive, volts=tried[best].volts, predicted_error=error)
     return Learning(tuple(tried), best, first_again.nrmse, best_again.nrmse, stopped, chosen)
 
 

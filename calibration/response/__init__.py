@@ -10,19 +10,21 @@ from haploop.calibration.response.excitation import (
 )
 from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, operators
 from haploop.calibration.response.hysteresis_of_levels import fit_hysteresis
-from haploop.calibration.response.modes import Modes, Plays, fit_modes
-from haploop.calibration.response.response import (
+from haploop.calibration.response.measuring import (
     QUICK,
     SWEEP,
-    Response,
+    excite,
     measure_above,
     measure_distortion,
     measure_response,
     overloaded,
+    plausible,
     prepare,
     quick_response,
     response_from,
 )
+from haploop.calibration.response.modes import Modes, Plays, fit_modes
+from haploop.calibration.response.response import Response
 from haploop.calibration.response.settling import settle
 from haploop.calibration.response.uff import read_uff, write_uff
 
@@ -38,6 +40,7 @@ __all__ = [
     "Multisine",
     "Plays",
     "Response",
+    "excite",
     "fit_hysteresis",
     "fit_modes",
     "linear_sweep",
@@ -47,6 +50,7 @@ __all__ = [
     "operators",
     "overloaded",
     "plan_excitation",
+    "plausible",
     "prepare",
     "quick_response",
     "read_uff",

@@ -29,14 +29,11 @@ _LONGEST = 16.0
 _STILL = 1.5
 """Rms velocity late in a recording, over that of its quietest window, up to which a surface is at rest."""
 _RESOLVED = 1e-4
-"""Rms velocity, over the vibrometer's range, below which nothing is resolved: half a step of a 12-bit "
-"card."""
+"""Rms velocity, over the vibrometer's range, below which nothing is resolved: half a 12-bit card's step."""
 
 
 def run_down(rate_hz: float, peak: float) -> FloatArray:
-    """(samples,) V of a sine whose amplitude falls linearly from `peak` to zero, with zero mean and "
-    "zero ends.
-    """
+    """(samples,) V of a sine that falls linearly from `peak` to zero, with zero mean and zero ends."""
     t = np.arange(round(_CYCLES / _HZ * rate_hz)) / rate_hz
     envelope = np.minimum(t * _HZ, 1.0) * (1 - t * _HZ / _CYCLES)
     volts = envelope * np.sin(2 * np.pi * _HZ * t)
@@ -62,8 +59,7 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
         volts, tail = np.zeros(len(volts)), 2 * tail
     raise InstrumentError(
         f"The surface did not come to rest within {waited:.0f} s after patch {patch} was played: make "
-        "sure that "
-        "nothing shakes the table, and that nobody touches it."
+        "sure that nothing shakes the table, and that nobody touches it."
     )
 
 

@@ -7,7 +7,16 @@ from dataclasses import dataclass, replace
 
 from haploop.calibration.drive import Drive
 from haploop.calibration.model import Calibration
-from haploop.calibration.response import QUICK, Hysteresis, Response, prepare, response_from, settle
+from haploop.calibration.response import (
+    QUICK,
+    Hysteresis,
+    Response,
+    excite,
+    plausible,
+    prepare,
+    response_from,
+    settle,
+)
 from haploop.calibration.upkeep.drift import Kind, PlaceMetrics, Verdict, compare
 from haploop.calibration.upkeep.sensor_health import (
     LaserAtRest,
@@ -116,7 +125,6 @@ def place_of(calibration: Calibration) -> Place:
 def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) -> tuple[Response, int]:
     """The response of a multisine from rest, with its hysteresis, and the laser's spikes in it."""
     patch, point = place
-    monitor = rig.monitor(patch)
     prepare(rig, point)
     try:
         settle(rig, patch, progress)
@@ -124,11 +132,10 @@ def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) ->
         # Spikes and hum hide that the surface has come to rest; the patch's memory is erased all the same.
         if not (laser.spikes or laser.hum):
             raise
-    drive = QUICK.volts(rig.table.rate_hz, rig.limits.peak)
+    peak = rig.limits.peak
     tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)
-    capture = rig.excite(drive, (patch,), (monitor, rig.vibrometer.channel), 0.0, tell)
-    capture, spikes = without_spikes(rig, capture)
-    return response_from(rig, capture, QUICK, drive, patch=patch, point=point, monitor=monitor), spikes
+    capture, spikes = without_spikes(rig, excite(rig, QUICK, patch, peak, tell))
+    return plausible(response_from(rig, capture, QUICK, peak, patch=patch, point=point)), spikes
 
 
 def _known(calibration: Calibration) -> bool:

@@ -137,8 +137,7 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
             "Left: the recorded press (blue) and the reconstructed acceleration (grey), each scaled to "
             "its peak. Middle: target and measured acceleration around the largest peak. Right: spectra of "
             "the whole motion, of the recorded press to the same scale, and of the noise that is left in "
-            "the mean "
-            "of the plays; the band that the drive uses is shaded. After the paper's figure 9.",
+            "the mean of the plays; the band that the drive uses is shaded. After the paper's figure 9.",
         ),
         CaptionedFigure(
             figures.feeling_figure([(r.button, check_feeling(r.check, r.press)) for r in results]),

@@ -1,6 +1,4 @@
-"""Figures of a check and of a digital button: the whole motion beside its target, and the drive's "
-"iterations.
-"""
+"""Figures of a check and of a digital button: the whole motion beside its target, the drive's iterations."""
 
 from __future__ import annotations
 

@@ -1,0 +1,351 @@
+"""Measuring a response on a rig: an excitation into a patch, its volts and the surface's velocity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from haploop.calibration.response.channels import Channels
+from haploop.calibration.response.excitation import Excitation, LinearSweep, Multisine
+from haploop.calibration.response.from_multisine import from_multisine
+from haploop.calibration.response.from_sweeps import from_sweeps
+from haploop.calibration.response.hysteresis import Hysteresis
+from haploop.calibration.response.response import LINEAR, Response
+from haploop.calibration.response.settling import settle
+from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.progress import Progress, part_of, silent
+
+if TYPE_CHECKING:
+    from haploop.calibration.response.estimate import FrfEstimate
+
+__all__ = [
+    "QUICK",
+    "SWEEP",
+    "excite",
+    "measure_above",
+    "measure_distortion",
+    "measure_response",
+    "overloaded",
+    "plausible",
+    "prepare",
+    "quick_response",
+    "response_from",
+]
+
+ABOVE_HZ = 600.0
+"""Lowest frequency (Hz) of the response above the band: a little below the end of the usual excitations."""
+_MARGIN = 0.99
+"""Level of the excitation above the band over the limit: a player's own rate may overshoot a little."""
+_WORTHWHILE = 1.2
+"""Ratio of the highest to the lowest frequency from which the response above the band is measured."""
+WITHIN = 0.01
+"""Relative rms standard deviation of a response, above which a multisine is played again."""
+_LONGEST = 8.2
+"""Longest period (s) of a multisine that is played again."""
+_HELPS = 0.8
+"""Ratio of the deviation to that of half the period, up to which twice the period is tried next."""
+SWEEP = LinearSweep()
+QUICK = Multisine()
+
+
+def measure_response(
+    rig: Rig,
+    patch: str = "A",
+    point: str = "button",
+    progress: Progress = silent,
+    *,
+    excitation: Excitation = SWEEP,
+    level: float | None = None,
+    hysteresis: Hysteresis | None = None,
+    within: float = WITHIN,
+) -> Response:
+    """Play an excitation into a patch, measure drive and velocity, and divide the spectra.
+
+    The default is the paper's sweep, at several levels, which also shows the patch's hysteresis. `level` is
+    the peak in volts at the patch; None takes what the rig's limits allow.
+
+    A multisine takes 2.05 s or a few periods more. If its response is not known `within` a relative standard
+    deviation, it is played again with twice the period, for as long as that helps and up to 8.2 s; the
+    response's `excitation` states what was played. With the `hysteresis` of an earlier calibration, or with
+    the one identified from the multisine, the response is computed from the linear volts of the measured
+    drive, which removes the distortion: the result equals that of sweeps at `hysteresis.level`.
+
+    Raises InstrumentError when the operator does not confirm, a signal leaves its range or the
+    drive does not reach the patch; DataError when the point does not follow the patch;
+    ConfigurationError for a rig that lacks an instrument.
+    """
+    peak = rig.limits.peak if level is None else level
+    prepare(rig, point)
+    if isinstance(excitation, Multisine):
+        return plausible(_known(rig, patch, point, excitation, peak, hysteresis, progress, within))
+    if hysteresis is not None:
+        raise ConfigurationError("Sweeps measure the hysteresis themselves: only a multisine takes one.")
+    return plausible(_swept(rig, patch, point, excitation, peak, progress))
+
+
+def measure_above(
+    rig: Rig, patch: str, point: str, hysteresis: Hysteresis, progress: Progress = silent
+) -> Response | None:
+    """Measure the response above the band of the usual excitations, to what the laser resolves.
+
+    To be called after a response was measured at the same point: nothing is asked of the operator. The level
+    is what the limits of slew rate and current allow. Returns None where the laser resolves nothing above
+    that band. Raises what `measure_response` raises.
+    """
+    top = min(rig.vibrometer.resolved_hz, rig.table.rate_hz / 4)
+    if top < _WORTHWHILE * ABOVE_HZ:
+        return None
+    excitation = Multisine(low=ABOVE_HZ, high=top * (1 - 1e-9))
+    one = excitation.volts(rig.table.rate_hz, rig.limits.peak)
+    peak = rig.limits.peak * min(1.0, _MARGIN * rig.limits.headroom(one, rig.table.rate_hz)[0])
+    settle(rig, patch, progress)
+    # The surface may move less than the laser's noise there: the deviation says so, and nothing is refused.
+    return _played(rig, patch, point, excitation, peak, hysteresis, progress, local_only=True)
+
+
+def measure_distortion(
+    rig: Rig, patch: str, point: str, hysteresis: Hysteresis, progress: Progress = silent
+) -> float:
+    """Measure the motion on lines that are not played, over that on those played, hysteresis taken out.
+
+    To be called as `measure_above`; noise is part of it. Raises what `measure_response` raises.
+    """
+    settle(rig, patch, progress)
+    found = _played(rig, patch, point, QUICK, rig.limits.peak, hysteresis, progress, local_only=True)
+    return float(np.median(np.linalg.norm(found.distortion, axis=0) / np.abs(found.velocity)))
+
+
+def quick_response(
+    rig: Rig,
+    patch: str = "A",
+    point: str = "button",
+    progress: Progress = silent,
+    *,
+    level: float | None = None,
+    hysteresis: Hysteresis | None = None,
+) -> Response:
+    """Measure a response with one period of a multisine from rest, 2.05 s or longer if that does not suffice.
+
+    See `measure_response`.
+    """
+    return measure_response(rig, patch, point, progress, excitation=QUICK, level=level, hysteresis=hysteresis)
+
+
+def excite(rig: Rig, multisine: Multisine, patch: str, peak: float, progress: Progress = silent) -> Capture:
+    """Play a multisine of `peak` volts into a patch; returns the patch's volts and the laser's.
+
+    Raises what `Rig.excite` raises.
+    """
+    volts = multisine.volts(rig.table.rate_hz, peak)
+    return rig.excite(volts, (patch,), (rig.monitor(patch), rig.vibrometer.channel), 0.0, progress)
+
+
+def response_from(
+    rig: Rig,
+    capture: Capture,
+    multisine: Multisine,
+    peak: float,
+    *,
+    patch: str,
+    point: str,
+    hysteresis: Hysteresis | None = None,
+    local_only: bool = False,
+) -> Response:
+    """Estimate the response from a capture that `excite` made of a multisine of `peak` volts.
+
+    With `local_only` nothing is fitted over all lines. Raises InstrumentError when a signal left its range.
+    """
+    _refuse_overload(rig, capture)
+    volts, velocity, channels = _signals(rig, capture, patch)
+    commanded = multisine.volts(rig.table.rate_hz, peak)
+    found, law = from_multisine(
+        multisine, commanded, volts, velocity, channels, hysteresis, local_only=local_only
+    )
+    return _response(
+        rig,
+        found,
+        patch,
+        point,
+        excitation=f"{multisine}; the patch's hysteresis taken out",
+        repeats=multisine.periods,
+        peak=peak,
+        shares=(),
+        hysteresis=law,
+    )
+
+
+def prepare(rig: Rig, point: str) -> None:
+    """Have settings and aim at `point` confirmed, and check the light. Raises InstrumentError."""
+    rig.confirm_settings()
+    if not rig.operator.confirm(Aim(point)):
+        raise InstrumentError(f"The operator did not confirm this, so nothing was measured: {Aim(point)}")
+    level = rig.vibrometer.signal_level()
+    if level is not None and level < 0.1:
+        raise InstrumentError(
+            f"The vibrometer sees {level:.0%} of its light at the {point} point: focus the laser, or "
+            "put a piece of reflective tape there."
+        )
+
+
+def overloaded(rig: Rig, capture: Capture) -> str | None:
+    """Sentence on a signal out of range in a capture of drive monitor and laser, with a remedy; or None."""
+    laser = capture.channels.index(rig.vibrometer.channel)
+    fastest = float(np.abs(rig.vibrometer.to_velocity(capture.volts[laser])).max())
+    if capture.overload[laser] or fastest > rig.vibrometer.range:
+        return (
+            f"The laser left its range of {rig.vibrometer.range * 1e3:g} mm/s: "
+            "choose a larger range, or a lower level."
+        )
+    if capture.overload.any():
+        name = capture.channels[int(np.flatnonzero(capture.overload)[0])]
+        return f"The channel {name!r} left its input range: widen the range in the rig file."
+    return None
+
+
+def _refuse_overload(rig: Rig, capture: Capture) -> None:
+    problem = overloaded(rig, capture)
+    if problem:
+        raise InstrumentError(problem)
+
+
+def _known(
+    rig: Rig,
+    patch: str,
+    point: str,
+    multisine: Multisine,
+    peak: float,
+    hysteresis: Hysteresis | None,
+    progress: Progress,
+    within: float,
+) -> Response:
+    """Play a multisine, again with twice the period as long as the response is not known and that helps."""
+    before, said = np.inf, ""
+    while True:
+        settle(rig, patch, progress)
+        response = _played(rig, patch, point, multisine, peak, hysteresis, progress)
+        unsure = response.uncertainty
+        longer = replace(multisine, period=2 * multisine.period)
+        if unsure <= within or longer.period > _LONGEST or unsure > _HELPS * before:
+            break
+        said += f"; {multisine.duration:.2f} s left a standard deviation of {unsure:.2%}"
+        multisine, before = longer, unsure
+    return replace(response, excitation=f"{response.excitation}; standard deviation {unsure:.2%}{said}")
+
+
+def _played(
+    rig: Rig,
+    patch: str,
+    point: str,
+    multisine: Multisine,
+    peak: float,
+    hysteresis: Hysteresis | None,
+    progress: Progress,
+    *,
+    local_only: bool = False,
+) -> Response:
+    tell = part_of(progress, _doing(patch, point), 0, multisine.duration)
+    capture = excite(rig, multisine, patch, peak, tell)
+    return response_from(
+        rig, capture, multisine, peak, patch=patch, point=point, hysteresis=hysteresis, local_only=local_only
+    )
+
+
+def _swept(rig: Rig, patch: str, point: str, sweep: LinearSweep, peak: float, progress: Progress) -> Response:
+    once = sweep.volts(rig.table.rate_hz, peak)
+    recorded = (rig.monitor(patch), rig.vibrometer.channel)
+    drives, velocities = [], []
+    levels = (*(1.0,) * sweep.repeats, *sweep.shares)
+    for number, factor in enumerate(levels):
+        before = sweep.duration * number / len(levels)
+        tell = part_of(progress, _doing(patch, point), before, sweep.duration)
+        capture = rig.excite(factor * once, (patch,), recorded, sweep.tail, tell)
+        _refuse_overload(rig, capture)
+        volts, velocity, channels = _signals(rig, capture, patch)
+        drives.append(volts)
+        velocities.append(velocity)
+    progress(_doing(patch, point), sweep.duration, sweep.duration, "s")
+    found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
+    return _response(
+        rig, found, patch, point, excitation=str(sweep), repeats=sweep.repeats, peak=peak, shares=sweep.shares
+    )
+
+
+def _response(
+    rig: Rig,
+    found: FrfEstimate,
+    patch: str,
+    point: str,
+    *,
+    excitation: str,
+    repeats: int,
+    peak: float,
+    shares: tuple[float, ...],
+    hysteresis: Hysteresis | None = None,
+) -> Response:
+    gain = float(np.median(np.abs(found.path)))
+    return Response(
+        patch=patch,
+        point=point,
+        frequencies=found.frequencies,
+        velocity=found.velocity,
+        deviation=found.deviation,
+        scatter=found.scatter,
+        coherence=found.coherence,
+        path=found.path,
+        noise=found.noise,
+        distortion=found.distortion,
+        repeats=repeats,
+        level=gain * peak if hysteresis is None else hysteresis.level,
+        levels=gain * peak * np.array(shares),
+        level_gain=found.level_gain,
+        velocity_range=rig.vibrometer.range,
+        excitation=excitation,
+        source="measured",
+        rig=rig.name,
+        rig_file=rig.file.model_dump_json(),
+        simulated=rig.simulated,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        hysteresis=LINEAR if hysteresis is None else hysteresis,
+    )
+
+
+def _signals(rig: Rig, capture: Capture, patch: str) -> tuple[FloatArray, FloatArray, Channels]:
+    """(samples,) V at a patch, (samples,) m/s of the laser's output, and how they were sampled."""
+    drive = capture.channels.index(rig.monitor(patch))
+    laser = capture.channels.index(rig.vibrometer.channel)
+    divider = rig.sensors.drive
+    assert divider is not None
+    channels = Channels(
+        capture.rate_hz, float(capture.delays[drive]), float(capture.delays[laser]), rig.vibrometer.response
+    )
+    volts = divider.to_si(capture.volts[[drive]])[0]
+    return volts, rig.vibrometer.to_velocity(capture.volts[laser]), channels
+
+
+def _doing(patch: str, point: str) -> str:
+    return f"Measure patch {patch} at the {point} point"
+
+
+def _refuse_silent_drive(gain: float, patch: str) -> None:
+    if not 0.7 < gain < 1.4:
+        raise InstrumentError(
+            f"The drive monitor shows {gain:.2g} V for each volt that patch {patch} was to get: check the "
+            "amplifier (is it on?), the relay, and the gain and divider in the rig file."
+        )
+
+
+def plausible(response: Response) -> Response:
+    """Return a response whose drive reached the patch and whose surface followed; raise for any other."""
+    _refuse_silent_drive(float(np.median(np.abs(response.path))), response.patch)
+    typical = float(np.median(response.coherence))
+    if typical < 0.5:
+        raise DataError(
+            f"The {response.point} point does not follow patch {response.patch}: the coherence is "
+            f"{typical:.2f} where 0.5 is the least that can be used and 0.99 is usual. Check the laser's "
+            "focus and aim, and that the patch is glued and connected."
+        )
+    return response
