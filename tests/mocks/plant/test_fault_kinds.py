@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,23 +25,13 @@ Install = Callable[..., None]
 
 
 @pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+def install(install_package: Install) -> Install:
     """Install a package of one module that gives one kind of fault."""
-    before = set(sys.modules)
 
-    def put(kind: str, module: str, source: str, value: str = "", package: str = "acme-faults") -> None:
-        folder = tmp_path / package
-        about = folder / f"{package.replace('-', '_')}-1.0.dist-info"
-        about.mkdir(parents=True)
-        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        (about / "entry_points.txt").write_text(f"[haploop.faults]\n{kind} = {module}:{value}\n")
-        (folder / f"{module}.py").write_text(source)
-        monkeypatch.syspath_prepend(str(folder))
+    def put(name: str, module: str, source: str, value: str = "", package: str = "acme-faults") -> None:
+        install_package("faults", name, module, source, value, package)
 
-    yield put
-    for name in set(sys.modules) - before:
-        if name.startswith("acme"):
-            del sys.modules[name]
+    return put
 
 
 @pytest.fixture
