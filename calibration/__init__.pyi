@@ -28,6 +28,7 @@ from .perception import thresholds as thresholds
 from .response import LinearSweep as LinearSweep
 from .response import Multisine as Multisine
 from .response import Response as Response
+from .response import Waveforms as Waveforms
 from .response import linear_sweep as linear_sweep
 from .response import measure_response as measure_response
 from .response import plan_excitation as plan_excitation

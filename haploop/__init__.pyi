@@ -36,6 +36,7 @@ from .calibration import Multisine as Multisine
 from .calibration import Outcome as Outcome
 from .calibration import Response as Response
 from .calibration import VibrationMap as VibrationMap
+from .calibration import Waveforms as Waveforms
 from .calibration import activate as activate
 from .calibration import adopt as adopt
 from .calibration import build_button as build_button

@@ -27,6 +27,7 @@ from haploop.calibration.response.modes import Modes, Plays, fit_modes
 from haploop.calibration.response.response import Response
 from haploop.calibration.response.settling import settle
 from haploop.calibration.response.uff import read_uff, write_uff
+from haploop.calibration.response.waveforms import Waveforms
 
 __all__ = [
     "HALF_WIDTHS",
@@ -40,6 +41,7 @@ __all__ = [
     "Multisine",
     "Plays",
     "Response",
+    "Waveforms",
     "excite",
     "fit_hysteresis",
     "fit_modes",

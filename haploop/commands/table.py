@@ -39,23 +39,43 @@ __all__ = ["calibrate", "check"]
     metavar="FILE.h5",
     help="Calibration file to write.",
 )
+@click.option(
+    "--waveforms/--no-waveforms",
+    default=True,
+    show_default=True,
+    help="Keep what was measured in FILE-waveforms.h5 (0.4 MB for each second).",
+)
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
 def calibrate(
-    state: CommandState, patch: str, point: str, out: Path, rig: str, simulate: Mode | None, as_json: bool
+    state: CommandState,
+    patch: str,
+    point: str,
+    out: Path,
+    waveforms: bool,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
 ) -> int:
     """Measure the table's response and fit a model."""
     outputs.check_new_file(out)
+    measured = out.with_name(f"{out.stem}-waveforms{out.suffix}")
+    if waveforms:
+        outputs.check_new_file(measured)
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
-        calibration = haploop.calibrate(opened, patch, point, steps)
+        with opened.captures() as captures:
+            calibration = haploop.calibrate(opened, patch, point, steps)
     calibration.save(out)
+    if waveforms:
+        simulated = calibration.response.simulated
+        haploop.Waveforms.of(captures, calibration.digest, patch, point, simulated).save(measured)
     display.show_file(out, as_json)
     return 0
 

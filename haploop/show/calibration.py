@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from haploop.calibration import Calibration, Drive
+from haploop.calibration import Calibration, Drive, Waveforms
 from haploop.show.formatting import damping, json_number, percent, property_table
 
-__all__ = ["calibration_contents", "drive_contents"]
+__all__ = ["calibration_contents", "drive_contents", "waveforms_contents"]
 
 
 def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Table]:
@@ -99,4 +99,26 @@ def drive_contents(drive: Drive) -> tuple[dict[str, Any], Table]:
     table.add_row("Predicted error", percent(drive.predicted_error))
     if drive.unreached:
         table.add_row("Not reached", drive.unreached)
+    return values, table
+
+
+def waveforms_contents(waveforms: Waveforms) -> tuple[dict[str, Any], Table]:
+    """Return the contents as JSON values and as a table."""
+    captures = waveforms.captures
+    channels = sorted({channel for capture in captures for channel in capture.channels})
+    values: dict[str, Any] = {
+        "kind": "waveforms",
+        "simulated": waveforms.simulated,
+        "calibration": waveforms.calibration,
+        "patch": waveforms.patch,
+        "point": waveforms.point,
+        "plays": len(captures),
+        "seconds": json_number(waveforms.seconds),
+        "channels": channels,
+        "rate_hz": json_number(captures[0].rate_hz) if captures else None,
+    }
+    table = property_table(f"Waveforms of a calibration of patch {waveforms.patch}, {waveforms.point} point")
+    table.add_row("Plays", f"{len(captures)}, {waveforms.seconds:.1f} s in all")
+    table.add_row("Channels", ", ".join(channels))
+    table.add_row("Calibration", f"SHA-256 {waveforms.calibration}")
     return values, table

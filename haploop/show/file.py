@@ -12,13 +12,13 @@ from rich.table import Table
 
 from haploop import figures
 from haploop.acquisition import Recording, Representative, accepted_presses, find_presses, hdf5
-from haploop.calibration import Calibration, Check, DigitalButton, Drive
+from haploop.calibration import Calibration, Check, DigitalButton, Drive, Waveforms
 from haploop.calibration.map import VibrationMap
 from haploop.instruments import DataError
 from haploop.outputs import check_new_picture, save_picture
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.button import button_contents
-from haploop.show.calibration import calibration_contents, drive_contents
+from haploop.show.calibration import calibration_contents, drive_contents, waveforms_contents
 from haploop.show.check import check_contents
 from haploop.show.formatting import SIMULATED
 from haploop.show.map import map_contents
@@ -99,6 +99,13 @@ def _drive(path: Path) -> FileContents:
     return FileContents(*drive_contents(drive), lambda: figures.drives([drive]))
 
 
+def _waveforms(path: Path) -> FileContents:
+    def nothing() -> Figure:
+        raise DataError(f"There is no plot of waveforms: plot the calibration that {path} belongs to.")
+
+    return FileContents(*waveforms_contents(Waveforms.load(path)), nothing)
+
+
 def _check(path: Path) -> FileContents:
     check = Check.load(path)
     return FileContents(*check_contents(check), lambda: figures.check_figure(check))
@@ -113,6 +120,7 @@ _READERS = {
     "recording": _recording,
     "representative": _representative,
     "calibration": _calibration,
+    "waveforms": _waveforms,
     "drive": _drive,
     "check": _check,
     "button": _button,

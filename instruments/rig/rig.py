@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import atexit
-from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from types import TracebackType
 from typing import Any, Self
 
@@ -55,6 +55,7 @@ class Rig(Instruments):
         self._stack = ExitStack()
         self._signals = ExitStack()
         self._closed = False
+        self._collections: list[list[Capture]] = []
 
     def holding(self, context: AbstractContextManager[object]) -> None:
         """Enter a context that must outlast the instruments: a lock on them, or their simulation."""
@@ -149,7 +150,7 @@ class Rig(Instruments):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        return self._playing.excite(drive, patches, channels, tail, progress)
+        return self._collected(self._playing.excite(drive, patches, channels, tail, progress))
 
     def excite_each(
         self,
@@ -164,7 +165,7 @@ class Rig(Instruments):
         one patch. Raises ConfigurationError for an amplifier without a channel for each patch, and
         as `excite` does.
         """
-        return self._playing.excite_each(drives, channels, tail, progress)
+        return self._collected(self._playing.excite_each(drives, channels, tail, progress))
 
     def sweep(
         self,
@@ -184,7 +185,22 @@ class Rig(Instruments):
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        return self._playing.sweep(sweep, patches, channels, tail, progress)
+        return self._collected(self._playing.sweep(sweep, patches, channels, tail, progress))
+
+    @contextmanager
+    def captures(self) -> Iterator[list[Capture]]:
+        """Collect the capture of every play while this context lasts, in order, settling included."""
+        collected: list[Capture] = []
+        self._collections.append(collected)
+        try:
+            yield collected
+        finally:
+            self._collections.pop()
+
+    def _collected(self, capture: Capture) -> Capture:
+        for collected in self._collections:
+            collected.append(capture)
+        return capture
 
     def make_safe(self) -> None:
         """Stop all plays, set outputs to zero, then open every relay channel and read it back. Idempotent.
