@@ -185,14 +185,11 @@ class _TwinStream(Stream):
             volts, overload = [], []
             for device in self._devices:
                 with translated(device.name, None), _as_driver():
-                    rows = [
-                        self._plant.read(channel, edges + delay)
-                        for channel, delay in zip(device.channels, device.delays, strict=True)
-                    ]
-                converted = convert(np.array(rows), device.ranges, device.product, device.noise)
+                    rows = self._plant.read(device.channels, edges + device.delays[:, np.newaxis])
+                converted = convert(rows, device.ranges, device.product, device.noise)
                 volts.append(converted[0])
                 overload.append(converted[1])
-            if self._samples is None:
+            if self._samples is None and self._plant.faults:
                 self._refuse_drift(edges[-1])
             yield Block(first, np.concatenate(volts)[self._rows], np.concatenate(overload)[self._rows])
             first += count

@@ -10,9 +10,10 @@ figures are estimates.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from bisect import bisect_right, insort
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import attrgetter
 from typing import Literal, get_args
 
 import numpy as np
@@ -21,7 +22,17 @@ from scipy.interpolate import PchipInterpolator
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.operator import Press
 
-__all__ = ["BUTTONS", "FLAWS", "Button", "Finger", "Flaw", "SimulatedPress", "button_named", "press_button"]
+__all__ = [
+    "BUTTONS",
+    "FLAWS",
+    "Button",
+    "Finger",
+    "Flaw",
+    "Presses",
+    "SimulatedPress",
+    "button_named",
+    "press_button",
+]
 
 
 @dataclass(frozen=True)
@@ -223,13 +234,13 @@ class SimulatedPress:
         h = 1e-3
         motion = (self.travel(t + h) - 2 * self.travel(t) + self.travel(t - h)) / h**2
         for at, gain, partials in self._clicks:
-            since = np.maximum(t - at, 0.0)
+            clicked = t > at
+            since = t[clicked] - at
             # The snap takes a third of a millisecond to build up: a cap has mass.
             attack = 1 - np.exp(-since / 3e-4)
             for frequency, amplitude, decay in partials:
-                motion = motion + gain * amplitude * attack * np.exp(-since / decay) * np.sin(
-                    2 * np.pi * frequency * since
-                )
+                ringing = gain * amplitude * attack * np.exp(-since / decay)
+                motion[clicked] += ringing * np.sin(2 * np.pi * frequency * since)
         return np.asarray(motion)
 
 
@@ -303,14 +314,37 @@ def press_button(
     return replace(press, activation_force=float(press.force(np.array([activation]))[0]))
 
 
-def latest(presses: list[SimulatedPress], begin: float, end: float, tail: float) -> Iterator[SimulatedPress]:
-    """Yield the presses that act between `begin` and `end` (s); vibration lasts `tail` s after a press."""
-    return (p for p in presses if p.start < end and p.stop + tail > begin)
+class Presses:
+    """Every press of a plant, in order of creation, with those of any time at hand: a night holds thousands."""
+
+    def __init__(self) -> None:
+        self.all: list[SimulatedPress] = []
+        self.flips: FloatArray = np.zeros(0)
+        """Times at which the contact changes state, rising (s)."""
+        self._by_stop: list[SimulatedPress] = []
+
+    def add(self, press: SimulatedPress) -> None:
+        """Add a press."""
+        self.all.append(press)
+        insort(self._by_stop, press, key=_stop)
+        self.flips = np.sort(np.concatenate([self.flips, press.flips]))
+
+    def between(self, begin: float, end: float, tail: float) -> list[SimulatedPress]:
+        """Return the presses that act between `begin` and `end` (s); vibration lasts `tail` s after a press."""
+        first = bisect_right(self._by_stop, begin - tail, key=_stop)
+        return [p for p in self._by_stop[first:] if p.start < end]
+
+
+_stop = attrgetter("stop")
 
 
 def _minimum_jerk(x: FloatArray) -> FloatArray:
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(x**3 * (10 - 15 * x + 6 * x**2))
+    # Most samples lie before or after the movement, and a third power costs ten times what a comparison does.
+    path = (x >= 1.0).astype(np.float64)
+    moving = np.flatnonzero((x > 0.0) & (x < 1.0))
+    x = x.ravel()[moving]
+    path.ravel()[moving] = x**3 * (10 - 15 * x + 6 * x**2)
+    return np.asarray(path)
 
 
 _TIME: FloatArray = np.linspace(0, 1, 20_001)

@@ -57,11 +57,12 @@ class Nodes(Protocol):
 
     clock: Clock
 
-    def read(self, node: str, times: FloatArray) -> FloatArray:
-        """Return the voltage at a measured node ((times,) V), before any converter, at rising times (s).
+    def read(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
+        """Return the voltages at measured nodes, (nodes, times) V, before any converter.
 
-        Times may lie up to 30 s before the latest time read on any node, and not after `clock.now()`.
-        Raises SamplesLost when a fault makes the card lose samples.
+        `times` are (nodes, times) s, rising for each node. They may lie up to 30 s before the latest time
+        read on any node, and not after `clock.now()`. Raises SamplesLost when a fault makes a card lose
+        samples.
         """
 
     def drive(self, node: str, source: Source) -> None:

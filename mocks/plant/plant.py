@@ -7,8 +7,9 @@ channels and outputs. Time is the rig's clock; the plant steps only as far as a 
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import groupby
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from haploop.instruments.config import RigFile
 from haploop.mocks.plant.amplifier import Amplifier
 from haploop.mocks.plant.nodes import LaserHead, Source, Switches
 from haploop.mocks.plant.scene import AmplifierOutput, Scene
-from haploop.mocks.plant.sensed import laser, wired
+from haploop.mocks.plant.sensed import Output, laser, wired
 from haploop.mocks.plant.surface import PlantSource
 from haploop.mocks.plant.truth import Truth
 
@@ -54,7 +55,7 @@ class Plant(Scene):
     def install(self, node: str, head: LaserHead) -> None:
         """Install a vibrometer with the rig file's `head`, and wire its output to `node`."""
         self._put_up(head)
-        self._nodes[node] = partial(laser, head=head)
+        self._nodes[node] = Output(partial(laser, head=head))
         self._noise[node] = self.rng(f"noise of {node}")
 
     def has_rtsi(self) -> bool:
@@ -82,22 +83,36 @@ class Plant(Scene):
 
     # Reading by converters
 
-    def read(self, node: str, times: FloatArray) -> FloatArray:
+    def read(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
         """See `haploop.mocks.plant.Nodes.read`. An unwired node carries 0 V."""
         with self._lock:
-            if not len(times):
-                return np.zeros(0)
-            self.advance(float(times[-1]))
+            volts = np.zeros(times.shape)
+            if not times.size:
+                return volts
+            self.advance(float(times[:, -1].max()))
+            if self.faults:
+                times = self._clocked(nodes, times)
+            wired = [row for row, node in enumerate(nodes) if node in self._nodes]
+            for quantity, alike in groupby(wired, lambda row: self._nodes[nodes[row]].quantity):
+                rows = list(alike)
+                outputs = [self._nodes[nodes[row]].number for row in rows]
+                noise = [self._noise[nodes[row]] for row in rows]
+                volts[rows] = quantity(self, times[rows], outputs, noise)
+            for fault in self.faults:
+                for row, node in enumerate(nodes):
+                    volts[row] = fault.channel(node, volts[row], times[row])
+            return volts
+
+    def _clocked(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
+        """Return the rig's times, (nodes, times) s, at which the nodes' cards take what they take for `times`."""
+        clocked = times.copy()
+        for row, node in enumerate(nodes):
             card = self._cards.get(node)
             if card:
                 for fault in self.faults:
-                    fault.samples(card, float(times[-1]))
-                times = np.asarray(times - self.lateness(card, times))
-            quantity = self._nodes.get(node)
-            volts = quantity(self, times, self._noise[node]) if quantity else np.zeros(len(times))
-            for fault in self.faults:
-                volts = fault.channel(node, volts, times)
-            return volts
+                    fault.samples(card, float(times[row, -1]))
+                clocked[row] -= self.lateness(card, times[row])
+        return clocked
 
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
         """Return the delay of a card's clock against the rig's, (times,) s."""

@@ -14,7 +14,7 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 from haploop.instruments.config import RigFile
 from haploop.instruments.operator import Press
-from haploop.mocks.plant.buttons import FLAWS, Finger, Flaw, SimulatedPress, button_named, press_button
+from haploop.mocks.plant.buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
 from haploop.mocks.plant.fault_kinds import Faults
 from haploop.mocks.plant.nodes import LaserHead
 from haploop.mocks.plant.patches import Patches
@@ -51,7 +51,7 @@ class Scene(ABC):
         self.settings = file.simulation
         self.section = table_of(file)
         self.faults = Faults.of_file(file)
-        self.presses: list[SimulatedPress] = []
+        self.presses = Presses()
         self.loads: list[tuple[float, float]] = []
         """Additional weights on the force sensor: the time from which each applies (s), and its force (N)."""
         self.aimed = "button"
@@ -107,10 +107,11 @@ class Scene(ABC):
             rng = self.rng(name if request.attempt == 1 else f"{name}, attempt {request.attempt}")
             button, flaw = button_named(request.button), self._flaw(name, request.attempt)
             start = self.clock.now() + finger.reaction * float(rng.uniform(0.8, 1.25))
-            self.presses.append(press_button(button, finger, request, start, rng, flaw))
+            press = press_button(button, finger, request, start, rng, flaw)
+            self.presses.add(press)
             if flaw == "double":
-                again = self.presses[-1].stop + float(rng.uniform(0.03, 0.2))
-                self.presses.append(press_button(button, finger, request, again, rng, flaw))
+                again = press.stop + float(rng.uniform(0.03, 0.2))
+                self.presses.add(press_button(button, finger, request, again, rng, flaw))
 
     def _flaw(self, press: str, attempt: int) -> Flaw:
         """Return the flaw of an attempt at a press, or "". From the third attempt on there is none."""

@@ -6,18 +6,20 @@ plant is freed at once with its memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.sensors import low_pass
-from haploop.mocks.plant.buttons import SimulatedPress, latest
+from haploop.mocks.plant.buttons import SimulatedPress
 from haploop.mocks.plant.nodes import LaserHead
 from haploop.mocks.plant.scene import GRAVITY, Scene
 
-__all__ = ["Quantity", "laser", "wired"]
+__all__ = ["Output", "Quantity", "laser", "wired"]
 
 FORCE_NOISE = 0.03
 """Standard deviation of Fz (N), measured on a real Mini40 (found; docs/hardware.md, "Force sensor")."""
@@ -43,40 +45,51 @@ _RING = 0.2
 """Time for which a click's vibration lasts after the finger has left (s)."""
 
 
-Quantity = Callable[[Scene, FloatArray, np.random.Generator], FloatArray]
-"""Function that returns a node's voltage, (times,) V, at times (s)."""
+Quantity = Callable[[Scene, FloatArray, Sequence[int], Sequence[np.random.Generator]], FloatArray]
+"""Function that returns the voltages of some outputs of a sensor, (outputs, times) V, at the times of each,
+(outputs, times) s, from the outputs' numbers and their generators of noise. All outputs at once take a
+quarter of the time that they take one by one: a block is short, and a call of numpy is not."""
 
 
-def wired(scene: Scene) -> dict[str, Quantity]:
+@dataclass(frozen=True)
+class Output:
+    """An output of a sensor: what it measures, and its number among the sensor's outputs."""
+
+    quantity: Quantity
+    number: int = 0
+
+
+def wired(scene: Scene) -> dict[str, Output]:
     """Return the rig file's sensors by their nodes.
 
     The scatter of rest, tilt and zero is an estimate (docs/hardware.md, "Force sensor", "Accelerometer").
     """
     sensors = scene.file.sensors
-    nodes: dict[str, Quantity] = {}
+    nodes: dict[str, Output] = {}
+
+    def wire(channels: Sequence[str], quantity: Quantity) -> None:
+        nodes.update({node: Output(quantity, i) for i, node in enumerate(channels)})
+
     if sensors.force:
         gauges = _loaded_gauges(scene, np.linalg.inv(np.array(sensors.force.matrix)))
         rest = scene.rng("gauges").normal(0, 0.3, 6)
         # Scale the gauges' noise so that Fz, the matrix's third row, has FORCE_NOISE.
         noise = FORCE_NOISE / float(np.linalg.norm(sensors.force.matrix[2]))
-        for i, node in enumerate(sensors.force.channels):
-            nodes[node] = partial(_gauge, row=gauges[i], rest=float(rest[i]), noise=noise)
+        wire(sensors.force.channels, partial(_gauges, gauges=gauges, rest=rest, noise=noise))
     if sensors.acceleration:
         tilt = np.array([0.04, -0.03, 1.0])
         for fault in scene.faults:
             tilt = fault.tilt(tilt)
         zero = scene.rng("accelerometer").normal(0, 0.03, 3) * GRAVITY
-        for i, node in enumerate(sensors.acceleration.channels):
-            nodes[node] = partial(_axis, tilt=float(tilt[i]), zero=float(zero[i]))
+        wire(sensors.acceleration.channels, partial(_axes, tilt=tilt, zero=zero))
     if sensors.activation:
-        nodes[sensors.activation.channels[0]] = _contact
+        wire(sensors.activation.channels[:1], _contact)
     if sensors.drive:
         one, *more = sensors.drive.channels
         patches = scene.surface.patches
         behind = tuple(patches) if not more else scene.section.patches[:1]
-        nodes[one] = partial(_monitor, patches=behind)
-        for patch, node in zip(scene.section.patches[1:], more, strict=False):
-            nodes[node] = partial(_monitor, patches=(patch,))
+        each = [behind, *((patch,) for patch, _ in zip(scene.section.patches[1:], more, strict=False))]
+        wire([one, *more][: len(each)], partial(_monitors, patches=each))
     return nodes
 
 
@@ -87,33 +100,51 @@ def _loaded_gauges(scene: Scene, gauges: FloatArray) -> FloatArray:
     return gauges
 
 
-def _gauge(
-    scene: Scene, times: FloatArray, rng: np.random.Generator, *, row: FloatArray, rest: float, noise: float
+def _gauges(
+    scene: Scene,
+    times: FloatArray,
+    outputs: Sequence[int],
+    rngs: Sequence[np.random.Generator],
+    *,
+    gauges: FloatArray,
+    rest: FloatArray,
+    noise: float,
 ) -> FloatArray:
-    force = np.zeros((6, len(times)))
-    force[2] = WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
+    force = np.zeros((len(times), 6, times.shape[1]))
+    force[:, 2] = WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
     if scene.loads:
         since = np.searchsorted([at for at, _ in scene.loads], times, side="right")
-        force[2] += np.array([0.0, *(weight for _, weight in scene.loads)])[since]
-    for press in latest(scene.presses, times[0], times[-1], 0.0):
+        force[:, 2] += np.array([0.0, *(weight for _, weight in scene.loads)])[since]
+    for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), 0.0):
         # A press also has a lateral force (estimate; docs/hardware.md, "Force sensor").
         pressed = press.force(times)
-        force[0] += 0.05 * pressed
-        force[1] -= 0.03 * pressed
-        force[2] += pressed
-    return np.asarray(rest + row @ force + noise * rng.standard_normal(len(times)))
+        force[:, 0] += 0.05 * pressed
+        force[:, 1] -= 0.03 * pressed
+        force[:, 2] += pressed
+    volts = np.empty(times.shape)
+    for row, (output, rng) in enumerate(zip(outputs, rngs, strict=True)):
+        volts[row] = rest[output] + gauges[output] @ force[row] + noise * rng.standard_normal(len(volts[row]))
+    return volts
 
 
-def _axis(
-    scene: Scene, times: FloatArray, rng: np.random.Generator, *, tilt: float, zero: float
+def _axes(
+    scene: Scene,
+    times: FloatArray,
+    outputs: Sequence[int],
+    rngs: Sequence[np.random.Generator],
+    *,
+    tilt: FloatArray,
+    zero: FloatArray,
 ) -> FloatArray:
     sensor = scene.file.sensors.acceleration
     assert sensor is not None
-    motion = tilt * GRAVITY + zero + np.zeros(len(times))
-    for press in latest(scene.presses, times[0], times[-1], _RING):
-        motion += tilt * _filtered(scene, press, sensor.bandwidth_hz, times)
+    tilted = tilt[list(outputs), np.newaxis]
+    motion = tilted * GRAVITY + zero[list(outputs), np.newaxis] + np.zeros(times.shape)
+    for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), _RING):
+        motion += tilted * _filtered(scene, press, sensor.bandwidth_hz, times)
     density = ACCELEROMETER_NOISE * np.sqrt(np.pi / 2 * sensor.bandwidth_hz)
-    motion += density * rng.standard_normal(len(times))
+    for row, rng in zip(motion, rngs, strict=True):
+        row += density * rng.standard_normal(len(row))
     clipped = np.clip(motion, -ACCELEROMETER_CLIP, ACCELEROMETER_CLIP)
     return np.asarray(sensor.zero + sensor.sensitivity * clipped)
 
@@ -124,7 +155,8 @@ def _filtered(scene: Scene, press: SimulatedPress, pole_hz: float, times: FloatA
     key = (press.start, pole_hz)
     if key not in scene.shaken:
         rate_hz, lead = 50_000.0, 0.05
-        count = round((press.stop - press.start + _RING + 2 * lead) * rate_hz)
+        # A length without large prime factors: others take ten times as long. The press begins and ends at rest.
+        count = next_fast_len(round((press.stop - press.start + _RING + 2 * lead) * rate_hz), real=True)
         grid = press.start - lead + np.arange(count) / rate_hz
         spectrum = np.fft.rfft(press.acceleration(grid))
         passed = spectrum * low_pass(
@@ -138,24 +170,45 @@ def _filtered(scene: Scene, press: SimulatedPress, pole_hz: float, times: FloatA
     return np.asarray(np.interp(times, grid, shaken, left=0.0, right=0.0))
 
 
-def _contact(scene: Scene, times: FloatArray, rng: np.random.Generator) -> FloatArray:
-    flips = np.sort(np.concatenate([p.flips for p in scene.presses] or [np.zeros(0)]))
-    closed = np.searchsorted(flips, times, side="right") % 2
-    return np.asarray(CONTACT * closed + 0.01 * rng.standard_normal(len(times)))
+def _contact(
+    scene: Scene, times: FloatArray, outputs: Sequence[int], rngs: Sequence[np.random.Generator]
+) -> FloatArray:
+    closed = np.searchsorted(scene.presses.flips, times, side="right") % 2
+    noise = np.array([rng.standard_normal(times.shape[1]) for rng in rngs])
+    return np.asarray(CONTACT * closed + 0.01 * noise)
 
 
-def _monitor(
-    scene: Scene, times: FloatArray, rng: np.random.Generator, *, patches: tuple[str, ...]
+def _monitors(
+    scene: Scene,
+    times: FloatArray,
+    outputs: Sequence[int],
+    rngs: Sequence[np.random.Generator],
+    *,
+    patches: Sequence[Sequence[str]],
 ) -> FloatArray:
     sensor = scene.file.sensors.drive
     assert sensor is not None
-    # A divider on the bus behind the relay measures the connected patches.
-    volts = [scene.patches.voltage(p, times) for p in patches]
-    return np.asarray(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
+    rows = []
+    for output, own in zip(outputs, times, strict=True):
+        # A divider on the bus behind the relay measures the connected patches.
+        volts = [scene.patches.voltage(p, own) for p in patches[output]]
+        rows.append(max(volts, key=lambda v: float(np.abs(v).max())) / sensor.ratio)
+    return np.array(rows)
 
 
-def laser(scene: Scene, times: FloatArray, rng: np.random.Generator, *, head: LaserHead) -> FloatArray:
-    """Return the output of a vibrometer at the point where the laser is aimed, (times,) V."""
+def laser(
+    scene: Scene,
+    times: FloatArray,
+    outputs: Sequence[int],
+    rngs: Sequence[np.random.Generator],
+    *,
+    head: LaserHead,
+) -> FloatArray:
+    """Return the output of a vibrometer at the point where the laser is aimed: see `Quantity`."""
+    return np.array([_seen(scene, own, rng, head) for own, rng in zip(times, rngs, strict=True)])
+
+
+def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: LaserHead) -> FloatArray:
     level = np.full(len(times), head.level)
     for fault in scene.faults:
         level = fault.light(level, times)

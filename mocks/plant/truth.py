@@ -23,7 +23,7 @@ class Truth:
     @property
     def presses(self) -> tuple[SimulatedPress, ...]:
         """All presses so far, in order."""
-        return tuple(self._scene.presses)
+        return tuple(self._scene.presses.all)
 
     @property
     def resonance_hz(self) -> float:

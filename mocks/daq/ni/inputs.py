@@ -82,6 +82,7 @@ def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) ->
     """Return the true volts at the terminals, (channels, samples), and True where a channel is driven."""
     volts = np.empty((len(task.channels), len(index)))
     driven = np.ones(len(task.channels), dtype=np.bool_)
+    rows, nodes = [], []
     for row, channel in enumerate(task.channels):
         name = channel.physical[0]
         node = system.wiring.get(f"{channel.device.name}/{name}")
@@ -89,13 +90,16 @@ def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) ->
             output = f"{channel.device.name}/{name[1:].split('_')[0]}"
             volts[row] = system.outputs[output].at(times[row])
         elif node is not None and system.nodes is not None:
-            try:
-                volts[row] = system.nodes.read(node, times[row])
-            except SamplesLost as lost:
-                raise DaqmxError(LOST[lost.how], str(lost), read=0) from None
+            rows.append(row)
+            nodes.append(node)
         else:
             driven[row] = False
             volts[row] = _sine(channel, row, index)
+    if system.nodes is not None and rows:
+        try:
+            volts[rows] = system.nodes.read(nodes, np.array([times[row] for row in rows]))
+        except SamplesLost as lost:
+            raise DaqmxError(LOST[lost.how], str(lost), read=0) from None
     return volts, driven
 
 
