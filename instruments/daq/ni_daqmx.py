@@ -138,7 +138,8 @@ class NiDaq(Daq):
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
         names = {name for card in self._cards.values() for name in (card.name, card.home)}
-        self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in ("input", "output", "zero"))
+        purposes = ("input", "output", "zero", "outputs")
+        self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)
 
     def zero(self) -> None:
         """See `Daq.zero`. Stops every play first, because a playing task reserves its outputs."""
@@ -167,6 +168,27 @@ class NiDaq(Daq):
             taken = task.write([0.0] * len(outputs) if len(outputs) > 1 else 0.0, auto_start=True)
         if taken != 1:
             raise InstrumentError(f"{device} did not say that its outputs took zero: try again.")
+
+    def outputs_read(self) -> Mapping[str, float]:
+        """See `Daq.outputs_read`, through the cards' internal channels for it."""
+        named: dict[str, list[str]] = {}
+        for name, output in self._settings.outputs.items():
+            card = self._cards[device_of(output.terminal)]
+            streaming = any(card.home in stream.homes for stream in self._streams)
+            if card.reads_outputs and not streaming:
+                named.setdefault(card.name, []).append(name)
+        read: dict[str, float] = {}
+        for device, names in named.items():
+            with self.talking_to(device), self.task(f"{device} outputs") as task:
+                for name in names:
+                    terminal = self._settings.outputs[name].terminal
+                    # Full scale, whatever the rig file allows: another program may put out more.
+                    task.ai_channels.add_ai_voltage_chan(
+                        f"{device}/_{terminal.partition('/')[2]}_vs_aognd", min_val=-10.0, max_val=10.0
+                    )
+                volts = task.read()
+            read |= zip(names, volts if isinstance(volts, list) else [volts], strict=True)
+        return read
 
     def close(self) -> None:
         """See `Daq.close`."""
@@ -286,6 +308,11 @@ class _NiStream(Stream):
                 with daq.talking_to(home):
                     task.start()
             undo.pop_all()
+
+    @property
+    def homes(self) -> tuple[str, ...]:
+        """Devices whose inputs it has reserved."""
+        return tuple(home for home, _ in self._plan.inputs) if self._open else ()
 
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""

@@ -24,7 +24,7 @@ from haploop.instruments.rig.monitoring import Monitoring
 from haploop.instruments.rig.playing import Playing
 from haploop.instruments.rig.ratings import ratings
 from haploop.instruments.rig.roles import Instruments, Role
-from haploop.instruments.safety import Audit, Limiter, Lockout, SafeState, combined, state_folder
+from haploop.instruments.safety import Audit, Limiter, Lockout, Outputs, SafeState, combined, state_folder
 from haploop.instruments.signals import at_console_close, ending_in_order, uninterrupted
 
 __all__ = ["Rig"]
@@ -48,7 +48,8 @@ class Rig(Instruments):
         self.hardware = frozenset(hardware)
         """Pieces of hardware that one rig may use at a time, and on which a lockout is set."""
         self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
-        self._limiter = Limiter(clock, self.audit, self.hardware)
+        self._outputs = Outputs(self._roles)
+        self._limiter = Limiter(clock, self.audit, self.hardware, self._outputs)
         self._safe = SafeState(self._roles, clock, self.audit)
         self._settings = DeclaredSettings()
         self._feed = Feed()

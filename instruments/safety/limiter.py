@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import weakref
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,11 +20,12 @@ import numpy as np
 from haploop.instruments.amplifier import Amplifier
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
-from haploop.instruments.errors import LimitError
+from haploop.instruments.errors import InstrumentError, LimitError
 from haploop.instruments.generator import Sweep
 from haploop.instruments.limits import Limits, sounding
 from haploop.instruments.safety.audit import Audit
 from haploop.instruments.safety.lockout import Lockout, lockout_of
+from haploop.instruments.safety.outputs import Outputs
 
 __all__ = ["Limiter", "Ratings", "combined"]
 
@@ -60,12 +62,13 @@ class Limiter:
     a closed rig in memory.
     """
 
-    def __init__(self, clock: Clock, audit: Audit, hardware: Collection[str]) -> None:
+    def __init__(self, clock: Clock, audit: Audit, hardware: Collection[str], outputs: Outputs) -> None:
         self.unsaved_lockout: Lockout | None = None
         """A lockout that could not be written to disk: it lasts while the rig is open."""
         self._clock = clock
         self._audit = audit
         self._hardware = hardware
+        self._outputs = weakref.ref(outputs)
         self._lock = threading.Lock()
         self._permit: _Permit | None = None
         self._playing: set[str] = set()
@@ -174,6 +177,8 @@ class Limiter:
             or np.any(volts[len(allowed) :])
         ):
             raise self._not_authorised(output)
+        if not self._playing:
+            self._known(Outputs.no_sweep)
         self._playing.add(output)
 
     def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
@@ -182,6 +187,8 @@ class Limiter:
             raise self._not_authorised(output)
         if starts:
             self._playing.add(output)
+        else:
+            self._known(Outputs.no_sweep)
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
         """See `Interlock.authorise_patches`. Opening is always allowed."""
@@ -193,7 +200,21 @@ class Limiter:
                 f"The relay was not switched to {', '.join(sorted(patches))}: a drive is being played into "
                 f"{', '.join(sorted(permit.patches))}, and until it has ended the relay only opens."
             )
+        self._known(Outputs.rest)
         self._audit.note("connected", patches=sorted(patches))
+
+    def _known(self, look: Callable[[Outputs], None]) -> None:
+        """Look at the outputs, and log why something is not done. Raises InstrumentError."""
+        outputs = self._outputs()
+        try:
+            if outputs is None:
+                raise InstrumentError(
+                    "The rig was closed, and nobody knows what its outputs do: open it again."
+                )
+            look(outputs)
+        except InstrumentError as error:
+            self._audit.note("refused", why=str(error))
+            raise
 
     def _current(self, output: str) -> _Permit:
         permit = self._permit

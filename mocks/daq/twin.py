@@ -36,6 +36,14 @@ class _Output:
     def play(self, run: Run) -> None:
         self._run, self._next = run, 0
 
+    def volts(self, now: float) -> float:
+        """Volts at `now` (s)."""
+        run = self._run
+        if run is None or run.start > now:
+            return 0.0
+        step = int((now - run.start) / run.period + 1e-3) if len(run.values) > 1 else 0
+        return float(run.values[min(step, len(run.values) - 1)])
+
     def take(self, until: float) -> Sequence[Run]:
         """See `haploop.mocks.plant.Source.take`."""
         run = self._run
@@ -85,6 +93,9 @@ class DaqTwin(Daq):
                 delays = np.arange(len(mine), dtype=np.float64) * interval
                 devices.append(_Device(name, product, tuple(mine), ranges, delays, noise))
         start = self._plant.clock.now()
+        if play:
+            # The plant takes what stood on the outputs until now, before it is replaced.
+            self._plant.advance(start)
         for name, volts in (play or {}).items():
             put = put_out(volts, self._products[_card(self._settings.outputs[name].terminal)])
             self._outputs[name].play(Run(start, 1 / rate_hz, put))
@@ -97,6 +108,11 @@ class DaqTwin(Daq):
         self._plant.advance(now)
         for output in self._outputs.values():
             output.play(Run(now, np.inf, np.zeros(1)))
+
+    def outputs_read(self) -> Mapping[str, float]:
+        """See `Daq.outputs_read`."""
+        now = self._plant.clock.now()
+        return {name: output.volts(now) for name, output in self._outputs.items()}
 
     def close(self) -> None:
         """See `Daq.close`."""
