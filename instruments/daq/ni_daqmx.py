@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 from haploop.instruments.daq.ni_cards import Plan, believed, device_of, find_cards
-from haploop.instruments.daq.ni_errors import translated, understood
+from haploop.instruments.daq.ni_errors import cut_off, translated, understood
 from haploop.instruments.daq.ni_sessions import Sessions
 from haploop.instruments.daq.role import Block, Daq, Stream
 from haploop.instruments.driver import one_name
@@ -44,6 +44,10 @@ _LATE = 5.0
 """Delay beyond which a block counts as lost (s)."""
 _BEYOND = 2.0
 """Multiple of its range beyond which a reading is invalid; some cards read a twentieth beyond the range."""
+_SAME = 1e-6
+"""Largest relative difference between the rates that cards on one clock report."""
+_AFTER = 1.0
+"""Time for an output to report its last sample, when the inputs have delivered theirs (s)."""
 _APART = 0.5
 """Largest apparent lag between two cards on one clock (s): they transfer samples in chunks."""
 
@@ -265,16 +269,23 @@ class _NiStream(Stream):
         self._rows = [order.index(name) for name in channels]
         self._inputs: list[Any] = []
         self._player: Any = None
+        self._length = 0
         self._open = True
         with ExitStack() as undo:
             undo.callback(self.release)
             delays, ranges, widths = [], [], []
             for home, names in plan.inputs:
                 with daq.talking_to(home):
-                    task = self._input(home, names, rate_hz)
-                    if home == plan.master:
-                        # The others sample on this card's clock, whatever rate their own would make of it.
-                        self.rate_hz = float(task.timing.samp_clk_rate)
+                    master = home == plan.master
+                    task = self._input(home, names, rate_hz if master else self.rate_hz)
+                    own = float(task.timing.samp_clk_rate)
+                    if master:
+                        self.rate_hz = own
+                    elif not abs(own - self.rate_hz) <= _SAME * self.rate_hz:
+                        raise ConfigurationError(
+                            f"{home} would sample at {own:g} Hz on the clock of {plan.master}, which runs at "
+                            f"{self.rate_hz:g} Hz: choose a rate that both cards have."
+                        )
                     # Some cards have few rates, and choose the next one.
                     if not rate_hz / 2 < self.rate_hz < 2 * rate_hz:
                         raise ConfigurationError(
@@ -327,6 +338,7 @@ class _NiStream(Stream):
                     f"{' and '.join(home for home, _ in self._plan.inputs)} delivered values beyond range "
                     f"from sample {first} on: the block was discarded. Restart the driver or device server."
                 )
+            self._refuse_cut_off(first + count)
             overload = np.any(size >= self._end, axis=1)
             yield Block(first, volts[self._rows], overload[self._rows])
             first += count
@@ -387,7 +399,7 @@ class _NiStream(Stream):
         output = self._plan.output
         assert output is not None, "a waveform has an output"
         settings = self._daq.settings
-        length = max(2, *(len(volts) for volts in play.values()))
+        length = self._length = max(2, *(len(volts) for volts in play.values()))
         rows = np.array([np.pad(v, (0, length - len(v)), mode="edge") for v in play.values()], np.float64)
         with self._daq.talking_to(output):
             task = self._player = self._daq.task(f"{self._plan.output} output")
@@ -397,13 +409,8 @@ class _NiStream(Stream):
                     settings.outputs[name].terminal, min_val=-reach, max_val=reach
                 )
             master = self._plan.master
-            if output == master:
-                task.timing.cfg_samp_clk_timing(self.rate_hz, samps_per_chan=length)
-                task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{master}/ai/StartTrigger")
-            else:
-                task.timing.cfg_samp_clk_timing(
-                    self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length
-                )
+            # Also on the master's own card: two dividers of one timebase need not give the same rate.
+            task.timing.cfg_samp_clk_timing(self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length)
             taken = AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
             if taken != length:
                 raise InstrumentError(
@@ -429,6 +436,21 @@ class _NiStream(Stream):
         if len(volts) > 1 and self._samples is None:
             self._refuse_drift()
         return np.concatenate(volts)
+
+    def _refuse_cut_off(self, end: int) -> None:
+        """Check, when the inputs are at sample `end`, that the waveform has been played whole so far."""
+        task, output = self._player, self._plan.output
+        if task is None or output is None:
+            return
+        with self._daq.talking_to(output):
+            # The task's own error, such as an underflow, is raised here.
+            done = task.is_task_done()
+            if not done and end >= self._length:
+                task.wait_until_done(_AFTER)
+                done = True
+            played = int(task.out_stream.total_samp_per_chan_generated) if done else end
+        if played < self._length and done:
+            raise cut_off(output, played)
 
     def _refuse_drift(self) -> None:
         """Check that cards on one clock have taken equally many samples."""

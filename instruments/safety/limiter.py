@@ -208,9 +208,7 @@ class Limiter:
         outputs = self._outputs()
         try:
             if outputs is None:
-                raise InstrumentError(
-                    "The rig was closed, and nobody knows what its outputs do: open it again."
-                )
+                raise InstrumentError("The rig was closed: open it again.")
             look(outputs)
         except InstrumentError as error:
             self._audit.note("refused", why=str(error))

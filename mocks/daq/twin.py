@@ -13,11 +13,11 @@ from nidaqmx.errors import DaqError
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.daq import Block, Daq, Stream
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.daq.ni_errors import translated
+from haploop.instruments.daq.ni_errors import cut_off, translated
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.mocks.daq.converter import LOST, convert, noise_of, put_out
+from haploop.mocks.daq.converter import LOST, STOPPED, convert, noise_of, put_out
 from haploop.mocks.daq.products import PRODUCTS, Product, convert_interval, input_range
-from haploop.mocks.plant import Plant, Run, SamplesLost
+from haploop.mocks.plant import Plant, PlayStopped, Run, SamplesLost
 
 __all__ = ["DaqTwin"]
 
@@ -35,6 +35,10 @@ class _Output:
 
     def play(self, run: Run) -> None:
         self._run, self._next = run, 0
+
+    def cut_off(self, now: float) -> None:
+        """Stop playing at `now` (s); the value is held."""
+        self.play(Run(now, np.inf, np.array([self.volts(now)])))
 
     def volts(self, now: float) -> float:
         """Volts at `now` (s)."""
@@ -99,7 +103,24 @@ class DaqTwin(Daq):
         for name, volts in (play or {}).items():
             put = put_out(volts, self._products[_card(self._settings.outputs[name].terminal)])
             self._outputs[name].play(Run(start, 1 / rate_hz, put))
-        return _TwinStream(self, self._plant, devices, tuple(channels), rate_hz, block, samples, start)
+        playing = {name: _card(self._settings.outputs[name].terminal) for name in play or {}}
+        return _TwinStream(
+            self, self._plant, devices, tuple(channels), rate_hz, block, samples, start, playing
+        )
+
+    def cut_off(self, outputs: Mapping[str, str], played: int) -> None:
+        """Stop what plays on `outputs` (cards by name) when a fault ends it. Raises the driver's error."""
+        now = self._plant.clock.now()
+        for card in dict.fromkeys(outputs.values()):
+            try:
+                self._plant.plays(card)
+            except PlayStopped as stopped:
+                for name in outputs:
+                    self._outputs[name].cut_off(now)
+                if stopped.how in STOPPED:
+                    with translated(card, None):
+                        raise DaqError("", STOPPED[stopped.how].value) from None
+                raise cut_off(card, played) from None
 
     def zero(self) -> None:
         """See `Daq.zero`."""
@@ -180,9 +201,11 @@ class _TwinStream(Stream):
         block: int,
         samples: int | None,
         start: float,
+        playing: Mapping[str, str],
     ) -> None:
         self.channels = channels
         self.rate_hz = rate_hz
+        self._playing = playing
         order = [channel for device in devices for channel in device.channels]
         self._rows = [order.index(channel) for channel in channels]
         self.delays = np.concatenate([d.delays for d in devices])[self._rows]
@@ -208,6 +231,7 @@ class _TwinStream(Stream):
                 converted = convert(np.array(rows), device.ranges, device.product, device.noise)
                 volts.append(converted[0])
                 overload.append(converted[1])
+            self._daq.cut_off(self._playing, first + count)
             if self._samples is None:
                 self._refuse_drift(edges[-1])
             yield Block(first, np.concatenate(volts)[self._rows], np.concatenate(overload)[self._rows])

@@ -99,6 +99,11 @@ class Plant(Scene):
                 volts = fault.channel(node, volts, times)
             return volts
 
+    def plays(self, device: str) -> None:
+        """See `haploop.mocks.plant.Nodes.plays`."""
+        for fault in self.faults:
+            fault.plays(device, self.clock.now())
+
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
         """Return the delay of a card's clock against the rig's, (times,) s."""
         late = np.zeros(len(times))
