@@ -67,7 +67,7 @@ _EMPTY = "Close what loads this computer and try again."
 _SENTENCES = {
     DAQmxErrors.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES: "{device} ran out of samples to play (-200290): "
     f"the waveform was not played whole. {_EMPTY}",
-    DAQmxErrors.OUTPUT_FIFO_UNDERFLOW_2: "{device} ran out of samples to play, because its own memory was not "
+    DAQmxErrors.OUTPUT_FIFO_UNDERFLOW_2: "{device} ran out of samples to play, because its memory was not "
     f"filled in time (-200621): the waveform was not played whole. {_EMPTY}",
     DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE: "{device} lost samples, because they were not read in time "
     "(-200279): close what loads this computer, or make buffer_s in [daq] larger.",

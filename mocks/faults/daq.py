@@ -88,7 +88,7 @@ class DaqOverflow(_OfCard):
 
 
 class PlayCutOff(_OfCard):
-    """A card's play ends before its time, at the first block after `after`; the output holds its last value."""
+    """A card's play ends before its time, at a block after `after`; the output holds its last value."""
 
     class Settings(_OfCard.Settings):
         """See `FaultSettings`."""

@@ -53,7 +53,7 @@ class SamplesLost(Exception):  # noqa: N818  an event, which each maker's driver
 
 
 class PlayStopped(Exception):  # noqa: N818  an event, as SamplesLost
-    """A play that ended before its time: its buffer or the card's memory ran empty, or somebody stopped it."""
+    """A play that ended before its time: a buffer or the card's memory was empty, or somebody stopped it."""
 
     def __init__(self, device: str, how: Literal["underflow", "fifo", "stopped"]) -> None:
         super().__init__(f"{device} stopped playing.")
