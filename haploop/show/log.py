@@ -12,7 +12,7 @@ from rich.table import Table
 
 from haploop.instruments import RigFile, hardware, log_entries
 from haploop.instruments.driver import Mode
-from haploop.instruments.safety import lockout_of, state_folder
+from haploop.instruments.safety import lockout_of, lockouts_folder, state_folder
 from haploop.progress import note, print_json, print_line, print_table
 
 __all__ = ["show_log"]
@@ -25,7 +25,7 @@ def show_log(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None
     """Print the last entries for rigs of this name, and the lockout."""
     folder = state_folder(file, mode is not None)
     found = deque(log_entries(file, mode), last)
-    lockout = lockout_of(folder, hardware(file, mode))
+    lockout = lockout_of(lockouts_folder(folder, mode is not None), hardware(file, mode))
     if as_json:
         print_json({"rig": file.name, "lockout": lockout and lockout.sentence, "entries": list(found)})
         return

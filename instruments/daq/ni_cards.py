@@ -15,6 +15,10 @@ from haploop.instruments.errors import ConfigurationError, InstrumentError
 __all__ = ["Card", "Plan", "believed", "device_of", "find_cards"]
 
 
+_READ_OUTPUTS = (ProductCategory.M_SERIES_DAQ, ProductCategory.X_SERIES_DAQ)
+"""Families with internal channels `_aoN_vs_aognd` (docs/hardware.md, "All NI cards")."""
+
+
 @dataclass(frozen=True)
 class Card:
     """Properties that a card reports."""
@@ -26,6 +30,8 @@ class Card:
     home: str
     """Device whose clocks its tasks use: the card itself, or the chassis of a module."""
     simultaneous: bool
+    reads_outputs: bool = False
+    """True when it has internal channels for the volts of its outputs."""
 
 
 def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: str | None) -> dict[str, Card]:
@@ -119,7 +125,8 @@ def device_of(terminal: str) -> str:
 
 
 def _card(device: Any, name: str) -> Card:
-    module = device.product_category == ProductCategory.C_SERIES_MODULE
+    category = device.product_category
+    module = category == ProductCategory.C_SERIES_MODULE
     return Card(
         name=name,
         product=str(device.product_type),
@@ -127,4 +134,5 @@ def _card(device: Any, name: str) -> Card:
         simulated=bool(device.is_simulated),
         home=str(device.compact_daq_chassis_device.name) if module else name,
         simultaneous=bool(device.ai_simultaneous_sampling_supported),
+        reads_outputs=category in _READ_OUTPUTS,
     )

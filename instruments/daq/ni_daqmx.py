@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 from haploop.instruments.daq.ni_cards import Plan, believed, device_of, find_cards
-from haploop.instruments.daq.ni_errors import translated, understood
+from haploop.instruments.daq.ni_errors import cut_off, translated, understood
 from haploop.instruments.daq.ni_sessions import Sessions
 from haploop.instruments.daq.role import Block, Daq, Stream
 from haploop.instruments.driver import one_name
@@ -44,6 +44,10 @@ _LATE = 5.0
 """Delay beyond which a block counts as lost (s)."""
 _BEYOND = 2.0
 """Multiple of its range beyond which a reading is invalid; some cards read a twentieth beyond the range."""
+_SAME = 1e-6
+"""Largest relative difference between the rates that cards on one clock report."""
+_AFTER = 1.0
+"""Time for an output to report its last sample, when the inputs have delivered theirs (s)."""
 _APART = 0.5
 """Largest apparent lag between two cards on one clock (s): they transfer samples in chunks."""
 
@@ -138,7 +142,8 @@ class NiDaq(Daq):
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
         names = {name for card in self._cards.values() for name in (card.name, card.home)}
-        self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in ("input", "output", "zero"))
+        purposes = ("input", "output", "zero", "outputs")
+        self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)
 
     def zero(self) -> None:
         """See `Daq.zero`. Stops every play first, because a playing task reserves its outputs."""
@@ -167,6 +172,27 @@ class NiDaq(Daq):
             taken = task.write([0.0] * len(outputs) if len(outputs) > 1 else 0.0, auto_start=True)
         if taken != 1:
             raise InstrumentError(f"{device} did not say that its outputs took zero: try again.")
+
+    def outputs_read(self) -> Mapping[str, float]:
+        """See `Daq.outputs_read`, through the cards' internal channels for it."""
+        named: dict[str, list[str]] = {}
+        for name, output in self._settings.outputs.items():
+            card = self._cards[device_of(output.terminal)]
+            streaming = any(card.home in stream.homes for stream in self._streams)
+            if card.reads_outputs and not streaming:
+                named.setdefault(card.name, []).append(name)
+        read: dict[str, float] = {}
+        for device, names in named.items():
+            with self.talking_to(device), self.task(f"{device} outputs") as task:
+                for name in names:
+                    terminal = self._settings.outputs[name].terminal
+                    # Full scale, whatever the rig file allows: another program may put out more.
+                    task.ai_channels.add_ai_voltage_chan(
+                        f"{device}/_{terminal.partition('/')[2]}_vs_aognd", min_val=-10.0, max_val=10.0
+                    )
+                volts = task.read()
+            read |= zip(names, volts if isinstance(volts, list) else [volts], strict=True)
+        return read
 
     def close(self) -> None:
         """See `Daq.close`."""
@@ -243,16 +269,23 @@ class _NiStream(Stream):
         self._rows = [order.index(name) for name in channels]
         self._inputs: list[Any] = []
         self._player: Any = None
+        self._length = 0
         self._open = True
         with ExitStack() as undo:
             undo.callback(self.release)
             delays, ranges, widths = [], [], []
             for home, names in plan.inputs:
                 with daq.talking_to(home):
-                    task = self._input(home, names, rate_hz)
-                    if home == plan.master:
-                        # The others sample on this card's clock, whatever rate their own would make of it.
-                        self.rate_hz = float(task.timing.samp_clk_rate)
+                    master = home == plan.master
+                    task = self._input(home, names, rate_hz if master else self.rate_hz)
+                    own = float(task.timing.samp_clk_rate)
+                    if master:
+                        self.rate_hz = own
+                    elif not abs(own - self.rate_hz) <= _SAME * self.rate_hz:
+                        raise ConfigurationError(
+                            f"{home} would sample at {own:g} Hz on the clock of {plan.master}, which runs at "
+                            f"{self.rate_hz:g} Hz: choose a rate that both cards have."
+                        )
                     # Some cards have few rates, and choose the next one.
                     if not rate_hz / 2 < self.rate_hz < 2 * rate_hz:
                         raise ConfigurationError(
@@ -287,6 +320,11 @@ class _NiStream(Stream):
                     task.start()
             undo.pop_all()
 
+    @property
+    def homes(self) -> tuple[str, ...]:
+        """Devices whose inputs it has reserved."""
+        return tuple(home for home, _ in self._plan.inputs) if self._open else ()
+
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
         first = 0
@@ -300,6 +338,7 @@ class _NiStream(Stream):
                     f"{' and '.join(home for home, _ in self._plan.inputs)} delivered values beyond range "
                     f"from sample {first} on: the block was discarded. Restart the driver or device server."
                 )
+            self._refuse_cut_off(first + count)
             overload = np.any(size >= self._end, axis=1)
             yield Block(first, volts[self._rows], overload[self._rows])
             first += count
@@ -360,7 +399,7 @@ class _NiStream(Stream):
         output = self._plan.output
         assert output is not None, "a waveform has an output"
         settings = self._daq.settings
-        length = max(2, *(len(volts) for volts in play.values()))
+        length = self._length = max(2, *(len(volts) for volts in play.values()))
         rows = np.array([np.pad(v, (0, length - len(v)), mode="edge") for v in play.values()], np.float64)
         with self._daq.talking_to(output):
             task = self._player = self._daq.task(f"{self._plan.output} output")
@@ -370,13 +409,8 @@ class _NiStream(Stream):
                     settings.outputs[name].terminal, min_val=-reach, max_val=reach
                 )
             master = self._plan.master
-            if output == master:
-                task.timing.cfg_samp_clk_timing(self.rate_hz, samps_per_chan=length)
-                task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{master}/ai/StartTrigger")
-            else:
-                task.timing.cfg_samp_clk_timing(
-                    self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length
-                )
+            # Also on the master's own card: two dividers of one timebase need not give the same rate.
+            task.timing.cfg_samp_clk_timing(self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length)
             taken = AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
             if taken != length:
                 raise InstrumentError(
@@ -402,6 +436,21 @@ class _NiStream(Stream):
         if len(volts) > 1 and self._samples is None:
             self._refuse_drift()
         return np.concatenate(volts)
+
+    def _refuse_cut_off(self, end: int) -> None:
+        """Check, when the inputs are at sample `end`, that the waveform has been played whole so far."""
+        task, output = self._player, self._plan.output
+        if task is None or output is None:
+            return
+        with self._daq.talking_to(output):
+            # The task's own error, such as an underflow, is raised here.
+            done = task.is_task_done()
+            if not done and end >= self._length:
+                task.wait_until_done(_AFTER)
+                done = True
+            played = int(task.out_stream.total_samp_per_chan_generated) if done else end
+        if played < self._length and done:
+            raise cut_off(output, played)
 
     def _refuse_drift(self) -> None:
         """Check that cards on one clock have taken equally many samples."""

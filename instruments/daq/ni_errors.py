@@ -10,7 +10,7 @@ from nidaqmx.errors import DaqError, DaqNotFoundError, DaqNotSupportedError, Rpc
 
 from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
 
-__all__ = ["translated", "understood"]
+__all__ = ["cut_off", "translated", "understood"]
 
 
 @contextmanager
@@ -55,7 +55,20 @@ def understood(device: str) -> Iterator[None]:
         ) from error
 
 
+def cut_off(device: str, played: int) -> InstrumentError:
+    """The error of a play that ended after `played` samples, before its end, without an error of NI's."""
+    return InstrumentError(
+        f"{device} was stopped by somebody else when it had played {played} samples: the waveform was not "
+        "played whole. Close the other program and try again."
+    )
+
+
+_EMPTY = "Close what loads this computer and try again."
 _SENTENCES = {
+    DAQmxErrors.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES: "{device} ran out of samples to play (-200290): "
+    f"the waveform was not played whole. {_EMPTY}",
+    DAQmxErrors.OUTPUT_FIFO_UNDERFLOW_2: "{device} ran out of samples to play, because its memory was not "
+    f"filled in time (-200621): the waveform was not played whole. {_EMPTY}",
     DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE: "{device} lost samples, because they were not read in time "
     "(-200279): close what loads this computer, or make buffer_s in [daq] larger.",
     DAQmxErrors.INPUT_FIFO_OVERFLOW: "{device} lost samples, because its own memory overflowed (-200010): "

@@ -161,6 +161,14 @@ class Daq(Interlocked, ABC):
     def zero(self) -> None:
         """Write zero volts to every output. Idempotent. Raises InstrumentError."""
 
+    def outputs_read(self) -> Mapping[str, float]:
+        """Volts that stand now on the outputs that the cards can read back, by name (V).
+
+        Outputs of other cards are left out, and so are those of a card that is being streamed from.
+        Raises InstrumentError.
+        """
+        return {}
+
     @abstractmethod
     def close(self) -> None:
         """Release the cards without changing an output. May be called again."""

@@ -11,7 +11,15 @@ from haploop.instruments.config import RigFile, load_rig_file
 from haploop.instruments.driver import Mode
 from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.rig.opening import hardware
-from haploop.instruments.safety import Audit, clear_lockout, entries, lockout_of, reserve, state_folder
+from haploop.instruments.safety import (
+    Audit,
+    clear_lockout,
+    entries,
+    lockout_of,
+    lockouts_folder,
+    reserve,
+    state_folder,
+)
 
 __all__ = ["log_entries", "reset_lockout"]
 
@@ -44,10 +52,11 @@ def reset_lockout(rig: str | Path | RigFile, reason: str, simulate: Mode | None 
                 "A reset needs a reason: state the cause of the trip and what was done about it."
             )
         folder = state_folder(file, mode is not None)
-        lockout = lockout_of(folder, pieces)
+        lockouts = lockouts_folder(folder, mode is not None)
+        lockout = lockout_of(lockouts, pieces)
         if lockout is None:
             raise ConfigurationError(f"The rig {file.name!r} is not locked out: there is nothing to reset.")
         Audit(file, folder, mode is not None).note(
             "reset", reason=reason.strip(), locked_out=lockout.when, why=lockout.why
         )
-        clear_lockout(folder, pieces)
+        clear_lockout(lockouts, pieces)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 from haploop.instruments.daq import Block
 from haploop.instruments.progress import Progress
@@ -16,7 +17,7 @@ __all__ = ["Monitoring"]
 
 
 class Monitoring:
-    """Runs the abort monitor in each play of a rig. A trip locks out `hardware`.
+    """Runs the abort monitor in each play of a rig. A trip locks out `hardware`, in the folder `lockouts`.
 
     `live_run` begins a run for live views, as `Rig.live_run`.
     """
@@ -25,12 +26,14 @@ class Monitoring:
         self,
         rig: Instruments,
         audit: Audit,
+        lockouts: Path,
         hardware: Collection[str],
         limiter: Limiter,
         live_run: Callable[[str, str, Collection[str], float], Callable[[Block], None]],
     ) -> None:
         self._rig = rig
         self._audit = audit
+        self._lockouts = lockouts
         self._hardware = hardware
         self._limiter = limiter
         self._live_run = live_run
@@ -66,5 +69,5 @@ class Monitoring:
             if abort_monitor.tripped is not None:
                 rate_hz = rig.table.rate_hz
                 self._limiter.unsaved_lockout = trip(
-                    self._audit, self._hardware, abort_monitor, recorded, rate_hz
+                    self._audit, self._lockouts, self._hardware, abort_monitor, recorded, rate_hz
                 )

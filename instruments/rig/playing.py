@@ -1,7 +1,8 @@
 """Play a drive on the DAQ's outputs or on a player, or a sweep on a generator.
 
 The order is always the same: the limiter authorises, stop signals are held back, the abort monitor is set
-up, the output goes to zero, the relay connects, the drive plays. The safe state follows in every case.
+up, the relay connects once the limiter knows every output to be at zero, the drive plays. The safe state
+follows in every case.
 """
 
 from __future__ import annotations
@@ -217,11 +218,9 @@ class Playing:
 
     @contextmanager
     def _connected(self, patches: Collection[str]) -> Iterator[None]:
-        """Zero the outputs, connect exactly these patches, and reach the safe state on exit."""
-        rig = self._rig
+        """Connect exactly these patches to outputs at zero volts, and reach the safe state on exit."""
         try:
-            rig.daq.zero()
-            rig.relay.connect(patches)
+            self._rig.relay.connect(patches)
             yield
         finally:
             # Zero first: the relay switches without voltage, and a patch is left without charge.

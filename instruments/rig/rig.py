@@ -24,7 +24,16 @@ from haploop.instruments.rig.monitoring import Monitoring
 from haploop.instruments.rig.playing import Playing
 from haploop.instruments.rig.ratings import ratings
 from haploop.instruments.rig.roles import Instruments, Role
-from haploop.instruments.safety import Audit, Limiter, Lockout, SafeState, combined, state_folder
+from haploop.instruments.safety import (
+    Audit,
+    Limiter,
+    Lockout,
+    Outputs,
+    SafeState,
+    combined,
+    lockouts_folder,
+    state_folder,
+)
 from haploop.instruments.signals import at_console_close, ending_in_order, uninterrupted
 
 __all__ = ["Rig"]
@@ -48,7 +57,11 @@ class Rig(Instruments):
         self.hardware = frozenset(hardware)
         """Pieces of hardware that one rig may use at a time, and on which a lockout is set."""
         self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
-        self._limiter = Limiter(clock, self.audit, self.hardware)
+        self._outputs = Outputs(self._roles)
+        self._lockouts = lockouts_folder(self.audit.folder, mode is not None)
+        # A simulated rig's world is new at each opening: nothing was played in it.
+        counted = None if mode is not None else self._lockouts
+        self._limiter = Limiter(clock, self.audit, self._lockouts, self.hardware, self._outputs, counted)
         self._safe = SafeState(self._roles, clock, self.audit)
         self._settings = DeclaredSettings()
         self._feed = Feed()
@@ -72,6 +85,7 @@ class Rig(Instruments):
 
     def complete(self) -> None:
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""
+        self._limiter.recall()
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
         self._stack.callback(self.audit.note_at_last, "closed")
         self._stack.callback(self.make_safe)
@@ -102,7 +116,7 @@ class Rig(Instruments):
     def _playing(self) -> Playing:
         # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
         # would keep its simulated world until the garbage collector runs.
-        monitoring = Monitoring(self, self.audit, self.hardware, self._limiter, self.live_run)
+        monitoring = Monitoring(self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run)
         return Playing(self, self.clock, self._limiter, monitoring, self.make_safe)
 
     def tap(self, capacity: int = 16) -> Tap:

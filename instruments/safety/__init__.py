@@ -5,7 +5,8 @@ from haploop.instruments.safety.audit import Audit, entries, now_utc, state_fold
 from haploop.instruments.safety.deadline import exit_within, run_within
 from haploop.instruments.safety.limiter import Limiter, combined
 from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
-from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of
+from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, lockouts_folder
+from haploop.instruments.safety.outputs import Outputs
 from haploop.instruments.safety.safe_state import SafeState
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "Audit",
     "Limiter",
     "Lockout",
+    "Outputs",
     "SafeState",
     "clear_lockout",
     "combined",
@@ -21,6 +23,7 @@ __all__ = [
     "hold",
     "is_marked",
     "lockout_of",
+    "lockouts_folder",
     "marked",
     "now_utc",
     "reserve",

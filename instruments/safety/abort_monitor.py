@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -102,9 +103,14 @@ class AbortMonitor:
 
 
 def trip(
-    audit: Audit, hardware: Collection[str], monitor: AbortMonitor, recorded: Collection[str], rate_hz: float
+    audit: Audit,
+    lockouts: Path,
+    hardware: Collection[str],
+    monitor: AbortMonitor,
+    recorded: Collection[str],
+    rate_hz: float,
 ) -> Lockout | None:
-    """Lock the rig out, save the samples and log the trip: each even when the others fail.
+    """Lock the rig out in the folder `lockouts`, save the samples and log: each even when the others fail.
 
     Returns the lockout when it could not be written to disk; the caller must then hold it in memory.
     """
@@ -115,7 +121,7 @@ def trip(
     lockout = Lockout(now.isoformat(timespec="seconds"), str(monitor.tripped), by, str(path))
     unsaved: Lockout | None = lockout
     with suppress(OSError):
-        set_lockout(audit.folder, hardware, lockout)
+        set_lockout(lockouts, hardware, lockout)
         unsaved = None
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)

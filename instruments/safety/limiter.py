@@ -8,22 +8,26 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import weakref
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import reduce
+from pathlib import Path
 
 import numpy as np
 
 from haploop.instruments.amplifier import Amplifier
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
-from haploop.instruments.errors import LimitError
+from haploop.instruments.errors import DataError, InstrumentError, LimitError
 from haploop.instruments.generator import Sweep
 from haploop.instruments.limits import Limits, sounding
-from haploop.instruments.safety.audit import Audit
+from haploop.instruments.safety.audit import Audit, now_utc
+from haploop.instruments.safety.duty import MINUTE, Span, clear_old, count_plays, plays_of
 from haploop.instruments.safety.lockout import Lockout, lockout_of
+from haploop.instruments.safety.outputs import Outputs
 
 __all__ = ["Limiter", "Ratings", "combined"]
 
@@ -32,8 +36,6 @@ Ratings = Mapping[str, Limits]
 
 Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
 """See `Player.rendered`."""
-_MINUTE = 60.0
-"""Window of the duty (s)."""
 _FINE = 64
 """Samples per period in the check of a sweep: finds its extremes to 0.2 %."""
 
@@ -60,12 +62,24 @@ class Limiter:
     a closed rig in memory.
     """
 
-    def __init__(self, clock: Clock, audit: Audit, hardware: Collection[str]) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        audit: Audit,
+        lockouts: Path,
+        hardware: Collection[str],
+        outputs: Outputs,
+        counted: Path | None,
+    ) -> None:
+        """`lockouts` is the folder of lockouts; `counted` that of what was played, None to forget it."""
         self.unsaved_lockout: Lockout | None = None
         """A lockout that could not be written to disk: it lasts while the rig is open."""
         self._clock = clock
         self._audit = audit
+        self._lockouts = lockouts
         self._hardware = hardware
+        self._counted = counted
+        self._outputs = weakref.ref(outputs)
         self._lock = threading.Lock()
         self._permit: _Permit | None = None
         self._playing: set[str] = set()
@@ -75,9 +89,18 @@ class Limiter:
     @property
     def lockout(self) -> Lockout | None:
         """The lockout that refuses every drive until `haploop reset`; None without one."""
-        return self.unsaved_lockout or lockout_of(self._audit.folder, self._hardware)
+        return self.unsaved_lockout or lockout_of(self._lockouts, self._hardware)
 
     # Called by the rig
+
+    def recall(self) -> None:
+        """Take over what other programs have played on this hardware, once the rig has its lock."""
+        if self._counted is None:
+            return
+        now, calendar = self._clock.now(), now_utc().timestamp()
+        clear_old(self._counted, calendar)
+        for start, stop in plays_of(self._counted, self._hardware, calendar):
+            self._played.append((now - (calendar - start), now - (calendar - stop)))
 
     @contextmanager
     def permit(
@@ -174,6 +197,8 @@ class Limiter:
             or np.any(volts[len(allowed) :])
         ):
             raise self._not_authorised(output)
+        if not self._playing:
+            self._known(Outputs.no_sweep)
         self._playing.add(output)
 
     def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
@@ -182,6 +207,8 @@ class Limiter:
             raise self._not_authorised(output)
         if starts:
             self._playing.add(output)
+        else:
+            self._known(Outputs.no_sweep)
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
         """See `Interlock.authorise_patches`. Opening is always allowed."""
@@ -193,7 +220,19 @@ class Limiter:
                 f"The relay was not switched to {', '.join(sorted(patches))}: a drive is being played into "
                 f"{', '.join(sorted(permit.patches))}, and until it has ended the relay only opens."
             )
+        self._known(Outputs.rest)
         self._audit.note("connected", patches=sorted(patches))
+
+    def _known(self, look: Callable[[Outputs], None]) -> None:
+        """Look at the outputs, and log why something is not done. Raises InstrumentError."""
+        outputs = self._outputs()
+        try:
+            if outputs is None:
+                raise InstrumentError("The rig was closed: open it again.")
+            look(outputs)
+        except InstrumentError as error:
+            self._audit.note("refused", why=str(error))
+            raise
 
     def _current(self, output: str) -> _Permit:
         permit = self._permit
@@ -239,16 +278,16 @@ class Limiter:
     def _check_duty(self, seconds: float, ratings: Ratings) -> None:
         """Refuse a drive that would exceed the duty in the minute that ends with it."""
         duty, now = combined(ratings).duty, self._clock.now()
-        begin = now + seconds - _MINUTE
-        while self._played and self._played[0][1] <= now - _MINUTE:
+        begin = now + seconds - MINUTE
+        while self._played and self._played[0][1] <= now - MINUTE:
             self._played.popleft()
         before = [(max(start, begin), stop) for start, stop in self._played if stop > begin]
-        excess = sum(stop - start for start, stop in before) + min(seconds, _MINUTE) - duty * _MINUTE
-        if excess <= 1e-9 * _MINUTE:
+        excess = sum(stop - start for start, stop in before) + min(seconds, MINUTE) - duty * MINUTE
+        if excess <= 1e-9 * MINUTE:
             return
         sentence = (
-            f"The drive would make {duty * _MINUTE + excess:.3g} s of a minute in which something is played, "
-            f"{excess:.3g} s beyond the {duty * _MINUTE:.3g} s that 'duty' in [limits] allows"
+            f"The drive would make {duty * MINUTE + excess:.3g} s of a minute in which something is played, "
+            f"{excess:.3g} s beyond the {duty * MINUTE:.3g} s that 'duty' in [limits] allows"
         )
         for start, stop in before:
             left = min(stop - start, excess)
@@ -274,6 +313,7 @@ class Limiter:
         begun = self._clock.now()
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
+            self._count((begun, begun + seconds))
             yield
         except BaseException as error:
             if self._playing:
@@ -284,3 +324,17 @@ class Limiter:
             self._played.append((max(begun, now - seconds), now))
             self._permit = None
             self._playing.clear()
+            with suppress(DataError):  # the play is counted, at its full length
+                self._count()
+
+    def _count(self, *to_come: Span) -> None:
+        """Keep what was played, and what is about to be, for every program. Raises DataError."""
+        if self._counted is None:
+            return
+        now, calendar = self._clock.now(), now_utc().timestamp()
+        spans = [span for span in (*self._played, *to_come) if span[1] > now - MINUTE]
+        count_plays(
+            self._counted,
+            self._hardware,
+            [(calendar - (now - start), calendar - (now - stop)) for start, stop in spans],
+        )

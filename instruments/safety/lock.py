@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
-import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from haploop.instruments.errors import InstrumentError
+from haploop.instruments.safety import machine
 from haploop.instruments.safety.audit import who
 
 __all__ = ["InUse", "hold", "is_marked", "marked", "reserve"]
@@ -114,45 +113,42 @@ def _mark_of(path: Path) -> Path:
 
 @contextmanager
 def _locked(piece: str, what: str) -> Iterator[None]:
-    path = _file_for(piece)
+    path = machine.folder() / machine.file_for(piece, "lock")
+    descriptor = _lock(path, piece, what)
     try:
-        descriptor = _opened(path)
-    except OSError as error:
-        raise InstrumentError(
-            f"The lock of {piece} cannot be opened ({error}): does another user hold it?"
-        ) from None
-    try:
-        if not _taken(descriptor):
-            name = os.read(descriptor, 800).decode("utf-8", "replace").strip()
-            raise InUse(
-                f"{what} is in use ({piece}) by {name or 'another program'}: wait until it has ended, or "
-                "end it."
-            )
         person = who()
         holder = f"process {person['pid']} ({person['command']}) of {person['user']} on {person['host']}"
         os.ftruncate(descriptor, 0)
         os.write(descriptor, holder.encode())
         yield
     finally:
-        # Closing releases the lock. The file stays: removing it would let a third program lock a
-        # new file while a second one waits for this one.
+        with suppress(OSError):  # another user's, or open elsewhere on Windows: then the file stays, unlocked
+            path.unlink()
         os.close(descriptor)
 
 
-def _opened(path: Path) -> int:
-    # In a shared folder, Linux refuses O_CREAT for another user's file, even if it exists.
-    try:
-        return os.open(path, os.O_RDWR)
-    except FileNotFoundError:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        with suppress(OSError):
-            path.chmod(0o666)
-        return descriptor
-
-
-def _file_for(piece: str) -> Path:
-    # In the folder for temporary files, which on Linux every user of this computer shares.
-    return Path(tempfile.gettempdir()) / f"haploop-{hashlib.sha256(piece.encode()).hexdigest()[:16]}.lock"
+def _lock(path: Path, piece: str, what: str) -> int:
+    """Lock a piece's file. Returns the descriptor, which holds the lock. Raises InUse, InstrumentError."""
+    for _ in range(_TRIES):
+        try:
+            descriptor = machine.open_file(path)
+        except OSError as error:
+            raise InstrumentError(
+                f"The lock of {piece} cannot be opened ({path}: {error.strerror}): remove what is there "
+                "under this name."
+            ) from None
+        if not _taken(descriptor):
+            name = os.read(descriptor, 800).decode("utf-8", "replace").strip()
+            os.close(descriptor)
+            raise InUse(
+                f"{what} is in use ({piece}) by {name or 'another program'}: wait until it has ended, or "
+                "end it."
+            )
+        # A file that its last holder has removed since it was opened here locks nobody out.
+        if _still(path, descriptor):
+            return descriptor
+        os.close(descriptor)
+    raise InUse(f"{what} is in use ({piece}) by other programs, one after the other: try again.")
 
 
 if sys.platform == "win32":

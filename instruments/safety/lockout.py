@@ -1,22 +1,24 @@
 """The lockout of a rig: after an abort limit has stopped a play, every play is refused until a reset.
 
 A lockout is set on every piece of the rig's hardware, not on its rig file: another or a renamed file
-that names the same relay is locked out as well.
+that names the same relay is locked out as well, for every user of the computer. That of a simulated rig is
+kept with its audit log.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Collection
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.files import whole_file
+from haploop.instruments.safety import machine
 
-__all__ = ["Lockout", "clear_lockout", "lockout_of", "set_lockout"]
+__all__ = ["Lockout", "clear_lockout", "lockout_of", "lockouts_folder", "set_lockout"]
+
+_CLEARED = b"null"
+"""Content of a file whose lockout was cleared: another user's cannot be removed from a shared folder."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,14 @@ class Lockout:
         )
 
 
+def lockouts_folder(audit: Path, simulated: bool) -> Path:
+    """Folder of a rig's lockouts: this computer's, or the one of a simulated rig's audit log.
+
+    Raises InstrumentError.
+    """
+    return audit if simulated else machine.folder()
+
+
 def lockout_of(folder: Path, hardware: Collection[str]) -> Lockout | None:
     """The first lockout of any of these pieces of hardware; None when they have none.
 
@@ -49,10 +59,12 @@ def lockout_of(folder: Path, hardware: Collection[str]) -> Lockout | None:
     for piece in sorted(hardware):
         path = _path(folder, piece)
         try:
-            return Lockout(**json.loads(path.read_text(encoding="utf-8")))
+            found = json.loads(machine.read(path))
+            if found is not None:
+                return Lockout(**found)
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, TypeError) as error:
+        except (OSError, ValueError, TypeError, RecursionError) as error:
             why = f"its lockout file {path} cannot be read: {error}"
             return Lockout("an unknown time", why, "unknown", "")
     return None
@@ -61,10 +73,9 @@ def lockout_of(folder: Path, hardware: Collection[str]) -> Lockout | None:
 def set_lockout(folder: Path, hardware: Collection[str], lockout: Lockout) -> None:
     """Lock out these pieces of hardware; an earlier lockout is not overwritten. Raises OSError."""
     for piece in sorted(hardware):
-        path = _path(folder, piece)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with suppress(FileExistsError), whole_file(path) as part:
-            part.write_text(json.dumps(asdict(lockout)), encoding="utf-8")
+        if lockout_of(folder, {piece}) is None:
+            folder.mkdir(parents=True, exist_ok=True)
+            machine.write(_path(folder, piece), json.dumps(asdict(lockout)).encode())
 
 
 def clear_lockout(folder: Path, hardware: Collection[str]) -> None:
@@ -72,12 +83,15 @@ def clear_lockout(folder: Path, hardware: Collection[str]) -> None:
     for piece in hardware:
         path = _path(folder, piece)
         try:
-            path.unlink(missing_ok=True)
+            machine.read(path)
+            machine.write(path, _CLEARED)
+        except FileNotFoundError:
+            continue
         except OSError as error:
             raise ConfigurationError(
-                f"The lockout file {path} cannot be removed: {error.strerror}."
+                f"The lockout file {path} cannot be cleared ({error.strerror}): remove what is there."
             ) from None
 
 
 def _path(folder: Path, piece: str) -> Path:
-    return folder / "lockouts" / f"{hashlib.sha256(piece.encode()).hexdigest()[:16]}.json"
+    return folder / machine.file_for(piece, "lockout")

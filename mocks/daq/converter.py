@@ -10,13 +10,18 @@ from nidaqmx.error_codes import DAQmxErrors
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.mocks.daq.products import Product, code_width
 
-__all__ = ["LOST", "convert", "noise_of", "put_out"]
+__all__ = ["LOST", "STOPPED", "convert", "noise_of", "put_out"]
 
 LOST = {
     "overrun": DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
     "overflow": DAQmxErrors.INPUT_FIFO_OVERFLOW,
 }
 """NI's error for each `how` of `haploop.mocks.plant.SamplesLost`."""
+STOPPED = {
+    "underflow": DAQmxErrors.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES,
+    "fifo": DAQmxErrors.OUTPUT_FIFO_UNDERFLOW_2,
+}
+"""NI's error for each `how` of `haploop.mocks.plant.PlayStopped`; "stopped" is none."""
 
 
 def noise_of(seed: int, device: str, acquisition: int) -> np.random.Generator:

@@ -13,11 +13,11 @@ from nidaqmx.errors import DaqError
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.daq import Block, Daq, Stream
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.daq.ni_errors import translated
+from haploop.instruments.daq.ni_errors import cut_off, translated
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.mocks.daq.converter import LOST, convert, noise_of, put_out
+from haploop.mocks.daq.converter import LOST, STOPPED, convert, noise_of, put_out
 from haploop.mocks.daq.products import PRODUCTS, Product, convert_interval, input_range
-from haploop.mocks.plant import Plant, Run, SamplesLost
+from haploop.mocks.plant import Plant, PlayStopped, Run, SamplesLost
 
 __all__ = ["DaqTwin"]
 
@@ -35,6 +35,18 @@ class _Output:
 
     def play(self, run: Run) -> None:
         self._run, self._next = run, 0
+
+    def cut_off(self, now: float) -> None:
+        """Stop playing at `now` (s); the value is held."""
+        self.play(Run(now, np.inf, np.array([self.volts(now)])))
+
+    def volts(self, now: float) -> float:
+        """Volts at `now` (s)."""
+        run = self._run
+        if run is None or run.start > now:
+            return 0.0
+        step = int((now - run.start) / run.period + 1e-3) if len(run.values) > 1 else 0
+        return float(run.values[min(step, len(run.values) - 1)])
 
     def take(self, until: float) -> Sequence[Run]:
         """See `haploop.mocks.plant.Source.take`."""
@@ -85,10 +97,30 @@ class DaqTwin(Daq):
                 delays = np.arange(len(mine), dtype=np.float64) * interval
                 devices.append(_Device(name, product, tuple(mine), ranges, delays, noise))
         start = self._plant.clock.now()
+        if play:
+            # The plant takes what stood on the outputs until now, before it is replaced.
+            self._plant.advance(start)
         for name, volts in (play or {}).items():
             put = put_out(volts, self._products[_card(self._settings.outputs[name].terminal)])
             self._outputs[name].play(Run(start, 1 / rate_hz, put))
-        return _TwinStream(self, self._plant, devices, tuple(channels), rate_hz, block, samples, start)
+        playing = {name: _card(self._settings.outputs[name].terminal) for name in play or {}}
+        return _TwinStream(
+            self, self._plant, devices, tuple(channels), rate_hz, block, samples, start, playing
+        )
+
+    def cut_off(self, outputs: Mapping[str, str], played: int) -> None:
+        """Stop what plays on `outputs` (cards by name) when a fault ends it. Raises the driver's error."""
+        now = self._plant.clock.now()
+        for card in dict.fromkeys(outputs.values()):
+            try:
+                self._plant.plays(card)
+            except PlayStopped as stopped:
+                for name in outputs:
+                    self._outputs[name].cut_off(now)
+                if stopped.how in STOPPED:
+                    with translated(card, None):
+                        raise DaqError("", STOPPED[stopped.how].value) from None
+                raise cut_off(card, played) from None
 
     def zero(self) -> None:
         """See `Daq.zero`."""
@@ -97,6 +129,11 @@ class DaqTwin(Daq):
         self._plant.advance(now)
         for output in self._outputs.values():
             output.play(Run(now, np.inf, np.zeros(1)))
+
+    def outputs_read(self) -> Mapping[str, float]:
+        """See `Daq.outputs_read`."""
+        now = self._plant.clock.now()
+        return {name: output.volts(now) for name, output in self._outputs.items()}
 
     def close(self) -> None:
         """See `Daq.close`."""
@@ -164,9 +201,11 @@ class _TwinStream(Stream):
         block: int,
         samples: int | None,
         start: float,
+        playing: Mapping[str, str],
     ) -> None:
         self.channels = channels
         self.rate_hz = rate_hz
+        self._playing = playing
         order = [channel for device in devices for channel in device.channels]
         self._rows = [order.index(channel) for channel in channels]
         self.delays = np.concatenate([d.delays for d in devices])[self._rows]
@@ -189,6 +228,7 @@ class _TwinStream(Stream):
                 converted = convert(rows, device.ranges, device.product, device.noise)
                 volts.append(converted[0])
                 overload.append(converted[1])
+            self._daq.cut_off(self._playing, first + count)
             if self._samples is None and self._plant.faults:
                 self._refuse_drift(edges[-1])
             yield Block(first, np.concatenate(volts)[self._rows], np.concatenate(overload)[self._rows])

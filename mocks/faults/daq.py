@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config import RigFile
-from haploop.mocks.plant import Fault, PerEventFault, SamplesLost, ScheduledFault
+from haploop.mocks.plant import Fault, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
 
-__all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "RtsiMissing"]
+__all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "PlayCutOff", "RtsiMissing"]
 
 
 class RtsiMissing(Fault):
@@ -85,3 +85,21 @@ class DaqOverflow(_OfCard):
         """See `Fault.samples`."""
         if self._strikes(device, now):
             raise SamplesLost(device, "overflow")
+
+
+class PlayCutOff(_OfCard):
+    """A card's play ends before its time, at a block after `after`; the output holds its last value."""
+
+    class Settings(_OfCard.Settings):
+        """See `FaultSettings`."""
+
+        how: Literal["underflow", "fifo", "stopped"] = "underflow"
+        """underflow: the host's buffer ran empty (NI's -200290). fifo: the card's memory did (-200621).
+        stopped: by another program, without an error."""
+
+    settings: Settings
+
+    def plays(self, device: str, now: float) -> None:
+        """See `Fault.plays`."""
+        if self._strikes(device, now):
+            raise PlayStopped(device, self.settings.how)

@@ -16,7 +16,16 @@ from haploop.mocks.plant.fault_kinds import KINDS, FaultKinds, Faults, fault_cla
 from haploop.mocks.plant.hysteresis import Hysteresis, PatchLaw
 from haploop.mocks.plant.modal import ModalSurface, Modes
 from haploop.mocks.plant.modal_plant import Modal, random_modal
-from haploop.mocks.plant.nodes import LaserHead, Nodes, Run, SamplesLost, Source, Switched, Switches
+from haploop.mocks.plant.nodes import (
+    LaserHead,
+    Nodes,
+    PlayStopped,
+    Run,
+    SamplesLost,
+    Source,
+    Switched,
+    Switches,
+)
 from haploop.mocks.plant.plant import Plant
 from haploop.mocks.plant.scene import AmplifierOutput
 from haploop.mocks.plant.surface import (
@@ -54,6 +63,7 @@ __all__ = [
     "Plant",
     "PlantSettings",
     "PlantSource",
+    "PlayStopped",
     "Positive",
     "RelayFailure",
     "Run",

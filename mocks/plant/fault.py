@@ -143,6 +143,9 @@ class Fault:
     def samples(self, device: str, now: float) -> None:
         """Called when a card is read. Raises SamplesLost when the card has lost samples."""
 
+    def plays(self, device: str, now: float) -> None:
+        """Called when a card is asked how far its play is. Raises PlayStopped when that has ended."""
+
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
         """Return the delay that this fault adds to a card's clock, (times,) s."""
         return np.zeros(len(times))

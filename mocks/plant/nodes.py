@@ -11,7 +11,7 @@ import numpy as np
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 
-__all__ = ["LaserHead", "Nodes", "Run", "SamplesLost", "Source", "Switched", "Switches"]
+__all__ = ["LaserHead", "Nodes", "PlayStopped", "Run", "SamplesLost", "Source", "Switched", "Switches"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +52,15 @@ class SamplesLost(Exception):  # noqa: N818  an event, which each maker's driver
         self.how = how
 
 
+class PlayStopped(Exception):  # noqa: N818  an event, as SamplesLost
+    """A play that ended before its time: a buffer or the card's memory was empty, or somebody stopped it."""
+
+    def __init__(self, device: str, how: Literal["underflow", "fifo", "stopped"]) -> None:
+        super().__init__(f"{device} stopped playing.")
+        self.device = device
+        self.how = how
+
+
 class Nodes(Protocol):
     """The plant as a set of voltage nodes. Every method is safe to call from any thread."""
 
@@ -64,6 +73,9 @@ class Nodes(Protocol):
         read on any node, and not after `clock.now()`. Raises SamplesLost when a fault makes a card lose
         samples.
         """
+
+    def plays(self, device: str) -> None:
+        """Called when a card is asked how far its play is. Raises PlayStopped when a fault has ended it."""
 
     def drive(self, node: str, source: Source) -> None:
         """Connect `source` to a node from now on; the plant takes its steps as time advances."""

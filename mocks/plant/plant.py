@@ -114,6 +114,11 @@ class Plant(Scene):
                 clocked[row] -= self.lateness(card, times[row])
         return clocked
 
+    def plays(self, device: str) -> None:
+        """See `haploop.mocks.plant.Nodes.plays`."""
+        for fault in self.faults:
+            fault.plays(device, self.clock.now())
+
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
         """Return the delay of a card's clock against the rig's, (times,) s."""
         late = np.zeros(len(times))

@@ -132,6 +132,17 @@ def test_lost_samples_end_a_recording(open: OpenRig, tmp_path: Path, kind: str, 
     assert fired(rig) == [1]
 
 
+@pytest.mark.parametrize(
+    ("how", "says"), [("underflow", "-200290"), ("fifo", "-200621"), ("stopped", "by somebody else")]
+)
+def test_a_play_that_was_not_played_whole_is_an_error(open: OpenRig, how: str, says: str) -> None:
+    rig = open(faults=[{"kind": "play-cut-off", "how": how, "after": 0.2}])
+    with pytest.raises(InstrumentError, match=rf"Dev2 .*{says}.* was not played whole"):
+        played(rig)
+    assert fired(rig) == [1] and not rig.simulation.truth.closed
+    assert np.abs(played(rig)[0]).max() > 9
+
+
 def test_cards_without_a_cable_are_not_sampled_together(open: OpenRig) -> None:
     rig = open("haptable", faults=[{"kind": "rtsi-missing"}])
     with pytest.raises(InstrumentError, match="-89125"):

@@ -215,6 +215,7 @@ def _stop(system: NiSystem, request: Any, alive: Alive) -> None:
 
 def _is_done(system: NiSystem, request: Any, alive: Alive) -> Any:
     task = system.task(request.task.name)
+    system.cut_off(task)
     if task.failure is not None:
         raise task.failure
     return pb.IsTaskDoneResponse(is_task_done=task.done(system.clock.now()))

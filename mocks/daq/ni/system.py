@@ -6,18 +6,19 @@ import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 from nidaqmx.constants import LoggingMode, TriggerType
 
 from haploop.instruments.clock import Clock
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.daq.converter import noise_of
+from haploop.mocks.daq.converter import STOPPED, noise_of
 from haploop.mocks.daq.ni.devices import Inventory, NiDevice
 from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
 from haploop.mocks.daq.ni.tasks import State, Task
 from haploop.mocks.daq.ni.terminals import OutputTerminal, Timebase
-from haploop.mocks.plant import Nodes
+from haploop.mocks.plant import Nodes, PlayStopped
 
 __all__ = ["NiSystem"]
 
@@ -223,6 +224,8 @@ class NiSystem:
         now = self.clock.now()
         if task.shares is None and task.clock.start is not None:
             task.clock.stopped = now
+        elif task.clock.start is not None:
+            task.clock = replace(task.clock, stopped=now)
         for name in self.rows(task) if not task.is_input and task.kind != "co" else ():
             self.outputs[name].stop(now)
         task.state = State.COMMITTED
@@ -233,6 +236,19 @@ class NiSystem:
         if task.state_before < State.COMMITTED:
             self.release(task)
         self.changed.notify_all()
+
+    def cut_off(self, task: Task) -> None:
+        """Stop a task of outputs whose play a fault ends now."""
+        if self.nodes is None or not task.running or task.kind != "ao" or not task.timed:
+            return
+        try:
+            self.nodes.plays(task.device.name)
+        except PlayStopped as stopped:
+            self.stop(task)
+            if stopped.how in STOPPED:
+                task.failure = DaqmxError(
+                    STOPPED[stopped.how], f"The generation of {task.name!r} has stopped."
+                )
 
     def rows(self, task: Task) -> list[str]:
         """Return the terminals of a task, one for each row of its buffer."""

@@ -203,6 +203,8 @@ class Task:
         """Actual sample rate: the timebase divided by an integer."""
         divisor = self.setting("Timing", "SAMP_CLK_TIMEBASE_DIV")
         asked = float(self.setting("Timing", "SAMP_CLK_RATE", 1000.0))
+        if str(self.setting("Timing", "SAMP_CLK_SRC", "")).endswith("ai/SampleClock"):
+            return asked  # The card does not divide a clock that comes from another task.
         timebase = self.timebase_hz
         return timebase / (divisor or max(1, round(timebase / asked)))
 

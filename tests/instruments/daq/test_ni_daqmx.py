@@ -17,6 +17,7 @@ from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.mocks.daq.ni import NiServer, inventory_of
+from haploop.mocks.daq.ni.tasks import Task
 from haploop.mocks.daq.products import PRODUCTS, convert_interval
 from tests.mocks.daq.ni_client import Bench, connected
 
@@ -123,6 +124,55 @@ def test_with_two_cards_the_rate_is_the_masters(daq: NiDaq, rate_hz: int) -> Non
     with daq.stream(["laser", "force"], rate_hz, 100, 200) as both:
         assert both.rate_hz == master
         assert both.capture().rate_hz == master
+
+
+@pytest.mark.parametrize("other", ["PCI-6034E", "PCIe-6321", "PCIe-6363"])
+@pytest.mark.parametrize("master", ["PCIe-6321", "PCIe-6363"])
+def test_awkward_rates_on_every_pair_of_products(master: str, other: str, bench: Bench) -> None:
+    """Outputs too run on the master's clock: what is played is read sample by sample."""
+    cards = {"Dev1": other, "Dev2": master}
+    wave = np.random.default_rng(1).uniform(-3, 3, 300)
+    with (
+        NiServer(inventory_of(cards), bench, WIRING, rtsi=True) as server,
+        opened(server, bench, devices=cards) as daq,
+    ):
+        for rate_hz in (997, 12_800, 44_100, 48_000, 51_200):
+            with daq.stream(["drive", "force"], rate_hz, 128, 400, {"amplifier": wave}) as stream:
+                volts = stream.capture().volts
+            divisor = round(100e6 / rate_hz)
+            assert stream.rate_hz == pytest.approx(100e6 / divisor, rel=1e-12)
+            assert np.abs(volts[0, :300] - wave).max() < 7 * LSB
+
+
+def test_a_card_that_makes_another_rate_of_the_masters_clock_is_refused(
+    daq: NiDaq, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = Task.rate_hz.fget
+    assert made is not None
+
+    def coerced(task: Task) -> float:
+        return made(task) * (1 + 3e-4 * (task.device.name == "Dev1"))
+
+    monkeypatch.setattr(Task, "rate_hz", property(coerced))
+    with pytest.raises(ConfigurationError, match=r"Dev1 would sample at 5001.5 Hz on the clock of Dev2"):
+        daq.stream(["drive", "force"], 5000, 100, 200)
+
+
+def test_a_play_that_somebody_stops_is_an_error(daq: NiDaq, server: NiServer) -> None:
+    """Another client of the server stops the task of the outputs, between two blocks and before the last."""
+    wave = np.full(50_000, 3.0)
+    for at in (20_000, 49_000):
+        with (
+            daq.stream(["drive"], 50_000, 1000, 50_010, {"amplifier": wave}) as stream,
+            pytest.raises(
+                InstrumentError, match=rf"Dev2 was stopped .* played {at} samples: .* not .* whole"
+            ),
+        ):
+            for block in stream:
+                if block.end == at:
+                    system = server._system
+                    with system.lock:
+                        system.stop(next(t for n, t in system.tasks.items() if n.endswith("Dev2 output")))
 
 
 def test_blocks_are_gapless_and_the_last_is_shorter(daq: NiDaq) -> None:

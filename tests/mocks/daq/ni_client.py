@@ -85,6 +85,9 @@ class Bench:
         self._source: Source | None = None
         self._steps: list[tuple[float, float]] = [(-np.inf, 0.0)]
 
+    def plays(self, device: str) -> None:
+        """No play of this plant is ever cut off."""
+
     def drive(self, node: str, source: Source) -> None:
         assert node == "out"
         self._source = source

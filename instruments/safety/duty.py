@@ -1,0 +1,93 @@
+"""What was played on each piece of hardware in the last minute, by any program: the history behind the duty.
+
+A play is counted before it begins, with its whole length, so that a killed program's counts as well. Times
+are the computer's calendar time, because two programs share no other clock.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from haploop.instruments.errors import DataError
+from haploop.instruments.safety import machine
+
+__all__ = ["MINUTE", "Span", "clear_old", "count_plays", "plays_of"]
+
+MINUTE = 60.0
+"""Window of the duty (s)."""
+_OLD = 86_400.0
+"""Age of a file of a piece that is not used any more (s)."""
+
+Span = tuple[float, float]
+"""Begin and end of a play."""
+
+
+def plays_of(folder: Path, hardware: Collection[str], now: float) -> list[Span]:
+    """Plays of the last minute on any of these pieces, in calendar seconds, in order of their ends.
+
+    `now` is the present. A file that cannot be read counts as a minute of playing that has just ended, and
+    is replaced by that. A play that seems to end in the future (its program was killed, or the computer's
+    clock was set back) counts as if it had just ended.
+    """
+    found: set[Span] = set()
+    for piece in hardware:
+        path = folder / machine.file_for(piece, "duty")
+        try:
+            spans = _parsed(machine.read(path))
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError, RecursionError):
+            spans = [(now - MINUTE, now)]
+            with suppress(OSError):
+                machine.write(path, _formatted(spans))
+        found.update((start - late, stop - late) for start, stop in spans for late in [max(0.0, stop - now)])
+    return sorted((span for span in found if span[1] > now - MINUTE), key=lambda span: span[1])
+
+
+def count_plays(folder: Path, hardware: Collection[str], plays: Iterable[Span]) -> None:
+    """Keep these plays (calendar seconds) for all these pieces, instead of what was kept.
+
+    The caller holds the lock of the hardware. Raises DataError when one cannot be written.
+    """
+    content = _formatted(plays)
+    for piece in sorted(hardware):
+        path = folder / machine.file_for(piece, "duty")
+        try:
+            machine.write(path, content)
+        except OSError as error:
+            raise DataError(
+                f"What is played cannot be counted in {path} ({error.strerror}), and nothing is played "
+                "without that: free disk space, or remove what is there under this name."
+            ) from None
+
+
+def clear_old(folder: Path, now: float) -> None:
+    """Remove the files of pieces on which nothing was played for a day (calendar seconds)."""
+    for path in folder.glob("*.duty"):
+        with suppress(OSError):
+            if path.lstat().st_mtime < now - _OLD:
+                path.unlink()
+
+
+def _formatted(plays: Iterable[Span]) -> bytes:
+    return json.dumps([[round(start, 3), round(stop, 3)] for start, stop in plays]).encode()
+
+
+def _parsed(content: bytes) -> list[Span]:
+    """Raises ValueError for anything else than what `_formatted` makes."""
+    spans = []
+    listed = json.loads(content)
+    if not isinstance(listed, list):
+        raise ValueError("no list")
+    for entry in listed:
+        if not (isinstance(entry, list) and len(entry) == 2 and all(type(x) in (int, float) for x in entry)):
+            raise ValueError("no span")
+        start, stop = map(float, entry)
+        if not (math.isfinite(start) and math.isfinite(stop) and start <= stop):
+            raise ValueError("no time")
+        spans.append((start, stop))
+    return spans

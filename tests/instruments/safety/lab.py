@@ -1,0 +1,88 @@
+"""A lab whose hardware is simulated in virtual time, but opened as hardware: with locks, lockouts, duty."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from haploop.instruments import RigFile, load_rig_file
+from haploop.instruments.rig import opening
+from haploop.mocks.daq.twin import DaqTwin
+from haploop.mocks.relay.box import BoxAdapter, RelayTwin, SimulatedBox
+from haploop.mocks.simulation import Simulation
+
+__all__ = ["Lab", "lab"]
+
+
+class Lab:
+    """One plant behind every rig that is opened, now and later; `left` cards keep what they put out."""
+
+    def __init__(self, file: RigFile) -> None:
+        self.world = Simulation(file)
+        self.plant, self.clock, self.truth = self.world.plant, self.world.clock, self.world.truth
+        self._kept: dict[str, Any] = {}
+
+    def instrument(self, role: str, device: Any, driver: Any) -> Any:
+        """Open an instrument; cards and boxes outlast the rig."""
+        made = self.world.instrument
+        if role == "daq":
+            return self._kept.setdefault(role, None) or self._keep(role, made(role, device, driver, "twin"))
+        if role == "relay":
+            settings = driver.Settings.model_validate(device.settings)
+            if role not in self._kept:
+                return self._keep(role, made(role, device, driver, "twin"))
+            box: SimulatedBox = self._kept[role].box
+            relay = RelayTwin.__new__(RelayTwin)
+            relay.box = box
+            board = BoxAdapter("Yocto-MaxiCoupler (twin)", box, settings.dead_man)
+            super(RelayTwin, relay).__init__(settings, self.clock, board)
+            return relay
+        return made(role, device, driver, "twin")
+
+    @property
+    def daq(self) -> DaqTwin:
+        """The cards, as any program finds them."""
+        daq: DaqTwin = self._kept["daq"]
+        return daq
+
+    def _keep(self, role: str, instrument: Any) -> Any:
+        self._kept[role] = instrument
+        return instrument
+
+    def today(self) -> datetime:
+        """The computer's calendar time."""
+        return datetime(2026, 11, 22, tzinfo=UTC) + timedelta(seconds=self.clock.now())
+
+
+@contextmanager
+def lab(folder: Path, file: RigFile | str = "haptable") -> Iterator[Lab]:
+    """Rigs are opened by `open_rig`, as if their hardware were there; `folder` is this computer's place."""
+    here = Lab(load_rig_file(file) if isinstance(file, str) else file)
+    drivers = opening._drivers
+
+    def simulated(rig: RigFile) -> Iterator[Any]:
+        for role, device, driver in drivers(rig):
+            yield (
+                role,
+                device,
+                SimpleNamespace(
+                    Settings=driver.Settings,
+                    __module__="haploop.tests",
+                    hardware=getattr(driver, "hardware", lambda _settings: ()),
+                    open=lambda _s, _c, r=role, v=device, d=driver: here.instrument(r, v, d),
+                ),
+            )
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(opening, "_drivers", simulated)
+        patch.setattr(opening, "RealClock", lambda: here.clock)
+        patch.setattr("haploop.instruments.safety.limiter.now_utc", here.today)
+        patch.setattr("haploop.instruments.safety.machine._place", lambda: folder)
+        yield here
+    here.world.close()

@@ -1,0 +1,120 @@
+"""The duty is the hardware's: no program forgets what another one has played."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.instruments import DataError, LimitError, RigFile, load_rig_file, open_rig
+from haploop.instruments.config.rig_file import DriveLimits
+from haploop.instruments.safety.duty import plays_of
+from tests.instruments.safety.at_the_patch import bursts, busiest_minute
+from tests.instruments.safety.lab import Lab, lab
+
+RATE = 50_000
+TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(round(1.5 * RATE)) / RATE) * np.hanning(round(1.5 * RATE))
+"""1.5 s: half of what 5 % of a minute are."""
+
+
+def allowed(duty: float, name: str = "haptable") -> RigFile:
+    return load_rig_file("haptable").model_copy(update={"limits": DriveLimits(duty=duty), "name": name})
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Iterator[Lab]:
+    with lab(tmp_path) as here:
+        yield here
+
+
+def test_a_rig_that_is_opened_again_remembers_what_was_played(here: Lab) -> None:
+    """Each as a command of its own, under any name; 5 % of a minute are two of these plays."""
+    record = here.truth.record()
+    refused = 0
+    for turn in range(5):
+        with open_rig(allowed(0.05, f"rig {turn}")) as rig:
+            try:
+                rig.excite(TONE, ["A"], ["drive"])
+            except LimitError as error:
+                assert "of a minute in which something is played" in str(error) and "wait" in str(error)
+                refused += 1
+        here.clock.sleep(5)
+    assert refused == 3 and busiest_minute(bursts(record)) < 3.01
+    here.clock.sleep(60)
+    with open_rig(allowed(0.05)) as rig:
+        rig.excite(TONE, ["A"], ["drive"])
+
+
+def test_a_rig_without_a_duty_counts_for_one_that_has_it(here: Lab) -> None:
+    with open_rig(allowed(1.0)) as rig:
+        for _ in range(2):
+            rig.excite(TONE, ["A"], ["drive"])
+    with open_rig(allowed(0.05)) as rig, pytest.raises(LimitError, match="of a minute"):
+        rig.excite(TONE, ["A"], ["drive"])
+
+
+def test_a_play_is_counted_before_it_begins(here: Lab, tmp_path: Path) -> None:
+    """What `kill -9` leaves behind: the files as they are at any block of the play."""
+    seen: list[float] = []
+
+    def look(*_: object) -> None:
+        now = here.today().timestamp()
+        spans = [plays_of(tmp_path, {piece}, now) for piece in rig.hardware]
+        assert all(spans) and len(rig.hardware) >= 3
+        seen.extend(stop - start for ((start, stop),) in spans)
+
+    with open_rig(allowed(0.05)) as rig:
+        rig.excite(TONE, ["A"], ["drive"], progress=look)
+    assert seen and min(seen) > 1.49
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"[[1", b"{}", b"[[1, 2, 3]]", b'[["a", 1]]', b"[[NaN, NaN]]", b"[" * 9999, b"\xff"]
+)
+def test_a_count_that_cannot_be_read_is_a_full_minute(here: Lab, tmp_path: Path, content: bytes) -> None:
+    with open_rig(allowed(0.05)) as rig:
+        rig.excite(TONE, ["A"], ["drive"])
+    for path in tmp_path.glob("*.duty"):
+        path.write_bytes(content)
+        break
+    for _ in range(2):  # nor does looking at it make it readable
+        with open_rig(allowed(0.05)) as rig, pytest.raises(LimitError, match="of a minute"):
+            rig.excite(TONE, ["A"], ["drive"])
+        here.clock.sleep(20)
+    here.clock.sleep(40)
+    with open_rig(allowed(0.05)) as rig:
+        rig.excite(TONE, ["A"], ["drive"])
+
+
+def test_a_clock_that_was_set_back_forgets_nothing(here: Lab, tmp_path: Path) -> None:
+    now = here.today().timestamp()
+    with open_rig(allowed(0.05)) as rig:
+        rig.excite(TONE, ["A"], ["drive"])
+    (start, stop), *_ = plays_of(tmp_path, rig.hardware, now - 3600)
+    assert stop == now - 3600 and stop - start == pytest.approx(1.5, abs=0.01)
+
+
+def test_nothing_is_played_that_cannot_be_counted(
+    here: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    with open_rig(allowed(0.05)) as rig:
+        monkeypatch.setattr("haploop.instruments.safety.machine.write", full)
+        with pytest.raises(DataError, match=r"cannot be counted .* \(No space left on device\)"):
+            rig.excite(TONE, ["A"], ["drive"])
+        assert here.truth.peak == 0
+        monkeypatch.undo()
+
+
+def test_what_is_kept_stays_small(here: Lab, tmp_path: Path) -> None:
+    with open_rig(allowed(1.0)) as rig:
+        for _ in range(60):
+            rig.excite(TONE[::100] * 0, ["A"], ["drive"])
+            here.clock.sleep(2)
+    assert all(len(json.loads(path.read_bytes())) < 40 for path in tmp_path.glob("*.duty"))

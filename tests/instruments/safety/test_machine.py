@@ -1,0 +1,164 @@
+"""One place a computer for the locks of its hardware, whatever a program's environment and user are."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from haploop.instruments import InstrumentError
+from haploop.instruments.safety import machine
+from haploop.instruments.safety.lock import InUse, hold
+from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and users of POSIX")
+PIECE = f"a card of test {os.getpid()}"
+
+HOLDER = """
+import os, sys
+from pathlib import Path
+from haploop.instruments.safety import machine
+from haploop.instruments.safety.lock import InUse, hold
+from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
+if len(sys.argv) > 2:
+    machine._place = lambda: Path(sys.argv[2])
+    os.umask(0o077)
+    os.setgid(65534)
+    os.setuid(65534)  # from here on another user
+try:
+    with hold({sys.argv[1]}, "The rig 'theirs'"):
+        set_lockout(machine.folder(), {sys.argv[1]}, Lockout("now", "theirs", "them", ""))
+        print("held", flush=True)
+        sys.stdin.read()
+except InUse as error:
+    print("refused", error, flush=True)
+"""
+
+
+@contextmanager
+def another(*arguments: str, **more: object) -> Iterator[str]:
+    """Another program that holds the piece; what it says of that."""
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDER, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        **more,  # type: ignore[call-overload]
+    ) as process:
+        try:
+            yield process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+def test_programs_of_different_environments_exclude_each_other(tmp_path: Path) -> None:
+    names = ("TMPDIR", "TEMP", "TMP", "HOME", "HAPLOOP_STATE", "XDG_STATE_HOME", "XDG_RUNTIME_DIR")
+    elsewhere = {**os.environ, **dict.fromkeys(names, str(tmp_path))}
+    elsewhere |= {"PROGRAMDATA": str(tmp_path), "WIN_PD_OVERRIDE_COMMON_APPDATA": str(tmp_path)}
+    with another(PIECE, env=elsewhere) as said:
+        assert said == "held"
+        with pytest.raises(InUse, match=r"The rig 'mine' is in use .* by process .* of .* on"):  # noqa: SIM117
+            with hold({PIECE}, "The rig 'mine'"):
+                pass
+    with hold({PIECE}, "The rig 'mine'"), another(PIECE, env=elsewhere) as said:
+        assert said.startswith("refused")
+    # The lockout of the program that was killed holds for this one too.
+    assert lockout_of(machine.folder(), {PIECE}) is not None
+    (machine.folder() / machine.file_for(PIECE, "lockout")).unlink()
+    assert not (machine.folder() / machine.file_for(PIECE, "lock")).exists(), "nothing is littered"
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "haploop"
+    monkeypatch.setattr(machine, "_place", lambda: path)
+    return path
+
+
+@POSIX
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can be another user")
+def test_users_of_one_computer_exclude_each_other_and_clear_each_others_lockouts(place: Path) -> None:
+    for folder in (place.parent, *place.parents):
+        folder.chmod(folder.stat().st_mode | 0o055)
+    before = os.umask(0o077)
+    try:
+        set_lockout(machine.folder(), {PIECE}, Lockout("now", "mine", "me", ""))
+        with another(PIECE, str(place)) as said:
+            assert said == "held"
+            with pytest.raises(InUse), hold({PIECE}, "The rig 'mine'"):
+                pass
+        # What it left when it was killed keeps nobody out.
+        with hold({PIECE}, "The rig 'mine'"), another(PIECE, str(place)) as said:
+            assert said.startswith("refused")
+        found = lockout_of(place, {PIECE})
+        assert found is not None and found.why == "mine", "the first is kept"
+        clear = HOLDER.split("try:", maxsplit=1)[0] + "clear_lockout(machine.folder(), {sys.argv[1]})"
+        subprocess.run([sys.executable, "-c", clear, PIECE, str(place)], check=True)
+        assert lockout_of(place, {PIECE}) is None
+    finally:
+        os.umask(before)
+
+
+@POSIX
+@pytest.mark.parametrize("make", ["link", "dangling link", "hard link", "pipe", "folder"])
+def test_what_lies_under_the_name_of_a_lock_is_not_opened(place: Path, tmp_path: Path, make: str) -> None:
+    victim = tmp_path / "victim"
+    if make != "dangling link":
+        victim.write_text("somebody's work")
+    name = machine.folder() / machine.file_for(PIECE, "lock")
+    match make:
+        case "link" | "dangling link":
+            name.symlink_to(victim)
+        case "hard link":
+            name.hardlink_to(victim)
+        case "pipe":
+            os.mkfifo(name)
+        case "folder":
+            name.mkdir()
+    with pytest.raises(InstrumentError, match=r"The lock of .* cannot be opened .*: remove what is there"):  # noqa: SIM117
+        with hold({PIECE}, "The rig 'mine'"):
+            pass
+    assert not victim.exists() if make == "dangling link" else victim.read_text() == "somebody's work"
+    name.rename(machine.folder() / machine.file_for(PIECE, "lockout"))
+    found = lockout_of(machine.folder(), {PIECE})
+    assert found is not None and "cannot be read" in found.why
+
+
+@POSIX
+@pytest.mark.parametrize("make", ["link", "file"])
+def test_a_place_that_is_not_a_folder_is_refused(place: Path, tmp_path: Path, make: str) -> None:
+    (tmp_path / "other").mkdir()
+    if make == "link":
+        place.symlink_to(tmp_path / "other", target_is_directory=True)
+    else:
+        place.write_text("")
+    with pytest.raises(InstrumentError, match=r"which cannot be used \(it is not a folder of its own\)"):
+        machine.folder()
+
+
+@POSIX
+def test_everybody_may_write_there_and_nobody_removes_what_is_not_theirs(place: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        assert stat.S_IMODE(machine.folder().stat().st_mode) == 0o1777
+        machine.write(place / "a", b"x")
+        assert stat.S_IMODE((place / "a").stat().st_mode) & 0o666 == 0o666
+    finally:
+        os.umask(before)
+
+
+def test_a_lockout_that_was_cleared_stays_so_and_can_be_set_again(place: Path) -> None:
+    folder = machine.folder()
+    clear_lockout(folder, {PIECE})  # of which there is none
+    for why in ("one", "two"):
+        set_lockout(folder, {PIECE}, Lockout("now", why, "me", ""))
+        found = lockout_of(folder, {PIECE})
+        assert found is not None and found.why == why
+        clear_lockout(folder, {PIECE})
+        assert lockout_of(folder, {PIECE}) is None
