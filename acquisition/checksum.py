@@ -97,10 +97,12 @@ def opened(path: str | Path) -> Iterator[h5py.File]:
                 f"{path} was damaged or changed after it was written: its content does not match its "
                 f"checksum. {hint}"
             )
-    with unreadable(path, f"{path} was not written by haploop: it cannot be read."):
+    with (
+        unreadable(path, f"{path} was not written by haploop: it cannot be read."),
         # Not locked: a file is complete when it has its name, and network disks refuse locks.
-        with h5py.File(path, "r", locking=False) as hdf5:
-            yield hdf5
+        h5py.File(path, "r", locking=False) as hdf5,
+    ):
+        yield hdf5
 
 
 @contextmanager

@@ -97,16 +97,16 @@ def changing(path: Path) -> Iterator[None]:
             try:
                 stack.enter_context(marked(path))
                 break
-            except (InstrumentError, OSError) as error:
+            except InstrumentError:
+                busy = f"{path} is being changed by another program: try again."
+            except OSError as error:
+                busy = f"{path} cannot be written: {os_error_text(error)}."
                 # Windows refuses for an instant to open a file that another program removes.
-                busy = not isinstance(error, OSError) or (
-                    os.name == "nt" and isinstance(error, PermissionError)
-                )
-                if isinstance(error, OSError) and not (busy and clock.now() < deadline):
-                    raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None
-                if clock.now() > deadline:
-                    raise DataError(f"{path} is being changed by another program: try again.") from None
-                clock.sleep(0.005)
+                if os.name != "nt" or not isinstance(error, PermissionError):
+                    raise DataError(busy) from None
+            if clock.now() > deadline:
+                raise DataError(busy)
+            clock.sleep(0.005)
         yield
 
 
@@ -137,14 +137,15 @@ def _read(path: Path) -> dict[str, Any]:
         raise DataError(f"There is no file {path}: check the name.") from None
     except OSError as error:
         raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-    damaged = f"{path} is damaged or was changed by hand: restore it from a copy."
+    said: dict[str, Any] = {}
     try:
-        said = json.loads(raw) if len(raw) <= _LARGEST else None
-        whole = isinstance(said, dict) and said.keys() == _KEYS and said.pop("content_hash") == _hash(said)
+        if len(raw) <= _LARGEST:
+            said = dict(json.loads(raw))
+        whole = said.keys() == _KEYS and said.pop("content_hash") == _hash(said)
     except (ValueError, TypeError, RecursionError):
         whole = False
     if not whole:
-        raise DataError(damaged)
+        raise DataError(f"{path} is damaged or was changed by hand: restore it from a copy.")
     if said["format_version"] != VERSION:
         raise DataError(
             f"{path} has format {said['format_version']} and this version reads {VERSION}: it was written "

@@ -256,14 +256,14 @@ def event_row(event: Event) -> bytes:
     return sealed(row)
 
 
-def finished_row(record: np.void) -> np.void:
-    """Make the `BLOCK` row of a finished file from a block's record of an unfinished one."""
+def finished_row(record: np.void) -> NDArray[np.void]:
+    """Make the (1,) `BLOCK` row of a finished file from a block's record of an unfinished one."""
     row = np.zeros(1, BLOCK)
     for name in ("first", "count", "overload", "time"):
         row[name] = record[name]
     row["samples_crc"] = samples_crc(record["samples"][:, : int(record["count"])])
     sealed(row)
-    return row[0]
+    return row
 
 
 def samples_crc(codes: Codes) -> int:

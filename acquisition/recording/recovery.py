@@ -31,6 +31,9 @@ from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import existing, os_error_text, publish
 from haploop.instruments.safety import is_marked, marked
 
+if sys.platform == "linux":
+    import resource
+
 __all__ = ["recover", "set_aside"]
 
 
@@ -130,6 +133,7 @@ def recover_damaged(path: Path, destination: Path, allow: Callable[[int], object
     _save(destination, header, contents, lost)
 
 
+_LOST = "{} is damaged in its metadata, so nothing can be recovered: copy it again from its source."
 _CHILD = """
 from haploop.acquisition.recording import recovery
 recovery._in_child()
@@ -145,9 +149,7 @@ _SPARE = 200 << 20
 
 def _recover_elsewhere(path: Path, destination: Path) -> None:
     """Run `recover_damaged` in a process of its own, with limited time and memory. Raises as `recover`."""
-    damaged = DataError(
-        f"{path} is damaged in its metadata, so nothing can be recovered: copy it again from its source."
-    )
+    damaged = DataError(_LOST.format(path))
     command = [sys.executable, "-c", _CHILD, str(path.absolute()), str(destination.absolute())]
     patience = _PATIENCE * (1 + path.stat().st_size / _PACE)
     try:
@@ -182,8 +184,6 @@ def _in_child() -> None:
 def _allow_memory(count: int) -> None:
     """Limit this process to what it has, `count` bytes and some to spare; nothing on Windows and macOS."""
     if sys.platform == "linux":
-        import resource
-
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
         limit = pages * resource.getpagesize() + count + _SPARE
         resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
@@ -195,12 +195,9 @@ def _padded(path: Path) -> Iterator[h5py.File]:
     length = path.stat().st_size
     with suppress(DataError):
         length = max(length, min(stated(path).size, _MOST * length))
-    sentence = (
-        f"{path} is damaged in its metadata, so nothing can be recovered: copy it again from its source."
-    )
     with (
         _Padded(path, length) as padded,
-        unreadable(path, sentence),
+        unreadable(path, _LOST.format(path)),
         h5py.File(padded, "r", locking=False) as file,
     ):
         yield file

@@ -239,7 +239,7 @@ def _valid(file: h5py.File, channels: int) -> tuple[Codes, NDArray[np.void]]:
     if stored.dtype != block_dtype(channels, stored.dtype["samples"].shape[1]):
         raise ValueError("blocks")
     parts: list[Codes] = []
-    rows: list[np.void] = []
+    rows = [np.zeros(0, BLOCK)]
     samples = 0
     for record in _records(stored):
         if not _written(record) or record["first"] != samples:
@@ -249,7 +249,7 @@ def _valid(file: h5py.File, channels: int) -> tuple[Codes, NDArray[np.void]]:
         rows.append(finished_row(record))
         samples += count
     codes = np.concatenate(parts, axis=1) if parts else np.zeros((channels, 0), dtype=np.int16)
-    return codes.astype(np.int16, copy=False), np.array(rows, dtype=BLOCK)
+    return codes.astype(np.int16, copy=False), np.concatenate(rows)
 
 
 def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:

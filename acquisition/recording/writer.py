@@ -177,10 +177,11 @@ class Writer:
             with whole_file(self.path, private=True) as temporary:
                 free = shutil.disk_usage(self.path.parent).free
                 # Twice the size: the finished copy is written beside this file before it replaces it.
-                if free < 2 * size + _MARGIN:
+                needed = 2 * size + _MARGIN
+                if free < needed:
                     raise ConfigurationError(
                         f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, but this recording "
-                        f"needs {(2 * size + _MARGIN) / 1e6:.0f} MB: free some space, or record fewer presses."
+                        f"needs {needed / 1e6:.0f} MB: free some space, or record fewer presses."
                     )
                 self._preallocate(temporary)
         except FileExistsError:

@@ -20,6 +20,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Protocol
 
+from pydantic import TypeAdapter, ValidationError
+
 from haploop.acquisition.json_files import append_json, changing, json_hash, read_json, write_json
 from haploop.instruments import DataError
 from haploop.instruments.files import os_error_text, sync_folder
@@ -108,6 +110,9 @@ class Activation:
     reason: str
 
 
+_ACTIVATED = TypeAdapter(Activation)
+
+
 class History:
     """The folder of a rig's calibrations; see the module. Nothing is made before `add`.
 
@@ -134,14 +139,9 @@ class History:
         """Oldest first; the last one holds. Raises DataError when the file is damaged."""
         path = self.folder / _ACTIVATIONS
         try:
-            return tuple(
-                Activation(**dict(zip(entry, map(str, entry.values()), strict=True)))
-                for entry in _entries(path, "activations")
-            )
-        except (TypeError, AttributeError):
-            raise DataError(
-                f"{path} holds something else than activations: restore it from a copy."
-            ) from None
+            return tuple(_ACTIVATED.validate_python(entry) for entry in _entries(path, "activations"))
+        except ValidationError:
+            raise DataError(f"{path} holds something else than activations: restore a copy.") from None
 
     @property
     def looks(self) -> tuple[dict[str, Any], ...]:
