@@ -3,10 +3,8 @@
 A dataclass becomes a group: arrays are datasets, everything else is an attribute (tuples as JSON).
 A nested dataclass is a subgroup; a tuple of dataclasses is one subgroup for each member. The root's
 attributes state the kind of file (`format`, `format_version`), the version of haploop that wrote it
-(`software`), and the content's hash (`content_hash`), which is recomputed on every load.
-
-The bytes are compared with a SHA-256 in the file's user block before the HDF5 library reads them: that
-library can crash on a damaged file (within 1000 random changes of a byte in metadata, measured).
+(`software`), and the content's hash (`content_hash`), which is recomputed on every load, after the
+checksum of the whole file (`checksum`).
 """
 
 from __future__ import annotations
@@ -14,8 +12,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from types import UnionType
@@ -24,25 +22,21 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
+from haploop.acquisition.checksum import USER_BLOCK, add_checksum, bounded, opened, stated, unreadable
 from haploop.instruments import DataError
 from haploop.instruments.files import new_file
 
-__all__ = ["Flat", "content_hash", "digest", "flatten", "is_stored", "kind_of", "read", "restore", "write"]
+__all__ = ["Flat", "content_hash", "digest", "flatten", "kind_of", "read", "restore", "write"]
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass flattened to plain values, with slashes in the names of nested fields."""
 Value = TypeVar("Value")
 
-VERSION = 1
+VERSION = 2
 _LABELS = ("format", "format_version", "software", "content_hash")
-_SEAL = b"haploop, SHA-256 of what follows this block: "
-_USER_BLOCK = 512
-"""Bytes before the HDF5 data, which its readers skip; the smallest that HDF5 allows."""
-_UNREADABLE = (
-    OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
-)  # fmt: skip
-"""Exceptions that h5py raises for a damaged file."""
+_ELSE = "it was not written by this version of haploop"
 
 
 def flatten(value: Any, prefix: str = "") -> Flat:
@@ -77,7 +71,10 @@ def digest(flat: Flat) -> str:
 
 
 def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -> Value:
-    """Rebuild the dataclass from the mapping of `flatten`. Raises DataError when a field is missing."""
+    """Rebuild the dataclass from the mapping of `flatten`.
+
+    Raises DataError when a field is missing or of another type, or the dataclass refuses its content.
+    """
     values: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         key = prefix + name
@@ -86,21 +83,25 @@ def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -
             values[name] = restore(nested, flat, path, key + "/")  # type: ignore[arg-type]
         elif f"{key}/count" in flat:
             member = get_args(hint)[0]
-            numbers = range(int(flat[f"{key}/count"]))
-            values[name] = tuple(restore(member, flat, path, f"{key}/{n:04d}/") for n in numbers)
+            count = flat[f"{key}/count"]
+            if not isinstance(count, int):
+                raise DataError(f"{path} holds no number of {key!r}: {_ELSE}.")
+            values[name] = tuple(restore(member, flat, path, f"{key}/{n:04d}/") for n in range(count))
         elif key not in flat:
-            raise DataError(f"{path} holds no {key!r}: it was not written by this version of haploop.")
-        elif get_origin(hint) in (tuple, Mapping, UnionType):
-            values[name] = _tuples(json.loads(str(flat[key])))
+            raise DataError(f"{path} holds no {key!r}: {_ELSE}.")
         else:
-            values[name] = flat[key]
-    return kind(**values)
+            with unreadable(path, f"{path} holds a {key!r} of another type: {_ELSE}."):
+                values[name] = _field(hint, flat[key])
+    try:
+        return kind(**values)
+    except DataError as error:
+        raise DataError(f"{path} cannot be used: {error}") from None
 
 
 def write(path: str | Path, kind: str, flat: Flat) -> None:
     """Write a new file of a kind. Raises DataError when `path` exists or cannot be written."""
     with new_file(path) as part:
-        with h5py.File(part, "x", userblock_size=_USER_BLOCK) as file:
+        with h5py.File(part, "w", userblock_size=USER_BLOCK, locking=False) as file:
             file.attrs.update(
                 format=f"haploop {kind}",
                 format_version=VERSION,
@@ -113,101 +114,83 @@ def write(path: str | Path, kind: str, flat: Flat) -> None:
                 else:
                     group, _, own = name.rpartition("/")
                     file.require_group(group or "/").attrs[own] = value
-        seal = _seal(part)
-        with part.open("rb+") as raw:
-            raw.write(seal)
+        add_checksum(part, kind)
 
 
 def read(path: str | Path, kind: str) -> Flat:
     """Read a file of `write`. Raises DataError when it is missing, of another kind, or damaged."""
-    with _opened(path) as file:
-        flat: dict[str, Any] = {key: _plain(value) for key, value in file.attrs.items()}
+    if (found := kind_of(path)) != kind:
+        raise DataError(f"{path} is not a haploop {kind}: it holds a {found}.")
+    with opened(path) as file:
+        flat = _contents(file)
         labels = {key: flat.pop(key, None) for key in _LABELS}
-        if labels["format"] != f"haploop {kind}":
-            raise DataError(f"{path} is not a haploop {kind}: it says {labels['format']!r}.")
-        if None in labels.values():
-            raise DataError(f"{path} is damaged: it does not state its version or its content's hash.")
         if labels["format_version"] != VERSION:
             raise DataError(
                 f"{path} has format {labels['format_version']} and this version reads {VERSION}: "
                 f"it was written by {labels['software']}."
             )
-        flat |= _contents(file)
-        if not _sealed(path) or labels["content_hash"] != digest(flat):
-            raise DataError(f"{path} is damaged: its content does not match its hash.")
+        if labels["content_hash"] != digest(flat):
+            raise DataError(f"{path} was changed after it was written: its content does not match its hash.")
     return flat
 
 
 def content_hash(path: str | Path) -> str:
-    """Content hash stated in a file of any kind. Raises DataError."""
-    with _opened(path) as file:
+    """Content hash stated in an HDF5 file of any kind. Raises DataError."""
+    with opened(path) as file:
         return str(file.attrs["content_hash"])
-
-
-def is_stored(path: str | Path) -> bool:
-    """True when `write` wrote the file; it may still be damaged."""
-    return Path(path).is_file() and _sealed(path)
 
 
 def kind_of(path: str | Path) -> str:
     """Kind stated in a file: "recording", or a kind given to `write`. Raises DataError."""
-    with _opened(path) as file:
-        said = str(file.attrs.get("format", ""))
-    if not said.startswith("haploop "):
-        raise DataError(f"{path} was not written by haploop.")
-    return said.removeprefix("haploop ")
-
-
-@contextmanager
-def _opened(path: str | Path) -> Iterator[h5py.File]:
-    """Open a file for reading; raise DataError for the exceptions of h5py on a damaged file."""
-    if not Path(path).is_file():
-        raise DataError(f"There is no file {path}: check the name.")
-    try:
-        if _sealed(path) and _user_block(path) != _seal(path):
-            raise DataError(f"{path} is damaged: its content does not match its hash.")
-        with h5py.File(path, "r") as file:
-            yield file
-    except _UNREADABLE as error:
-        if isinstance(error, PermissionError):
-            raise DataError(f"You have no permission to read {path}: ask its owner.") from None
-        raise DataError(f"{path} is damaged or no HDF5 file: it cannot be read.") from None
-
-
-def _seal(path: str | Path) -> bytes:
-    """Compute the user block of an intact file with this content."""
-    with Path(path).open("rb") as file:
-        file.seek(_USER_BLOCK)
-        return _SEAL + hashlib.file_digest(file, "sha256").hexdigest().encode().ljust(
-            _USER_BLOCK - len(_SEAL)
-        )
-
-
-def _sealed(path: str | Path) -> bool:
-    return _user_block(path).startswith(_SEAL)
-
-
-def _user_block(path: str | Path) -> bytes:
-    with Path(path).open("rb") as file:
-        return file.read(_USER_BLOCK)
+    return stated(path).kind
 
 
 def _contents(file: h5py.File) -> dict[str, Any]:
-    """Read every dataset, and every attribute below the root, by name."""
-    size = Path(file.filename).stat().st_size
+    """Read every attribute and every dataset by name. Raises ValueError for more than the file can hold."""
+    left = file.id.get_filesize()
     flat: dict[str, Any] = {}
 
     def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        nonlocal left
         if isinstance(item, h5py.Dataset):
-            # A damaged shape may ask for more memory than there is.
-            if item.size and item.nbytes > size:
-                raise ValueError(name)
-            flat[name] = item[()]
-        else:
-            flat.update({f"{name}/{key}": _plain(value) for key, value in item.attrs.items()})
+            flat[name] = bounded(item, left)[()]
+            left -= flat[name].nbytes
+            return
+        for key in item.attrs:
+            if item.attrs.get_id(key).get_storage_size() > left:
+                raise ValueError(f"{key} is larger than its file")
+            flat[f"{name}/{key}".lstrip("/")] = _plain(item.attrs[key])
 
+    visit("", file)
     file.visititems(visit)
     return flat
+
+
+def _field(hint: Any, value: Any) -> Any:
+    """The value of a field with this type hint. Raises ValueError and TypeError for any other content."""
+    if get_origin(hint) is np.ndarray:
+        scalar = get_args(get_args(hint)[1])[0]
+        if not isinstance(value, np.ndarray) or not np.can_cast(value.dtype, scalar, "same_kind"):
+            raise TypeError(hint)
+    elif get_origin(hint) in (tuple, Mapping, UnionType):
+        if not isinstance(value, str):
+            raise TypeError(hint)
+        found = json.loads(value)
+        # Neither holds values that could be of another type; an adapter of a dataclass is slow to make.
+        if found is not None and found != []:
+            _adapter(hint).validate_json(value, strict=True)
+        return _tuples(found)
+    elif hint is float:
+        if type(value) not in (float, int):
+            raise TypeError(hint)
+    elif type(value) is not (hint if isinstance(hint, type) else str):
+        raise TypeError(hint)
+    return value
+
+
+@lru_cache(maxsize=256)
+def _adapter(hint: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(hint)
 
 
 def _plain(value: Any) -> Any:

@@ -2,7 +2,8 @@
 
 A file is written beside its destination under a hidden name (`.<name>.<random>.part`), synced, and then
 given its name in one step that fails if the name is taken. A program that is killed leaves either
-nothing under the name or the complete file; the hidden part may be deleted.
+nothing under the name or the complete file; its hidden part is removed by the next program that writes into
+the folder.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import errno
 import os
 import re
 import secrets
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -19,6 +21,7 @@ from pathlib import Path
 from haploop.instruments.errors import ConfigurationError, DataError
 
 __all__ = [
+    "WRITE_ERRORS",
     "check_destination",
     "existing",
     "new_file",
@@ -29,13 +32,16 @@ __all__ = [
 ]
 
 
-def check_destination(path: Path) -> None:
+def check_destination(path: Path, *, private: bool = False) -> None:
     """Create the folder. Raises ConfigurationError for a destination that exists or cannot be written.
 
-    A command calls this before it measures, so that every result can be saved.
+    A command calls this before it measures, so that every result can be saved. A `private` folder, of
+    recordings of people, is made for its owner alone (0700); on Windows it has the rights of the folder that
+    it is made in. An existing folder keeps its rights.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(mode=0o700 if private else 0o777, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
@@ -44,6 +50,10 @@ def check_destination(path: Path) -> None:
         ) from None
     if os.path.lexists(path):
         raise ConfigurationError(existing(path))
+
+
+WRITE_ERRORS = (OSError, RuntimeError, ValueError)
+"""Errors of writing a file: a disk's refusal, and what the HDF5 library makes of it."""
 
 
 @contextmanager
@@ -65,23 +75,30 @@ def new_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; the file written there is synced and renamed to `path`.
+def whole_file(path: Path, *, replace: bool = False, private: bool = False) -> Iterator[Path]:
+    """Yield a temporary path beside `path`, of an empty file; what is written there becomes `path`.
 
-    Without `replace`, as `publish`. After an exception no file remains. Raises FileExistsError and OSError.
+    It is synced and renamed: without `replace`, as `publish`. A `private` file, with a recording of a
+    person, can be read by its owner alone (0600; on Windows, by whoever may read the folder). After an
+    exception no file remains. Raises FileExistsError and OSError.
     """
-    # Not tempfile's: its files can be read by their owner only, and a lab shares its folder.
-    part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
+    _clear_abandoned(path.parent)
+    part, descriptor = _new_part(path, 0o600 if private else 0o666)
     try:
         yield part
-        with part.open("rb+") as file:
-            os.fsync(file.fileno())
+        os.fsync(descriptor)
+        if os.name == "nt":  # renames no file that is open
+            os.close(descriptor)
+            descriptor = -1
         if replace:
             part.replace(path)
             sync_folder(path.parent)
         else:
             publish(part, path)
     finally:
+        if descriptor >= 0:
+            with suppress(OSError):  # it was synced before
+                os.close(descriptor)
         with suppress(OSError):  # beside a published file, a part that cannot be removed is no failure
             part.unlink(missing_ok=True)
 
@@ -133,7 +150,7 @@ def existing(path: Path) -> str:
     return f"{path} already exists and is not overwritten: move it away, or choose another name."
 
 
-def os_error_text(error: OSError | RuntimeError) -> str:
+def os_error_text(error: BaseException) -> str:
     """The operating system's message for a file that could not be read or written.
 
     The HDF5 library's own text is full of addresses and offsets, and some of its errors have no `errno`:
@@ -142,6 +159,57 @@ def os_error_text(error: OSError | RuntimeError) -> str:
     said = re.search(r"errno = (\d+)", str(error))
     number = getattr(error, "errno", None) or (int(said[1]) if said else None)
     return os.strerror(number) if number else "the disk may be full"
+
+
+_PART = re.compile(r"\..+\.[0-9a-f]{16}\.part")
+
+
+def _new_part(path: Path, mode: int) -> tuple[Path, int]:
+    """Create the hidden part of a file, and hold it open, so that no other program takes it for abandoned."""
+    while True:
+        part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        descriptor = os.open(part, flags, mode)
+        _locked(descriptor, wait=True)
+        if part.exists():
+            return part, descriptor
+        # Another program cleared it between its creation and its lock.
+        os.close(descriptor)
+
+
+def _clear_abandoned(folder: Path) -> None:
+    """Remove the hidden parts of killed programs; those of running ones are locked, or open on Windows."""
+    with suppress(OSError):
+        for entry in os.scandir(folder):
+            if not _PART.fullmatch(entry.name) or not entry.is_file(follow_symlinks=False):
+                continue
+            with suppress(OSError):
+                if os.name == "nt":
+                    Path(entry).unlink()
+                    continue
+                descriptor = os.open(entry, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
+                try:
+                    if _locked(descriptor):
+                        Path(entry).unlink()
+                finally:
+                    os.close(descriptor)
+
+
+if sys.platform == "win32":
+
+    def _locked(_descriptor: int, wait: bool = False) -> bool:
+        return wait
+
+else:
+    import fcntl
+
+    def _locked(descriptor: int, wait: bool = False) -> bool:
+        """Lock a file until it is closed. False when another program has it, or the disk has no locks."""
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except OSError:
+            return False
+        return True
 
 
 def _claim(source: Path, destination: Path) -> None:

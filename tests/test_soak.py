@@ -159,7 +159,7 @@ class Week:
             # A closed rig is a ring of references: 25 MB until somebody looks for such rings.
             gc.collect()
         quiet = happened == "unchanged" and not records(hour)
-        logs = (*self.rig.audit.folder.glob("log-*.jsonl"), self.history.folder / "looks.jsonl")
+        logs = (*self.rig.audit.folder.glob("log-*.jsonl"), self.history.folder / "looks.json")
         files = Path("/proc/self/fd")
         self.sizes.append(
             Size(

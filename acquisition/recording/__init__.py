@@ -17,7 +17,7 @@ from haploop.acquisition.recording.readings import AlongFile, AlongReading, read
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.recovery import recover, set_aside
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
-from haploop.acquisition.recording.salvage import finish, opened, verify
+from haploop.acquisition.recording.salvage import finish, verify
 from haploop.acquisition.recording.writer import Writer
 
 __all__ = [
@@ -37,7 +37,6 @@ __all__ = [
     "add_rejections",
     "file_name",
     "finish",
-    "opened",
     "reading_event",
     "recover",
     "set_aside",

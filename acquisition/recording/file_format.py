@@ -46,8 +46,10 @@ __all__ = [
     "event_row",
     "events_in",
     "file_name",
+    "finished_row",
     "from_codes",
     "read_header",
+    "samples_crc",
     "sealed",
     "to_codes",
     "verdict_row",
@@ -57,7 +59,7 @@ __all__ = [
 ]
 
 FORMAT = "haploop recording"
-VERSION = 2
+VERSION = 3
 CODES = 32768
 """Number of codes from 0 V to full scale: a sample is full_scale * code / CODES volts."""
 
@@ -93,10 +95,20 @@ VERDICT = np.dtype(
 )
 """A press verdict: the fields of `PressVerdict`, and the CRC of all bytes before it."""
 
-BLOCK = np.dtype([("first", "<i8"), ("count", "<u4"), ("overload", "<u4"), ("time", "<f8")])
+BLOCK = np.dtype(
+    [
+        ("first", "<i8"),
+        ("count", "<u4"),
+        ("overload", "<u4"),
+        ("time", "<f8"),
+        ("samples_crc", "<u4"),
+        ("crc", "<u4"),
+    ]
+)
 """Block record of a finished file: first sample, number of samples, channels at the end of their range
-(bit mask), and time of arrival (s of the rig's clock)."""
+(bit mask), time of arrival (s of the rig's clock), CRC of the samples, and CRC of all bytes before it."""
 
+_AGAIN = "Copy it again from its source."
 _PSEUDONYM = re.compile(r"[A-Za-z]{1,4}[0-9]{1,4}")
 _BUTTON = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 
@@ -244,10 +256,26 @@ def event_row(event: Event) -> bytes:
     return sealed(row)
 
 
+def finished_row(record: np.void) -> NDArray[np.void]:
+    """Make the (1,) `BLOCK` row of a finished file from a block's record of an unfinished one."""
+    row = np.zeros(1, BLOCK)
+    for name in ("first", "count", "overload", "time"):
+        row[name] = record[name]
+    row["samples_crc"] = samples_crc(record["samples"][:, : int(record["count"])])
+    sealed(row)
+    return row
+
+
+def samples_crc(codes: Codes) -> int:
+    """CRC-32 of a block's samples: (channels, samples), row by row."""
+    return crc32(np.ascontiguousarray(codes, dtype="<i2").data)
+
+
 def events_in(rows: NDArray[np.void]) -> tuple[Event, ...]:
     """Decode the events in rows of `EVENT`."""
     return tuple(
-        Event(int(row["sample"]), row["kind"].decode(), row["text"].decode(errors="replace")) for row in rows
+        Event(int(row["sample"]), row["kind"].decode(errors="replace"), row["text"].decode(errors="replace"))
+        for row in rows
     )
 
 
@@ -337,6 +365,7 @@ def from_codes(codes: Codes, full_scale: FloatArray) -> FloatArray:
 def write_header(file: h5py.File, header: Header, state: str) -> None:
     """Write the header: attributes of the root, and datasets for texts too long for an attribute."""
     file.attrs.update({"format": FORMAT, "format_version": VERSION, "state": state})
+    file.attrs["header_hash"] = _header_hash(header)
     for key, value in asdict(header).items():
         if key in ("rig", "protocol", "notes"):
             file.create_dataset(key, data=value, dtype=h5py.string_dtype())
@@ -347,9 +376,12 @@ def write_header(file: h5py.File, header: Header, state: str) -> None:
 
 
 def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
-    """Read the header and the file's state. Raises DataError for any other format or version."""
+    """Read the header and the file's state.
+
+    Raises DataError for any other format or version, and for a header that does not match its hash.
+    """
     if file.attrs.get("format") != FORMAT:
-        raise DataError(f"{path} is an HDF5 file, but not a haploop recording.")
+        raise DataError(f"{path} is not a haploop recording.")
     version = int(file.attrs["format_version"])
     if version != VERSION:
         remedy = "update haploop" if version > VERSION else "read it with the haploop version that wrote it"
@@ -357,8 +389,9 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
             f"{path} has recording format {version}, but this haploop reads format {VERSION}: {remedy}."
         )
     a = file.attrs
-    rig = file["rig"].asstr()[()]
-    json.loads(rig)  # checked here, so that a damaged rig counts as an unreadable file
+    rig = _text(file, "rig")
+    if not isinstance(json.loads(rig), dict):  # checked here, so that a damaged rig is an unreadable file
+        raise ValueError("rig")
     header = Header(
         button=str(a["button"]),
         participant=str(a["participant"]),
@@ -376,10 +409,28 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
         started=str(a["started"]),
         study=str(a["study"]),
         session=str(a["session"]),
-        protocol=file["protocol"].asstr()[()],
-        notes=file["notes"].asstr()[()],
+        protocol=_text(file, "protocol"),
+        notes=_text(file, "notes"),
     )
+    rows = len(header.channels)
+    if header.full_scale.shape != (rows,) or header.delays.shape != (rows,) or not header.rate_hz > 0:
+        raise ValueError("channels")
+    if str(a["header_hash"]) != _header_hash(header):
+        raise DataError(f"{path} is damaged: its header does not match its hash. {_AGAIN}")
     return header, str(a["state"])
+
+
+def _text(file: h5py.File, name: str) -> str:
+    return str(file[name].asstr()[()])
+
+
+def _header_hash(header: Header) -> str:
+    """SHA-256 (hex) of a JSON object of the header's fields."""
+    plain = {
+        key: value.tolist() if isinstance(value, np.ndarray) else value
+        for key, value in asdict(header).items()
+    }
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 def _utf8(text: str, length: int) -> bytes:

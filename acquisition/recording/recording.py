@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from haploop.acquisition.checksum import opened
 from haploop.acquisition.recording.file_format import (
     CODES,
     Contents,
@@ -24,7 +25,7 @@ from haploop.acquisition.recording.file_format import (
 )
 from haploop.acquisition.recording.readings import AlongFile, AlongReading, files_in, readings_in
 from haploop.acquisition.recording.rejections import without_rejected
-from haploop.acquisition.recording.salvage import opened, read_contents
+from haploop.acquisition.recording.salvage import read_contents
 from haploop.instruments import DataError, Sensor, Sensors
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.instruments.safety import is_marked

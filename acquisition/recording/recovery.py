@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +15,9 @@ from typing import Any
 import h5py
 import numpy as np
 
+from haploop.acquisition.checksum import opened, stated, unreadable
 from haploop.acquisition.recording.file_format import (
     EVENT,
-    Codes,
     Contents,
     Event,
     Header,
@@ -23,19 +26,13 @@ from haploop.acquisition.recording.file_format import (
     verdicts_in,
 )
 from haploop.acquisition.recording.recording import Recording
-from haploop.acquisition.recording.salvage import (
-    CHUNK,
-    cut_short,
-    ending_at,
-    later_blocks,
-    opened,
-    read_blocks,
-    read_contents,
-    write_finished,
-)
-from haploop.instruments import ConfigurationError, DataError
+from haploop.acquisition.recording.salvage import intact_part, later_rows, read_blocks, write_finished
+from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import existing, os_error_text, publish
 from haploop.instruments.safety import is_marked, marked
+
+if sys.platform == "linux":
+    import resource
 
 __all__ = ["recover", "set_aside"]
 
@@ -43,10 +40,10 @@ __all__ = ["recover", "set_aside"]
 def recover(path: str | Path) -> Path:
     """Salvage the intact part of a recording into a new file `<name>.recovered.h5`; `path` is not touched.
 
-    For a recording that was interrupted, truncated, or damaged in its samples. Samples are kept up to the
-    first missing one. The new file's last event states what was saved and what was lost. Raises
-    ConfigurationError when there is nothing to recover or the new file exists, DataError when the file's
-    metadata are damaged, or the file was changed after it was finished.
+    For a recording that was interrupted, truncated, damaged or changed. Blocks are kept up to the first one
+    that does not match its checksum. The new file's last event states what was saved and what was lost.
+    Raises ConfigurationError when there is nothing to recover or the new file exists, DataError when the
+    file's metadata are damaged.
     """
     path = Path(path)
     destination = path.with_name(f"{path.stem}.recovered.h5")
@@ -54,13 +51,14 @@ def recover(path: str | Path) -> Path:
         raise ConfigurationError(existing(destination))
     if is_marked(path):
         raise ConfigurationError(f"{path} is being recorded now: wait until the session has ended.")
-    header, contents, lost = _whole(path) or _part(path)
-    samples = contents.codes.shape[1]
-    accepted = len({press.number for press in verdicts_in(contents.presses) if press.accepted})
-    saved = f"Recovered {samples / header.rate_hz:.2f} s with {accepted} of {header.presses} presses accepted"
-    event = np.frombuffer(event_row(Event(samples, "recovered", f"{saved}; {lost}")), dtype=EVENT)
-    contents = replace(contents, events=np.concatenate([contents.events, event]))
-    write_finished(destination, header, contents, "recovered", in_place=False)
+    try:
+        header, contents, lost = _unfinished(path)
+    except DataError:
+        if not path.is_file():
+            raise
+        _recover_elsewhere(path, destination)
+    else:
+        _save(destination, header, contents, lost)
     return destination
 
 
@@ -90,74 +88,119 @@ def set_aside(path: Path) -> Path | None:
     return aside
 
 
-def _whole(path: Path) -> tuple[Header, Contents, str] | None:
-    """Read the contents of an interrupted file; None when the file is damaged."""
-    try:
-        with opened(path) as file:
-            header, state = read_header(file, path)
-            later = later_blocks(file["blocks"]) if state == "recording" else 0
-        contents = read_contents(path)
-    except DataError:
-        return None
-    if state == "recording":
-        lost = "samples after the last block are lost."
-        if later:
-            lost = f"{later} blocks after a damaged block were left out."
-        return header, contents, lost
-    if contents.stored_hash != contents.hash(header):
-        raise DataError(
-            f"{path} was changed after it was finished, and its original content cannot be restored: "
-            "use an unchanged copy."
-        )
-    raise ConfigurationError(f"{path} is complete: there is nothing to recover.")
+def _unfinished(path: Path) -> tuple[Header, Contents, str]:
+    """Read an undamaged file that was not finished. Raises DataError for a damaged one."""
+    with opened(path) as file:
+        header, state = read_header(file, path)
+        if state != "recording":
+            raise ConfigurationError(f"{path} is complete: there is nothing to recover.")
+        return header, read_blocks(file, header), _lost(file)
 
 
-def _part(path: Path) -> tuple[Header, Contents, str]:
-    """Read the contents of a damaged file up to its first missing sample. Raises DataError."""
-    with opened_beyond(path) as file:
+def _lost(file: h5py.File) -> str:
+    if later := later_rows(file):
+        names = " and ".join(f"{number} {name}" for name, number in later.items())
+        return f"{names} after damaged ones; only blocks before a damaged one are kept."
+    return "samples after the last block are lost."
+
+
+def _save(destination: Path, header: Header, contents: Contents, lost: str) -> None:
+    samples = contents.codes.shape[1]
+    accepted = len({press.number for press in verdicts_in(contents.presses) if press.accepted})
+    saved = f"Recovered {samples / header.rate_hz:.2f} s with {accepted} of {header.presses} presses accepted"
+    event = np.frombuffer(event_row(Event(samples, "recovered", f"{saved}; {lost}")), dtype=EVENT)
+    contents = replace(contents, events=np.concatenate([contents.events, event]))
+    write_finished(destination, header, contents, "recovered", in_place=False)
+
+
+def recover_damaged(path: Path, destination: Path, allow: Callable[[int], object] = int) -> None:
+    """Recover a file that does not match its checksum, within the calling process.
+
+    The HDF5 library can crash, hang or exhaust memory on such a file, so `recover` calls this in a process
+    of its own. Header, rows and blocks are compared with checksums of their own. `allow` is told the bytes
+    of memory that its samples need. Raises as `recover`.
+    """
+    with _padded(path) as file:
         header, state = read_header(file, path)
         if state == "recording":
-            contents = read_blocks(file, header)
-            return header, contents, "samples after the last intact block are lost."
-        stored = file["codes"]
-        codes = _readable(stored)
-        rows = [file[name][:] for name in ("blocks", "events", "presses")]
-        recorded = stored.shape[1] / header.rate_hz
-        lost = f"the rest of {recorded:.2f} s is damaged, and the saved part has no content hash to check."
-        return header, ending_at(Contents(codes, *rows), codes.shape[1]), lost
+            contents, lost = read_blocks(file, header), _lost(file)
+        else:
+            allow(6 * len(header.channels) * int(sum(map(int, file["blocks"]["count"]))))
+            contents = intact_part(file, header)
+            lost = f"the rest of {file['codes'].shape[1] / header.rate_hz:.2f} s is damaged."
+    if not contents.codes.size:
+        raise DataError(f"{path} holds no intact block, so nothing can be recovered: copy it again.")
+    _save(destination, header, contents, lost)
 
 
-def _readable(stored: h5py.Dataset) -> Codes:
-    """Read the samples before the first missing or damaged chunk."""
-    parts: list[Codes] = []
-    with suppress(OSError, RuntimeError, ValueError):
-        for start in range(0, stored.shape[1], CHUNK):
-            parts.append(stored[:, start : start + CHUNK])
-    return np.concatenate([np.zeros((stored.shape[0], 0), np.int16), *parts], axis=1)
+_LOST = "{} is damaged in its metadata, so nothing can be recovered: copy it again from its source."
+_CHILD = """
+from haploop.acquisition.recording import recovery
+recovery._in_child()
+"""
+_PATIENCE = 60.0
+"""Seconds for a recovery, and as many again for each _PACE bytes of the file."""
+_PACE = 1 << 28
+_MOST = 1000
+"""Times that a truncated file may have been longer."""
+_SPARE = 200 << 20
+"""Bytes of memory for a recovery beside its samples."""
+
+
+def _recover_elsewhere(path: Path, destination: Path) -> None:
+    """Run `recover_damaged` in a process of its own, with limited time and memory. Raises as `recover`."""
+    damaged = DataError(_LOST.format(path))
+    command = [sys.executable, "-c", _CHILD, str(path.absolute()), str(destination.absolute())]
+    patience = _PATIENCE * (1 + path.stat().st_size / _PACE)
+    try:
+        child = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False
+        )
+        said = json.loads(child.stdout)
+    except (subprocess.TimeoutExpired, ValueError):
+        raise damaged from None
+    except OSError as error:
+        raise DataError(
+            f"{path} is damaged, and no process for its recovery can be started ({os_error_text(error)})."
+        ) from None
+    kinds = {kind.__name__: kind for kind in (ConfigurationError, DataError, InstrumentError)}
+    if said["error"] in kinds:
+        raise kinds[said["error"]](said["text"])
+    if said["error"]:
+        raise damaged
+
+
+def _in_child() -> None:
+    path, destination = map(Path, sys.argv[1:])
+    error = text = ""
+    _allow_memory(0)
+    try:
+        recover_damaged(path, destination, _allow_memory)
+    except Exception as raised:
+        error, text = type(raised).__name__, str(raised)
+    sys.stdout.write(json.dumps({"error": error, "text": text}))
+
+
+def _allow_memory(count: int) -> None:
+    """Limit this process to what it has, `count` bytes and some to spare; nothing on Windows and macOS."""
+    if sys.platform == "linux":
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        limit = pages * resource.getpagesize() + count + _SPARE
+        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 @contextmanager
-def opened_beyond(path: Path) -> Iterator[h5py.File]:
-    """Open a file like `opened`; a truncated file reads as zeros beyond its end."""
-    try:
-        with h5py.File(path, "r"):
-            pass
-        length = 0
-    except OSError as error:
-        length = cut_short(str(error), path.stat().st_size if path.is_file() else 0)
-    if not length:
-        with opened(path) as file:
-            yield file
-        return
-    with _Padded(path, length) as padded:
-        try:
-            with h5py.File(padded, "r") as file:
-                yield file
-        except (OSError, KeyError, ValueError, RuntimeError, UnicodeDecodeError):
-            raise DataError(
-                f"{path} is truncated within its metadata, so nothing can be recovered: "
-                "copy it again from its source."
-            ) from None
+def _padded(path: Path) -> Iterator[h5py.File]:
+    """Open a damaged file; a truncated one reads as zeros beyond its end. Raises DataError."""
+    length = path.stat().st_size
+    with suppress(DataError):
+        length = max(length, min(stated(path).size, _MOST * length))
+    with (
+        _Padded(path, length) as padded,
+        unreadable(path, _LOST.format(path)),
+        h5py.File(padded, "r", locking=False) as file,
+    ):
+        yield file
 
 
 class _Padded(io.RawIOBase):

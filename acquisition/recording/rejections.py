@@ -1,22 +1,21 @@
-"""Presses rejected after their session: `rejections.jsonl`, in the folder of the recordings.
+"""Presses rejected after their session: `rejections.json`, in the folder of the recordings.
 
 A finished recording is never changed, so later rejections go into a file of their own.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from haploop.acquisition.json_files import append_json, read_json
 from haploop.acquisition.recording.file_format import PressVerdict
 from haploop.instruments import DataError
-from haploop.instruments.files import os_error_text, whole_file
 
 __all__ = ["Rejection", "add_rejections", "without_rejected"]
 
-_JOURNAL = "rejections.jsonl"
+_FILE, _KIND = "rejections.json", "rejections"
 
 
 @dataclass(frozen=True)
@@ -44,8 +43,8 @@ def without_rejected(
             continue
         if one.sha256 != content_hash:
             raise DataError(
-                f"{path} does not match its rejections: {path.parent / _JOURNAL} states another content "
-                "hash. Restore the recording and its rejections.jsonl from the same copy."
+                f"{path} does not match its rejections: {path.parent / _FILE} states another content "
+                f"hash. Restore the recording and its {_FILE} from the same copy."
             )
         rejected[one.number, one.attempt] = one.reason
     return tuple(
@@ -57,22 +56,15 @@ def without_rejected(
 
 
 def add_rejections(folder: Path, rejections: Collection[Rejection]) -> None:
-    """Add rejections of recordings in a folder, all or none. Raises DataError."""
-    lines = [json.dumps(asdict(one)) + "\n" for one in (*_rejections(folder), *rejections)]
-    journal = folder / _JOURNAL
-    try:
-        with whole_file(journal, replace=True) as part:
-            part.write_text("".join(lines), encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"{journal} cannot be written: {os_error_text(error)}.") from None
+    """Add rejections of recordings in a folder, all or none; several programs may. Raises DataError."""
+    append_json(folder / _FILE, _KIND, [asdict(one) for one in rejections], private=True)
 
 
 def _rejections(folder: Path) -> tuple[Rejection, ...]:
-    journal = folder / _JOURNAL
-    if not journal.exists():
+    path = folder / _FILE
+    if not path.exists():
         return ()
     try:
-        lines = journal.read_text(encoding="utf-8").splitlines()
-        return tuple(Rejection(**json.loads(line)) for line in lines)
-    except (OSError, ValueError, TypeError):
-        raise DataError(f"{journal} is damaged: restore it from a copy.") from None
+        return tuple(Rejection(**entry) for entry in read_json(path, _KIND, list))
+    except TypeError:
+        raise DataError(f"{path} holds something else than rejections: restore it from a copy.") from None

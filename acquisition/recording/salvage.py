@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,29 +11,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haploop.acquisition import hdf5
+from haploop.acquisition.checksum import USER_BLOCK, add_checksum, bounded, opened
+from haploop.acquisition.json_files import is_json, json_hash
 from haploop.acquisition.recording.file_format import (
     BLOCK,
     CODES,
+    EVENT,
+    VERDICT,
     Codes,
     Contents,
     Header,
+    block_dtype,
     events_in,
+    finished_row,
     read_header,
+    samples_crc,
     whole,
     write_header,
 )
 from haploop.acquisition.recording.readings import file_problems
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import existing, whole_file
+from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, whole_file
 from haploop.instruments.safety import is_marked
 
 __all__ = [
     "CHUNK",
-    "cut_short",
     "ending_at",
     "finish",
-    "later_blocks",
-    "opened",
+    "intact_part",
+    "later_rows",
     "read_blocks",
     "read_contents",
     "verify",
@@ -47,36 +51,48 @@ CHUNK = 8192
 compressed size."""
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[h5py.File]:
-    """Open a file for reading; raise DataError for the exceptions of h5py on a damaged file."""
-    if not path.is_file():
-        raise DataError(f"There is no recording {path}: check the name.")
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except (OSError, KeyError, ValueError, RuntimeError, UnicodeDecodeError) as error:
-        if isinstance(error, PermissionError):
-            raise DataError(f"You have no permission to read {path}: ask its owner.") from None
-        raise DataError(_damage(path, str(error))) from None
-
-
 def read_contents(path: Path) -> Contents:
     """Read every valid sample of a recording, finished or not. Raises DataError."""
     with opened(path) as file:
         header, state = read_header(file, path)
         if state == "recording":
             return read_blocks(file, header)
-        codes = np.asarray(file["codes"][:], dtype=np.int16)
-        stored = str(file.attrs["content_hash"])
-        return Contents(codes, file["blocks"][:], file["events"][:], file["presses"][:], stored)
+        blocks, events, presses = (_rows(file, name, kind) for name, kind in _TABLES)
+        codes = np.asarray(_codes(file, header, blocks)[:], dtype=np.int16)
+        return Contents(codes, blocks, events, presses, str(file.attrs["content_hash"]))
 
 
 def read_blocks(file: h5py.File, header: Header) -> Contents:
     """Read every valid row of a file in the state "recording"."""
-    codes, blocks = _valid(file["blocks"], len(header.channels))
-    contents = Contents(codes, blocks, _filled(file["events"]), _filled(file["presses"]))
-    return ending_at(contents, codes.shape[1])
+    codes, blocks = _valid(file, len(header.channels))
+    events, presses = (_filled(_rows(file, name, kind)) for name, kind in _TABLES[1:])
+    return ending_at(Contents(codes, blocks, events, presses), codes.shape[1])
+
+
+def intact_part(file: h5py.File, header: Header) -> Contents:
+    """Read the intact blocks of a damaged file that was finished: those before the first other one."""
+    rows, events, presses = (_filled(_rows(file, name, kind)) for name, kind in _TABLES)
+    stored = _codes(file, header, rows, damaged=True)
+    parts: list[Codes] = []
+    chunk, began, samples = np.zeros((len(header.channels), 0), np.int16), 0, 0
+    for row in rows:
+        end = samples + int(row["count"])
+        try:
+            while began + chunk.shape[1] < end:
+                more = stored[:, began + chunk.shape[1] : began + chunk.shape[1] + CHUNK]
+                if not more.shape[1]:
+                    break
+                chunk = np.concatenate([chunk[:, samples - began :], more], axis=1)
+                began = samples
+        except (OSError, RuntimeError, ValueError):
+            break
+        part = chunk[:, samples - began : end - began]
+        if int(row["first"]) != samples or samples_crc(part) != int(row["samples_crc"]):
+            break
+        parts.append(part)
+        samples = end
+    codes = np.concatenate([np.zeros((len(header.channels), 0), np.int16), *parts], axis=1)
+    return ending_at(Contents(codes, rows[: len(parts)], events, presses), samples)
 
 
 def ending_at(contents: Contents, samples: int) -> Contents:
@@ -89,13 +105,6 @@ def ending_at(contents: Contents, samples: int) -> Contents:
         contents.events[contents.events["sample"] <= samples],
         contents.presses[contents.presses["end"] <= samples],
     )
-
-
-def cut_short(told: str, size: int) -> int:
-    """Full size (bytes) of a truncated file, from the error that HDF5 `told`; 0 if it is not truncated."""
-    # An HDF5 file states its full size at its beginning; the library reports it in the error.
-    cut = re.search(r"truncated file: .*stored_eof = (\d+)", told)
-    return int(cut[1]) if cut and int(cut[1]) > size else 0
 
 
 def finish(path: Path, state: str = "finished") -> None:
@@ -114,28 +123,28 @@ def finish(path: Path, state: str = "finished") -> None:
 def verify(path: str | Path) -> tuple[str, ...]:
     """Verify a file written by haploop; return one sentence for each problem, none when it is intact.
 
-    Checks the content hash, and the schema and continuity of a recording. Raises DataError for a file that
-    cannot be read; only a recording can be damaged and still be read.
+    Compares the checksum and the content hash, and the continuity of a recording. Raises DataError for a
+    file that is damaged or was changed; an unfinished recording can have damaged rows and still be read.
     """
     path = Path(path)
-    if hdf5.is_stored(path):
-        hdf5.read(path, hdf5.kind_of(path))
+    if is_json(path):
+        json_hash(path)
+        return ()
+    if (kind := hdf5.kind_of(path)) != "recording":
+        hdf5.read(path, kind)
         return ()
     with opened(path) as file:
         header, state = read_header(file, path)
-        later = later_blocks(file["blocks"]) if state == "recording" else 0
+        later = later_rows(file) if state == "recording" else {}
     contents = read_contents(path)
     problems = []
     if state == "recording" and is_marked(path):
         problems.append(f"{path} is being recorded now: verify it when the session has ended.")
     elif state == "recording":
         problems.append(f"{path} was interrupted: `haploop recover` salvages it into a finished file.")
+        problems += [f"{path} has {number} {name} after damaged ones." for name, number in later.items()]
     elif contents.stored_hash != contents.hash(header):
-        problems.append(f"{path} was changed after it was recorded: its content hash does not match.")
-    if later:
-        problems.append(f"{path} has {later} blocks after a damaged block.")
-    if contents.codes.shape[0] != len(header.channels):
-        problems.append(f"{path} has {contents.codes.shape[0]} rows for {len(header.channels)} channels.")
+        raise DataError(f"{path} was changed after it was recorded: its content hash does not match.")
     ends = contents.blocks["first"] + contents.blocks["count"]
     starts = np.append(contents.blocks["first"], contents.codes.shape[1])
     if np.any(starts != np.insert(ends, 0, 0)):
@@ -154,8 +163,8 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
     """
     content_hash = contents.hash(header)
     try:
-        with whole_file(path, replace=in_place) as temporary:
-            with h5py.File(temporary, "w") as file:
+        with whole_file(path, replace=in_place, private=True) as temporary:
+            with h5py.File(temporary, "w", userblock_size=USER_BLOCK, locking=False) as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
                 # The samples come last and in time order, so that a truncated file loses only its end.
@@ -173,44 +182,79 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
                 # HDF5 has no empty chunks: a recording without a block is stored contiguously.
                 codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
                 codes.attrs["volts_per_code"] = header.full_scale / CODES
+            add_checksum(temporary, "recording")
             if read_contents(temporary).hash(header) != content_hash:
                 raise DataError(f"{path} read back with other content than was written: check the disk.")
     except FileExistsError:
         raise ConfigurationError(existing(path)) from None
-    except OSError as error:
+    except WRITE_ERRORS as error:
         raise InstrumentError(
-            f"{path} could not be written ({error.strerror or error}); the recorded samples are safe."
+            f"{path} could not be written ({os_error_text(error)}); the recorded samples are safe."
         ) from None
 
 
-def _valid(blocks: h5py.Dataset, channels: int) -> tuple[Codes, NDArray[np.void]]:
+def later_rows(file: h5py.File) -> dict[str, int]:
+    """Number of intact blocks, events and presses after the first damaged one, by name where any."""
+    written = {"blocks": map(_written, _records(file["blocks"]))}
+    written |= {name: map(whole, _rows(file, name, kind)) for name, kind in _TABLES[1:]}
+    # `all` stops at the first that is not.
+    later = {name: 0 if all(rows) else sum(rows) for name, rows in written.items()}
+    return {name: number for name, number in later.items() if number}
+
+
+_TABLES = (("blocks", BLOCK), ("events", EVENT), ("presses", VERDICT))
+
+
+def _rows(file: h5py.File, name: str, kind: np.dtype[np.void]) -> NDArray[np.void]:
+    """Read a table. Raises ValueError for another type, or more rows than the file can hold."""
+    rows = bounded(file[name], file.id.get_filesize())
+    if rows.dtype != kind or rows.ndim != 1:
+        raise ValueError(name)
+    return np.asarray(rows[:])
+
+
+def _codes(file: h5py.File, header: Header, blocks: NDArray[np.void], damaged: bool = False) -> h5py.Dataset:
+    """The samples of a finished file. Raises ValueError for more than its blocks and chunks hold."""
+    codes, shape = file["codes"], (len(header.channels), int(blocks["count"].sum()))
+    if damaged:
+        shape = (shape[0], codes.shape[1])
+    width = min(shape[1], CHUNK)
+    if (
+        codes.shape != shape
+        or codes.dtype != np.int16
+        or codes.chunks != ((shape[0], width) if width else None)
+    ):
+        raise ValueError("codes")
+    if width and not damaged and codes.id.get_num_chunks() * width < shape[1]:
+        raise ValueError("codes")
+    return codes
+
+
+def _valid(file: h5py.File, channels: int) -> tuple[Codes, NDArray[np.void]]:
     """Read the samples of the records before the first damaged one.
 
     Records after a gap are left out, because a channel must not have gaps.
     """
+    stored = bounded(file["blocks"], file.id.get_filesize())
+    if stored.dtype != block_dtype(channels, stored.dtype["samples"].shape[1]):
+        raise ValueError("blocks")
     parts: list[Codes] = []
-    rows: list[tuple[Any, ...]] = []
+    rows = [np.zeros(0, BLOCK)]
     samples = 0
-    for record in _records(blocks):
+    for record in _records(stored):
         if not _written(record) or record["first"] != samples:
             break
         count = int(record["count"])
         parts.append(record["samples"][:, :count].copy())
-        rows.append(tuple(record[name] for name in BLOCK.names or ()))
+        rows.append(finished_row(record))
         samples += count
     codes = np.concatenate(parts, axis=1) if parts else np.zeros((channels, 0), dtype=np.int16)
-    return codes.astype(np.int16, copy=False), np.array(rows, dtype=BLOCK)
+    return codes.astype(np.int16, copy=False), np.concatenate(rows)
 
 
-def _filled(rows: h5py.Dataset) -> NDArray[np.void]:
-    """Read the rows that were written completely."""
-    return np.array([row for row in rows[:] if whole(row)], dtype=rows.dtype)
-
-
-def later_blocks(blocks: h5py.Dataset) -> int:
-    """Number of intact records after the first damaged one."""
-    found = [_written(record) for record in _records(blocks)]
-    return sum(found) - next((i for i, ok in enumerate(found) if not ok), len(found))
+def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
+    """The rows that were written completely."""
+    return np.array([row for row in rows if whole(row)], dtype=rows.dtype)
 
 
 def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
@@ -223,16 +267,3 @@ def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
 def _written(record: np.void) -> bool:
     """True when a block was written. An empty record has a count of 0, which is fast to test."""
     return int(record["count"]) > 0 and whole(record)
-
-
-def _damage(path: Path, told: str) -> str:
-    """Explain in one sentence an HDF5 error on reading a file."""
-    size = path.stat().st_size if path.is_file() else 0
-    if length := cut_short(told, size):
-        return (
-            f"{path} is truncated: it has {size} of {length} bytes. Copy it again from its source, "
-            "or salvage the intact part with `haploop recover`."
-        )
-    if size == 0:
-        return f"{path} is truncated: it is empty. Copy it again from its source."
-    return f"{path} is damaged, or not a recording. Copy it again from its source."

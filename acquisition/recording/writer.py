@@ -9,9 +9,11 @@ thread syncs the written data, so that a busy disk never delays a block. Reasons
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import threading
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -19,6 +21,7 @@ from typing import Self
 import h5py
 import numpy as np
 
+from haploop.acquisition.checksum import USER_BLOCK, add_checksum
 from haploop.acquisition.recording.file_format import (
     EVENT,
     VERDICT,
@@ -33,7 +36,7 @@ from haploop.acquisition.recording.file_format import (
     write_header,
 )
 from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import existing, whole_file
+from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, whole_file
 
 __all__ = ["Writer"]
 
@@ -65,8 +68,7 @@ class Writer:
         self._committed = 0
         self._failure: OSError | None = None
         self._stop = threading.Event()
-        self._arm()
-        self._file = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        self._file = self._arm()
         self._thread = threading.Thread(target=self._commit, name="haploop-committer", daemon=True)
         self._thread.start()
 
@@ -150,12 +152,13 @@ class Writer:
         self._thread.join()
         file, self._file = self._file, -1
         try:
-            os.fsync(file)
-            self._committed = self._written
+            try:
+                os.fsync(file)
+                self._committed = self._written
+            finally:
+                os.close(file)
         except OSError as error:
             self._failure = error
-        finally:
-            os.close(file)
         self._check()
 
     def __enter__(self) -> Self:
@@ -166,28 +169,40 @@ class Writer:
     ) -> None:
         self.close()
 
-    def _arm(self) -> None:
+    def _arm(self) -> int:
+        """Create the file and open it. Raises ConfigurationError, and leaves no file."""
         size = self._capacity * self._dtype.itemsize
         try:
-            free = shutil.disk_usage(self.path.parent).free
-            # Twice the size: the finished copy is written beside this file before it replaces it.
-            if free < 2 * size + _MARGIN:
-                raise ConfigurationError(
-                    f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, but this recording needs "
-                    f"{(2 * size + _MARGIN) / 1e6:.0f} MB: free some space, or record fewer presses."
-                )
-            with whole_file(self.path) as temporary:
+            # Entering removes what a killed program left, before the free space is asked for.
+            with whole_file(self.path, private=True) as temporary:
+                free = shutil.disk_usage(self.path.parent).free
+                # Twice the size: the finished copy is written beside this file before it replaces it.
+                needed = 2 * size + _MARGIN
+                if free < needed:
+                    raise ConfigurationError(
+                        f"The disk of {self.path.parent} has {free / 1e6:.0f} MB free, but this recording "
+                        f"needs {needed / 1e6:.0f} MB: free some space, or record fewer presses."
+                    )
                 self._preallocate(temporary)
         except FileExistsError:
             raise ConfigurationError(existing(self.path)) from None
+        except WRITE_ERRORS as error:
+            raise self._unwritable(error, size) from None
+        try:
+            return os.open(self.path, os.O_RDWR | getattr(os, "O_BINARY", 0))
         except OSError as error:
-            raise ConfigurationError(
-                f"{self.path} cannot be preallocated ({error.strerror or error}): "
-                f"it needs {size / 1e6:.0f} MB in a writable folder."
-            ) from None
+            with suppress(OSError):
+                self.path.unlink()
+            raise self._unwritable(error, size) from None
+
+    def _unwritable(self, error: Exception, size: int) -> ConfigurationError:
+        return ConfigurationError(
+            f"{self.path} cannot be preallocated ({os_error_text(error)}): "
+            f"it needs {size / 1e6:.0f} MB in a writable folder."
+        )
 
     def _preallocate(self, temporary: Path) -> None:
-        with h5py.File(temporary, "w") as file:
+        with h5py.File(temporary, "w", userblock_size=USER_BLOCK, locking=False) as file:
             write_header(file, self._header, "recording")
             places = []
             for name, dtype, length in (
@@ -207,22 +222,26 @@ class Writer:
         with temporary.open("r+b") as raw:
             for place, length in places:
                 _allocate(raw.fileno(), place, length)
+        # Rows have a CRC each; the checksum is that of all that does not change while recording.
+        add_checksum(temporary, "recording", without=places)
 
     def _put(self, data: bytes | memoryview, place: int) -> None:
         self._check()
         try:
-            if hasattr(os, "pwrite"):
-                done = os.pwrite(self._file, data, place)
-            else:
-                os.lseek(self._file, place, os.SEEK_SET)
-                done = os.write(self._file, data)
+            left = memoryview(data)
+            while left:
+                if hasattr(os, "pwrite"):
+                    done = os.pwrite(self._file, left, place)
+                else:
+                    os.lseek(self._file, place, os.SEEK_SET)
+                    done = os.write(self._file, left)
+                if not done:
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                # A disk that takes a part says why with the next part.
+                left, place = left[done:], place + done
         except OSError as error:
             self._failure = error
             self._check()
-        else:
-            if done != len(data):
-                self._failure = OSError(0, f"only {done} of {len(data)} bytes were taken")
-                self._check()
 
     def _commit(self) -> None:
         kept = 0
@@ -240,7 +259,7 @@ class Writer:
     def _check(self) -> None:
         if self._failure is not None:
             raise InstrumentError(
-                f"{self.path} could not be written ({self._failure.strerror or self._failure}); "
+                f"{self.path} could not be written ({os_error_text(self._failure)}); "
                 f"its first {self._committed} samples are safe."
             ) from self._failure
 

@@ -131,7 +131,7 @@ def run_session(
 ) -> Recording:
     """Record the presses still due in a session. `record` calls this with a one-button session."""
     force, channels = _wiring(rig)
-    check_destination(session.path)
+    check_destination(session.path, private=True)
     with marked(session.path):
         return _recorded(rig, session, p, force, channels, progress, on_verdict)
 

@@ -17,7 +17,10 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from haploop.acquisition import hdf5
+from haploop.acquisition.json_files import read_json, write_json
 from haploop.calibration.response import Multisine
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray
@@ -26,7 +29,6 @@ from haploop.instruments.files import new_file, os_error_text, publish
 __all__ = ["MapFolder", "MapPlan", "PointMeasurement", "Step"]
 
 _PLAN = "map.json"
-FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class MapPlan:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the plan."""
+        """SHA-256 of the plan, which each of its measurements states."""
         return hashlib.sha256(json.dumps(dataclasses.asdict(self), sort_keys=True).encode()).hexdigest()
 
     def multisine(self, patch: str) -> Multisine:
@@ -100,6 +102,9 @@ class MapPlan:
     def duration(self) -> float:
         """Playing time of all steps together (s)."""
         return self.period * sum(len(step.plays) for step in self.steps)
+
+
+_PLANS = TypeAdapter(MapPlan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,37 +160,21 @@ class MapFolder:
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ConfigurationError(f"{path} is there and holds no map: name a new folder.")
         path.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(
-            {"format": FORMAT, "plan": dataclasses.asdict(plan), "sha256": plan.digest}, indent=1
-        )
-        with new_file(path / _PLAN) as part:
-            part.write_text(text, encoding="utf-8")
+        write_json(path / _PLAN, "map", dataclasses.asdict(plan))
         return cls(path, plan)
 
     @classmethod
     def open(cls, path: Path) -> MapFolder:
         """Open an existing map. Raises DataError when there is none, or its plan is damaged."""
+        if not (path / _PLAN).is_file():
+            raise DataError(f"{path} holds no map: there is no {_PLAN} in it.")
+        fields = read_json(path / _PLAN, "map", dict)
         try:
-            raw = json.loads((path / _PLAN).read_text(encoding="utf-8"))
-        except OSError:
-            raise DataError(f"{path} holds no map: there is no {_PLAN} in it.") from None
-        except ValueError:
-            raise DataError(f"{path / _PLAN} is damaged: it cannot be read.") from None
-        try:
-            if raw["format"] != FORMAT:
-                raise DataError(
-                    f"{path / _PLAN} has format {raw['format']}, and this version reads {FORMAT}."
-                )
-            fields: dict[str, Any] = raw["plan"]
-            for key, value in fields.items():
-                fields[key] = tuple(value) if isinstance(value, list) else value
-            plan = MapPlan(**fields)
-            whole = plan.digest == raw["sha256"]
-        except (KeyError, TypeError):
-            whole = False
-        if not whole:
-            raise DataError(f"{path / _PLAN} is damaged: its content does not match its hash.")
-        return cls(path, plan)
+            return cls(path, _PLANS.validate_python(fields))
+        except ValidationError:
+            raise DataError(
+                f"{path / _PLAN} holds no plan of a map: it was not written by haploop."
+            ) from None
 
     def file(self, step: Step) -> Path:
         """The file of a step's measurement, written or not."""

@@ -1,35 +1,35 @@
 """The history of a rig's calibrations: generations that are never edited, and one of them active.
 
 A generation is a folder of files and a manifest (`generation.json`) with why it was made and the
-SHA-256 of each file. It is written under another name, flushed to disk, and renamed. The last line of
-`activations.jsonl`, an append-only file, names the active generation and the SHA-256 of its manifest: so
-after a kill at any moment exactly one generation is active, and damage to it is detected.
-`looks.jsonl` has a line for each test of the active calibration.
+SHA-256 of each file. It is written under another name, flushed to disk, and renamed. The last entry of
+`activations.json` names the active generation and the content hash of its manifest: so after a kill at any
+moment exactly one generation is active, and damage to it is detected. `looks.json` has an entry for each
+test of the active calibration. Both are only ever added to.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol
 
+from pydantic import TypeAdapter, ValidationError
+
+from haploop.acquisition.json_files import append_json, changing, json_hash, read_json, write_json
 from haploop.instruments import DataError
 from haploop.instruments.files import os_error_text, sync_folder
 from haploop.instruments.safety import hold
 
 __all__ = ["Activation", "Generation", "History"]
 
-FORMAT = 1
-_MANIFEST, _ACTIVATIONS, _LOOKS = "generation.json", "activations.jsonl", "looks.jsonl"
+_MANIFEST, _ACTIVATIONS, _LOOKS = "generation.json", "activations.json", "looks.json"
 _NAME = re.compile(r"(\d{4,})-\d{8}T\d{6}Z")
 
 
@@ -55,23 +55,14 @@ class Generation:
     """The numbers behind the reason."""
     files: Mapping[str, str]
     digest: str
-    """SHA-256 of the manifest, and so of everything."""
+    """Content hash of the manifest, and so of everything."""
 
     @classmethod
     def open(cls, folder: Path) -> Generation:
         """Read a generation's manifest. Raises DataError when there is none, or none that can be read."""
+        manifest = folder / _MANIFEST
+        values = read_json(manifest, "calibration generation", dict)
         try:
-            raw = (folder / _MANIFEST).read_bytes()
-        except OSError as error:
-            said = os_error_text(error)
-            raise DataError(f"The calibration {folder.name} cannot be read: {said}.") from None
-        try:
-            values = json.loads(raw)
-            if values["format"] != FORMAT:
-                raise DataError(
-                    f"{folder / _MANIFEST} has format {values['format']} and this version reads {FORMAT}: "
-                    f"it was written by {values['software']}."
-                )
             return cls(
                 folder=folder,
                 created=str(values["created"]),
@@ -79,10 +70,10 @@ class Generation:
                 reason=str(values["reason"]),
                 details=dict(values["details"]),
                 files={str(name): str(content) for name, content in values["files"].items()},
-                digest=hashlib.sha256(raw).hexdigest(),
+                digest=json_hash(manifest),
             )
         except (ValueError, KeyError, TypeError, AttributeError):
-            raise DataError(f"{folder / _MANIFEST} is damaged: it cannot be read.") from None
+            raise DataError(f"{manifest} holds no calibration: it was not written by haploop.") from None
 
     @property
     def name(self) -> str:
@@ -112,11 +103,14 @@ class Activation:
 
     generation: str
     manifest: str
-    """SHA-256 of the generation's manifest."""
+    """Content hash of the generation's manifest."""
     when: str
     actor: str
     """Command and account of the activation."""
     reason: str
+
+
+_ACTIVATED = TypeAdapter(Activation)
 
 
 class History:
@@ -133,9 +127,6 @@ class History:
     def hold(self) -> Iterator[None]:
         """Keep every other writer off this folder. Raises InstrumentError, which names the holder."""
         with hold({os.path.normcase(self.folder.resolve())}, "The history of calibrations"):
-            for left in self.folder.glob(".*.part"):
-                # Left by a killed writer: it was never renamed, so nobody can have used it.
-                shutil.rmtree(left, ignore_errors=True)
             yield
 
     @property
@@ -145,17 +136,17 @@ class History:
 
     @property
     def activations(self) -> tuple[Activation, ...]:
-        """Oldest first; the last one holds. Raises DataError when a line is damaged."""
+        """Oldest first; the last one holds. Raises DataError when the file is damaged."""
         path = self.folder / _ACTIVATIONS
         try:
-            return tuple(Activation(**line) for line in _lines(path))
-        except TypeError:
-            raise DataError(f"{path} is damaged: a line says something else than an activation.") from None
+            return tuple(_ACTIVATED.validate_python(entry) for entry in _entries(path, "activations"))
+        except ValidationError:
+            raise DataError(f"{path} holds something else than activations: restore a copy.") from None
 
     @property
     def looks(self) -> tuple[dict[str, Any], ...]:
-        """Entries added by `note`, oldest first. Raises DataError when a line is damaged."""
-        return tuple(_lines(self.folder / _LOOKS))
+        """Entries added by `note`, oldest first. Raises DataError when the file is damaged."""
+        return tuple(_entries(self.folder / _LOOKS, "looks"))
 
     def active(self) -> Generation:
         """The one generation that is active, verified to be whole.
@@ -207,51 +198,39 @@ class History:
         `parts` maps relative names with slashes to what writes itself there. Raises DataError, and
         leaves nothing behind, when it cannot be written.
         """
-        number = max((int(name.partition("-")[0]) for name in self._names()), default=0) + 1
-        destination = self.folder / f"{number:04d}-{when:%Y%m%dT%H%M%SZ}"
-        part = self.folder / f".{destination.name}.part"
         try:
-            for name, value in parts.items():
-                (part / name).parent.mkdir(parents=True, exist_ok=True)
-                value.save(part / name)
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DataError(f"{self.folder} cannot be written: {os_error_text(error)}.") from None
+        with changing(self.folder / "generations"):
+            for left in self.folder.glob(".*.part"):
+                # Left by a killed writer: it was never renamed, so nobody can have used it.
+                shutil.rmtree(left, ignore_errors=True)
+            number = max((int(name.partition("-")[0]) for name in self._names()), default=0) + 1
+            destination = self.folder / f"{number:04d}-{when:%Y%m%dT%H%M%SZ}"
             manifest = {
-                "format": FORMAT,
-                "software": f"haploop {metadata.version('haploop')}",
                 "created": when.isoformat(timespec="seconds"),
                 "parent": parent,
                 "reason": reason,
                 "details": dict(details),
-                "files": {name: _sha256(part / name) for name in parts},
             }
-            with (part / _MANIFEST).open("x", encoding="utf-8", newline="\n") as file:
-                file.write(json.dumps(manifest, indent=1, allow_nan=False) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-            for folder in {part, *((part / name).parent for name in parts)}:
-                sync_folder(folder)
-            part.rename(destination)
-            sync_folder(self.folder)
-        except OSError as error:
-            said = os_error_text(error)
-            raise DataError(f"The calibration {destination.name} cannot be written: {said}.") from None
-        finally:
-            shutil.rmtree(part, ignore_errors=True)
+            _write_generation(destination, parts, manifest)
         return Generation.open(destination)
 
     def activate(self, generation: Generation, *, when: datetime, actor: str, reason: str) -> Activation:
-        """Make a generation the active one: a line, whole or not at all.
+        """Make a generation the active one: an entry, whole or not at all.
 
-        Raises DataError when it is not whole, and when the line cannot be written.
+        Raises DataError when it is not whole, and when the entry cannot be written.
         """
         generation.verify()
         time = when.isoformat(timespec="seconds")
-        line = Activation(generation.name, generation.digest, time, actor, reason)
-        _append(self.folder / _ACTIVATIONS, vars(line))
-        return line
+        entry = Activation(generation.name, generation.digest, time, actor, reason)
+        append_json(self.folder / _ACTIVATIONS, "activations", [vars(entry)])
+        return entry
 
     def note(self, look: Mapping[str, Any]) -> None:
-        """Keep what a look found: one line. Raises DataError when it cannot be written."""
-        _append(self.folder / _LOOKS, look)
+        """Keep what a look found: one entry. Raises DataError when it cannot be written."""
+        append_json(self.folder / _LOOKS, "looks", [look])
 
     def _names(self) -> Sequence[str]:
         if not self.folder.is_dir():
@@ -265,37 +244,26 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _lines(path: Path) -> Iterator[dict[str, Any]]:
-    """The lines of a file of JSON lines; none if there is no file.
+def _entries(path: Path, kind: str) -> tuple[dict[str, Any], ...]:
+    """The entries of a file; none if there is no file."""
+    return tuple(read_json(path, kind, list)) if path.exists() else ()
 
-    An incomplete last line is ignored: its writer was killed before it was complete.
-    """
+
+def _write_generation(destination: Path, parts: Mapping[str, Saved], manifest: Mapping[str, Any]) -> None:
+    """Write a folder under another name, and rename it. Raises DataError, and leaves nothing."""
+    part = destination.with_name(f".{destination.name}.part")
     try:
-        *lines, _ = path.read_bytes().split(b"\n")
-    except FileNotFoundError:
-        return
+        for name, value in parts.items():
+            (part / name).parent.mkdir(parents=True, exist_ok=True)
+            value.save(part / name)
+        files = {name: _sha256(part / name) for name in parts}
+        write_json(part / _MANIFEST, "calibration generation", {**manifest, "files": files})
+        for folder in {part, *((part / name).parent for name in parts)}:
+            sync_folder(folder)
+        part.rename(destination)
+        sync_folder(destination.parent)
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-    for number, line in enumerate(lines, 1):
-        try:
-            yield dict(json.loads(line))
-        except (ValueError, TypeError):
-            raise DataError(f"{path}, line {number} is damaged: it cannot be read.") from None
-
-
-def _append(path: Path, values: Mapping[str, Any]) -> None:
-    try:
-        line = json.dumps(values, allow_nan=False).encode() + b"\n"
-    except ValueError:
-        raise DataError(f"Nothing was added to {path}: a value is NaN or infinite. Measure again.") from None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a+b") as file:
-            file.seek(0)
-            file.truncate(file.read().rfind(b"\n") + 1)
-            file.write(line)
-            file.flush()
-            os.fsync(file.fileno())
-        sync_folder(path.parent)
-    except OSError as error:
-        raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None
+        said = os_error_text(error)
+        raise DataError(f"The calibration {destination.name} cannot be written: {said}.") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import hdf5
+from haploop.acquisition.checksum import add_checksum
 from haploop.calibration import Calibration, Drive
 from haploop.instruments import DataError
 from tests.calibration.conftest import Calibrated
@@ -59,11 +60,11 @@ def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None
         Drive.load(saved)
     text = saved.with_name("text.h5")
     text.write_text("hello")
-    with pytest.raises(DataError, match="damaged or no HDF5"):
+    with pytest.raises(DataError, match="is damaged, or not a file of haploop"):
         Calibration.load(text)
     cut = saved.with_name("cut.h5")
     cut.write_bytes(saved.read_bytes()[:-3000])
-    with pytest.raises(DataError, match="damaged"):
+    with pytest.raises(DataError, match="is truncated: it has"):
         Calibration.load(cut)
     with pytest.raises(DataError, match="cannot be written"):
         calibrated.calibration.save(saved.parent / "no" / "such" / "folder.h5")
@@ -72,6 +73,9 @@ def test_files_that_are_none_say_so(saved: Path, calibrated: Calibrated) -> None
 def test_one_changed_number_is_noticed(saved: Path) -> None:
     with h5py.File(saved, "r+") as file:
         file["response/velocity"][7] *= 1.0001
+    with pytest.raises(DataError, match="does not match its checksum"):
+        Calibration.load(saved)
+    add_checksum(saved, "calibration")
     with pytest.raises(DataError, match="does not match its hash"):
         Calibration.load(saved)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Representative, hdf5, verify
+from haploop.acquisition.checksum import add_checksum
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learning, build_button
 from haploop.calibration.map.folder import PointMeasurement
 from haploop.instruments import DataError
@@ -131,6 +132,9 @@ def test_a_flipped_type_bit_in_a_file_is_seen(saved: Callable[[str], Path], tmp_
         assert not force.any()  # zeros have the same bytes as any type
         del file["force"]
         file["force"] = force.astype("<i8")
+    with pytest.raises(DataError, match="does not match its checksum"):
+        Representative.load(path)
+    add_checksum(path, "representative")
     with pytest.raises(DataError, match="does not match its hash"):
         Representative.load(path)
     with pytest.raises(DataError, match="does not match its hash"):

@@ -35,7 +35,7 @@ def test_each_file_is_one_line_and_the_worst_gives_the_exit_code(run, files):
     for name, code, told in (
         ("whole", 0, "is intact: SHA-256 "),
         ("interrupted", 1, "was interrupted: `haploop recover` salvages it into a finished file."),
-        ("changed", 1, "was changed after it was recorded: its content hash does not match."),
+        ("changed", 2, "was damaged or changed after it was written: "),
         ("cut", 2, "is truncated: "),
     ):
         result = run("verify", files[name])
@@ -43,14 +43,14 @@ def test_each_file_is_one_line_and_the_worst_gives_the_exit_code(run, files):
         assert result.stdout.startswith(f"{files[name]} {told}")
     result = run("verify", *files.values(), "nowhere.h5")
     assert (result.exit_code, result.stdout.count("\n")) == (2, 5)
-    assert "There is no recording nowhere.h5: " in result.stdout
+    assert "There is no file nowhere.h5: " in result.stdout
 
 
 def test_what_verify_found_is_one_json_object(run, files):
     result = run("verify", "--json", *files.values())
     assert result.exit_code == 2
     told = json.loads(result.stdout)["files"]
-    assert [file["status"] for file in told] == ["intact", "damaged", "damaged", "unreadable"]
+    assert [file["status"] for file in told] == ["intact", "damaged", "unreadable", "unreadable"]
     assert [len(file["problems"]) for file in told] == [0, 1, 1, 1]
     assert len(told[0]["content_hash"]) == 64
 

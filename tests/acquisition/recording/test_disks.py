@@ -162,12 +162,12 @@ def test_a_block_that_a_full_disk_took_in_part_is_no_row(tmp_path, monkeypatch, 
         writer.write(block_of(250 * i), 0.0)
 
     def full(file, data, place):
-        if taken == 0:
+        if taken == 0 or len(data) < writer._dtype.itemsize:
             raise OSError(errno.ENOSPC, "No space left on device")
         return real(file, data[:taken], place)
 
     monkeypatch.setattr(os, "pwrite", full)
-    with pytest.raises(InstrumentError, match=r"No space left on device|only .* of .* bytes were taken"):
+    with pytest.raises(InstrumentError, match="No space left on device"):
         writer.write(block_of(2500), 0.0)
     monkeypatch.undo()
     with pytest.raises(InstrumentError):  # what follows a block that is missing would be a gap

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, record, verify
+from haploop.acquisition.checksum import add_checksum
 from haploop.acquisition.recording.file_format import file_name, from_codes, to_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
@@ -135,10 +136,15 @@ def test_a_changed_sample_does_not_pass_for_what_was_recorded(finished, tmp_path
     copy = Path(shutil.copy(finished[0].path, tmp_path))
     with h5py.File(copy, "r+") as file:
         file["codes"][3, 1000] += 1
+    with pytest.raises(DataError, match="its content does not match its checksum"):
+        Recording.open(copy)
+    with pytest.raises(DataError, match="its content does not match its checksum"):
+        verify(copy)
+    add_checksum(copy, "recording")
     with pytest.raises(DataError, match="was changed after it was finished"):
         _ = Recording.open(copy).force
-    (problem,) = verify(copy)
-    assert "content hash" in problem
+    with pytest.raises(DataError, match="its content hash does not match"):
+        verify(copy)
 
 
 def test_what_was_changed_afterwards_gives_no_arrays_and_no_hash(finished, tmp_path):
@@ -146,6 +152,7 @@ def test_what_was_changed_afterwards_gives_no_arrays_and_no_hash(finished, tmp_p
     assert np.array_equal(Recording.open(copy).force, finished[0].force)
     with h5py.File(copy, "r+") as file:
         file["codes"][0] = 2 * file["codes"][0]
+    add_checksum(copy, "recording")
     for what in ("volts", "force", "saturated", "events", "content_hash", "duration"):
         with pytest.raises(DataError, match=r"P01-push\.h5 .*its content hash is .*, but the file states "):
             getattr(Recording.open(copy), what)
@@ -157,11 +164,13 @@ def test_a_changed_sensor_gives_no_force(finished, tmp_path):
         rig = json.loads(file["rig"].asstr()[()])
         rig["sensors"]["acceleration"]["sensitivity"] *= 2
         file["rig"][()] = json.dumps(rig)
-    with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
-        _ = Recording.open(copy).acceleration
+    add_checksum(copy, "recording")
+    with pytest.raises(DataError, match="its header does not match its hash"):
+        Recording.open(copy)
     with h5py.File(copy, "r+") as file:
         file["rig"][()] = "{"
-    with pytest.raises(DataError, match="damaged"):
+    add_checksum(copy, "recording")
+    with pytest.raises(DataError, match="was not written by haploop"):
         Recording.open(copy)
 
 
@@ -177,9 +186,13 @@ def test_what_was_said_of_the_samples_cannot_be_changed_either(finished, tmp_pat
             file[what][1] = row
         else:
             file[what][()] = "another"
-    with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
+    with pytest.raises(DataError, match="its content does not match its checksum"):
+        Recording.open(copy)
+    add_checksum(copy, "recording")
+    with pytest.raises(DataError, match=r"content hash is .*, but the file states|header does not match its"):
         _ = Recording.open(copy).events
-    assert verify(copy)
+    with pytest.raises(DataError, match="does not match"):
+        verify(copy)
 
 
 def test_an_edited_press_is_refused(tmp_path):
@@ -193,6 +206,7 @@ def test_an_edited_press_is_refused(tmp_path):
         row = file["presses"][0]
         row["accepted"] = 1
         file["presses"][0] = row
+    add_checksum(path, "recording")
     with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
         _ = Recording.open(path).verdicts
 
@@ -201,15 +215,18 @@ def test_a_changed_scale_does_not_pass_either(finished, tmp_path):
     copy = Path(shutil.copy(finished[0].path, tmp_path))
     with h5py.File(copy, "r+") as file:
         file.attrs["full_scale"] = 2 * file.attrs["full_scale"]
-    assert verify(copy)
+    add_checksum(copy, "recording")
+    with pytest.raises(DataError, match="its header does not match its hash"):
+        verify(copy)
 
 
 @pytest.mark.parametrize(
     ("keep", "told"),
     [
         (0, "is truncated: it is empty"),
-        (5, "is damaged, or not a recording"),
-        (50, "is truncated: it has 50 of {size} bytes"),
+        (5, "is damaged, or not a file of haploop"),
+        (50, "is damaged, or not a file of haploop"),
+        (600, "is truncated: it has 600 of {size} bytes"),
         (20_000, "is truncated: it has 20000 of {size} bytes"),
         (-1, "is truncated: it has {less} of {size} bytes"),
     ],
@@ -236,12 +253,12 @@ def test_damage_inside_the_samples_is_found(finished, tmp_path):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(DataError, match="no recording"):
+    with pytest.raises(DataError, match="There is no file"):
         Recording.open(tmp_path / "nothing.h5")
     other = tmp_path / "other.h5"
     with h5py.File(other, "w") as file:
         file["x"] = 1
-    with pytest.raises(DataError, match="not a haploop recording"):
+    with pytest.raises(DataError, match="is an HDF5 file, but was not written by"):
         Recording.open(other)
     with pytest.raises(DataError):
         Recording.open(tmp_path)
@@ -251,5 +268,6 @@ def test_a_newer_format_is_refused(finished, tmp_path):
     copy = Path(shutil.copy(finished[0].path, tmp_path))
     with h5py.File(copy, "r+") as file:
         file.attrs["format_version"] = 99
+    add_checksum(copy, "recording")
     with pytest.raises(DataError, match="update"):
         Recording.open(copy)

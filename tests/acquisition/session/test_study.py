@@ -175,8 +175,8 @@ def test_what_does_not_belong_is_refused(small, tmp_path):
     toggle.unlink()
     study.reject("P01", "latch", [1])
     latch.write_bytes((study.folder / "P01-latch.h5").read_bytes())
-    (study.folder / "rejections.jsonl").write_text('{"file": "P01-latch', encoding="utf-8")
-    with pytest.raises(DataError, match=r"rejections\.jsonl is damaged"):
+    (study.folder / "rejections.json").write_text('{"file": "P01-latch', encoding="utf-8")
+    with pytest.raises(DataError, match=r"rejections\.json is damaged"):
         study.progress_of("P01", "latch").accepted  # noqa: B018
 
 

@@ -180,7 +180,7 @@ def content(history: History) -> Mapping[str, str]:
     return {
         str(path.relative_to(history.folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in history.folder.rglob("*")
-        if path.is_file() and path.name != "looks.jsonl"
+        if path.is_file() and path.name != "looks.json"
     }
 
 

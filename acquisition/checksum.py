@@ -1,0 +1,173 @@
+"""The checksum of an HDF5 file in its user block, compared before the HDF5 library reads anything.
+
+That library can crash, or ask for any amount of memory, on a damaged file (a crash within 1000 random
+changes of a byte in metadata, measured). The first 512 bytes, which it skips, state what follows: kind of
+file, number of bytes, and their SHA-256 (docs/format.md, "The first 512 bytes").
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import h5py
+
+from haploop.instruments import DataError
+
+__all__ = ["UNREADABLE", "USER_BLOCK", "Stated", "add_checksum", "bounded", "opened", "stated", "unreadable"]
+
+USER_BLOCK = 512
+"""Bytes before the HDF5 data, which its readers skip; the smallest number that HDF5 allows."""
+
+UNREADABLE = (
+    OSError, LookupError, RuntimeError, ValueError, TypeError, AttributeError, ArithmeticError, MemoryError,
+    AssertionError,
+)  # fmt: skip
+"""Exceptions that h5py, and decoding what it read, raise for content that haploop did not write."""
+
+_STEP = 1 << 20
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_HINT = {"recording": ", or salvage the intact part with `haploop recover`"}
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What the first 512 bytes of a file state of the bytes after them."""
+
+    kind: str
+    """Kind of file, such as "recording" or "drive"."""
+    count: int
+    """Number of bytes."""
+    without: tuple[tuple[int, int], ...]
+    """Ranges (offset in the file, number) that change later, and have checksums of their own."""
+    sha256: str
+
+    @property
+    def size(self) -> int:
+        """Size of the whole file (bytes)."""
+        return USER_BLOCK + self.count
+
+    def block(self) -> bytes:
+        """The 512 bytes."""
+        text = json.dumps(
+            {"haploop": self.kind, "bytes": self.count, "without": self.without, "sha256": self.sha256}
+        )
+        return text.encode().ljust(USER_BLOCK)
+
+
+def add_checksum(path: Path, kind: str, without: Sequence[tuple[int, int]] = ()) -> None:
+    """Write the user block of a file that was made with `userblock_size=USER_BLOCK`. Raises OSError."""
+    with path.open("rb+") as file:
+        count = os.fstat(file.fileno()).st_size - USER_BLOCK
+        ranges = tuple(sorted((int(first), int(number)) for first, number in without))
+        block = Stated(kind, count, ranges, _sha256(file, kind, count, ranges)).block()
+        file.seek(0)
+        file.write(block)
+
+
+def stated(path: str | Path) -> Stated:
+    """What a file states of itself, which is not compared. Raises DataError for no file of haploop's."""
+    with _bytes_of(path) as file:
+        return _stated(file, path)
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[h5py.File]:
+    """Open a file for reading, after its checksum was compared.
+
+    Raises DataError for a file that is missing, not haploop's or damaged, also for errors on reading its
+    content within the context.
+    """
+    with _bytes_of(path) as file:
+        said = _stated(file, path)
+        size = os.fstat(file.fileno()).st_size
+        hint = f"Copy it again from its source{_HINT.get(said.kind, '')}."
+        if size < said.size:
+            raise DataError(f"{path} is truncated: it has {size} of {said.size} bytes. {hint}")
+        found = _sha256(file, said.kind, said.count, said.without)
+        file.seek(0)
+        if size > said.size or Stated(said.kind, said.count, said.without, found).block() != file.read(512):
+            raise DataError(
+                f"{path} was damaged or changed after it was written: its content does not match its "
+                f"checksum. {hint}"
+            )
+    with (
+        unreadable(path, f"{path} was not written by haploop: it cannot be read."),
+        # Not locked: a file is complete when it has its name, and network disks refuse locks.
+        h5py.File(path, "r", locking=False) as hdf5,
+    ):
+        yield hdf5
+
+
+@contextmanager
+def unreadable(path: str | Path, sentence: str) -> Iterator[None]:
+    """Raise DataError(sentence) for the exceptions of reading content that haploop did not write."""
+    try:
+        yield
+    except UNREADABLE as error:
+        if isinstance(error, PermissionError):
+            raise DataError(f"You have no permission to read {path}: ask its owner.") from None
+        raise DataError(sentence) from None
+
+
+def bounded(dataset: h5py.Dataset, size: int) -> h5py.Dataset:
+    """Return a dataset whose content is in its file. Raises ValueError when `size` bytes cannot hold it.
+
+    A declared shape may ask for more memory than there is, and a dataset may refer to other files.
+    """
+    plan = dataset.id.get_create_plist()
+    if plan.get_external_count() or plan.get_layout() not in (h5py.h5d.CONTIGUOUS, h5py.h5d.COMPACT):
+        raise ValueError(f"{dataset.name} is not contiguous")
+    if dataset.size and dataset.size * dataset.dtype.itemsize > size:
+        raise ValueError(f"{dataset.name} is larger than its file")
+    return dataset
+
+
+@contextmanager
+def _bytes_of(path: str | Path) -> Iterator[BinaryIO]:
+    if not Path(path).is_file():
+        raise DataError(f"There is no file {path}: check the name.")
+    with unreadable(path, f"{path} cannot be read: check the disk."), Path(path).open("rb") as file:
+        yield file
+
+
+def _stated(file: BinaryIO, path: str | Path) -> Stated:
+    """Parse the user block. Raises DataError for anything that haploop did not write."""
+    file.seek(0)
+    block = file.read(USER_BLOCK)
+    if not block:
+        raise DataError(f"{path} is truncated: it is empty. Copy it again from its source.")
+    try:
+        said = json.loads(block)
+        without = tuple((int(first), int(number)) for first, number in said["without"])
+        result = Stated(str(said["haploop"]), int(said["bytes"]), without, str(said["sha256"]))
+    except (ValueError, LookupError, TypeError, RecursionError, OverflowError):
+        foreign = block.startswith(_SIGNATURE)
+        raise DataError(
+            f"{path} is an HDF5 file, but was not written by this version of haploop."
+            if foreign
+            else f"{path} is damaged, or not a file of haploop. Copy it again from its source."
+        ) from None
+    if result.block() != block:
+        raise DataError(f"{path} is damaged in its first {USER_BLOCK} bytes. Copy it again from its source.")
+    return result
+
+
+def _sha256(file: BinaryIO, kind: str, count: int, without: Sequence[tuple[int, int]]) -> str:
+    """SHA-256 (hex) of the user block's other fields, and of the bytes after it outside of `without`."""
+    sha = hashlib.sha256(json.dumps([kind, count, without]).encode())
+    place = USER_BLOCK
+    for first, number in (*without, (USER_BLOCK + count, 0)):
+        file.seek(place)
+        left = first - place
+        while left > 0 and (data := file.read(min(left, _STEP))):
+            sha.update(data)
+            left -= len(data)
+        place = max(place, first + number)
+    return sha.hexdigest()

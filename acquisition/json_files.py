@@ -1,0 +1,160 @@
+"""Store values of JSON's types as text files: verified when read, and changed by one program at a time.
+
+A file is one JSON object: the kind of file (`format`, `format_version`), the version of haploop that wrote
+it (`software`), the SHA-256 of all other keys as canonical JSON (`content_hash`), and `content`. A list has
+one entry a line. A file is replaced whole, so that a kill at any moment leaves the old or the new content.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from haploop.instruments import DataError, InstrumentError, RealClock
+from haploop.instruments.files import new_file, os_error_text, whole_file
+from haploop.instruments.safety import marked
+
+__all__ = ["append_json", "changing", "is_json", "json_hash", "read_json", "write_json"]
+
+VERSION = 1
+_LARGEST = 1 << 28
+"""Bytes of a file that are read; a list of 10^5 entries has a tenth of it."""
+_PATIENCE = 10.0
+"""Seconds that a program waits for another one's change, which takes milliseconds."""
+_KEYS = {"format", "format_version", "software", "content_hash", "content"}
+
+
+def write_json(path: Path, kind: str, content: Any) -> str:
+    """Write a new file of a kind, whole or not at all; return its content hash. Raises DataError."""
+    text, content_hash = _text(path, kind, content)
+    with new_file(path) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
+    return content_hash
+
+
+def append_json(
+    path: Path, kind: str, entries: Sequence[Mapping[str, Any]], *, private: bool = False
+) -> None:
+    """Append entries to a file that holds a list, all or none; file and folder are made when there is none.
+
+    Several programs may do so at the same time. `private` as in `whole_file`. Raises DataError.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None
+    with changing(path):
+        before = read_json(path, kind, list) if path.exists() else []
+        text, _ = _text(path, kind, [*before, *entries])
+        try:
+            with whole_file(path, replace=True, private=private) as part:
+                part.write_text(text, encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None
+
+
+def read_json(path: Path, kind: str, holds: type) -> Any:
+    """Read the content, of the type `holds`. Raises DataError for a missing, other or damaged file."""
+    said = _read(path)
+    if said["format"] != f"haploop {kind}":
+        raise DataError(f"{path} is not a haploop {kind}: it says {str(said['format'])[:60]!r}.")
+    if not isinstance(said["content"], holds):
+        raise DataError(f"{path} holds no {kind}: it was not written by this version of haploop.")
+    return said["content"]
+
+
+def json_hash(path: Path) -> str:
+    """Content hash of a file of any kind, verified. Raises DataError."""
+    return str(_read(path)["content_hash"])
+
+
+def is_json(path: Path) -> bool:
+    """True for a file that begins as `write_json` writes it; it may still be damaged."""
+    try:
+        with path.open("rb") as file:
+            return file.read(12) == b'{"format": "'
+    except OSError:
+        return False
+
+
+@contextmanager
+def changing(path: Path) -> Iterator[None]:
+    """Keep other programs from changing a file, or what is in a folder, for a moment: they wait.
+
+    Raises DataError when another program does not end its change within 10 s, or the folder cannot be
+    written.
+    """
+    clock = RealClock()
+    deadline = clock.now() + _PATIENCE
+    with ExitStack() as stack:
+        while True:
+            try:
+                stack.enter_context(marked(path))
+                break
+            except InstrumentError:
+                busy = f"{path} is being changed by another program: try again."
+            except OSError as error:
+                busy = f"{path} cannot be written: {os_error_text(error)}."
+                # Windows refuses for an instant to open a file that another program removes.
+                if os.name != "nt" or not isinstance(error, PermissionError):
+                    raise DataError(busy) from None
+            if clock.now() > deadline:
+                raise DataError(busy)
+            clock.sleep(0.005)
+        yield
+
+
+def _text(path: Path, kind: str, content: Any) -> tuple[str, str]:
+    said = {
+        "format": f"haploop {kind}",
+        "format_version": VERSION,
+        "software": f"haploop {metadata.version('haploop')}",
+    }
+    try:
+        content_hash = _hash({**said, "content": content})
+        if isinstance(content, list):
+            shown = "[\n" + ",\n".join(json.dumps(entry, allow_nan=False) for entry in content) + "\n]"
+        else:
+            shown = json.dumps(content, allow_nan=False, indent=1)
+    except ValueError:
+        raise DataError(f"{path} was not written: a value is NaN or infinite. Measure again.") from None
+    head = json.dumps({**said, "content_hash": content_hash})[:-1]
+    return f'{head},\n"content": {shown}}}\n', content_hash
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Read a file's object, verified. Raises DataError."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(_LARGEST + 1)
+    except FileNotFoundError:
+        raise DataError(f"There is no file {path}: check the name.") from None
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
+    said: dict[str, Any] = {}
+    try:
+        if len(raw) <= _LARGEST:
+            said = dict(json.loads(raw))
+        whole = said.keys() == _KEYS and said.pop("content_hash") == _hash(said)
+    except (ValueError, TypeError, RecursionError):
+        whole = False
+    if not whole:
+        raise DataError(f"{path} is damaged or was changed by hand: restore it from a copy.")
+    if said["format_version"] != VERSION:
+        raise DataError(
+            f"{path} has format {said['format_version']} and this version reads {VERSION}: it was written "
+            f"by {said['software']}."
+        )
+    return {**said, "content_hash": _hash(said)}
+
+
+def _hash(said: Mapping[str, Any]) -> str:
+    """SHA-256 (hex) of canonical JSON: keys sorted, no spaces, ASCII only."""
+    text = json.dumps(said, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
