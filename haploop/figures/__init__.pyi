@@ -1,5 +1,9 @@
 from .button import button_figure as button_figure
 from .button import check_figure as check_figure
+from .encoding import FORMATS as FORMATS
+from .encoding import encode as encode
+from .encoding import mark_simulated as mark_simulated
+from .encoding import png as png
 from .feeling import feeling_figure as feeling_figure
 from .history import before_and_after as before_and_after
 from .history import responses as responses
@@ -12,6 +16,5 @@ from .paper import comparison as comparison
 from .paper import drives as drives
 from .paper import profiles as profiles
 from .paper import response as response
-from .plotting import mark_simulated as mark_simulated
-from .plotting import png as png
+from .plotting import Columns as Columns
 from .press import recording_figure as recording_figure

@@ -7,12 +7,13 @@ from matplotlib.figure import Figure
 
 from haploop.acquisition import ButtonPress, Recording, high_pass
 from haploop.figures.paper import Profile, profiles
+from haploop.figures.plotting import Columns
 from haploop.instruments import DataError
 
 __all__ = ["recording_figure"]
 
 
-def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Figure:
+def recording_figure(recording: Recording, found: tuple[ButtonPress, ...], columns: Columns = 2) -> Figure:
     """Draw the press with the median force at activation, like the paper's figure 6."""
     whole = [p for p in found if p.activation is not None and p.force_at_activation is not None]
     if not whole:
@@ -34,4 +35,4 @@ def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Fi
         rate_hz=recording.rate_hz,
         bandwidth_hz=sensor.bandwidth_hz if sensor else None,
     )
-    return profiles([profile])
+    return profiles([profile], columns)

@@ -11,7 +11,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop.acquisition import Recording, accepted_presses, load_study
-from haploop.figures import activation_forces
+from haploop.figures import Columns, activation_forces
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.outputs import check_new_picture, save_picture
@@ -41,7 +41,7 @@ def forces_in(recordings: Sequence[Recording]) -> Forces:
     }
 
 
-def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None:
+def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None, columns: Columns = 2) -> None:
     """Print and plot (the paper's figure 7) the force at activation by participant and button.
 
     `paths` are recordings, or studies with all their recordings. Raises DataError when they hold no
@@ -57,7 +57,7 @@ def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None
         )
     simulated = any(recording.simulated for recording in recordings)
     if plot is not None:
-        save_picture(activation_forces(by_button), plot, simulated)
+        save_picture(activation_forces(by_button, columns=columns), plot, simulated)
     if as_json:
         print_json(
             {

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from haploop.calibration import feeling_of
+from haploop.figures.encoding import png
 from haploop.figures.paper import Profile, activation_forces, profiles
-from haploop.figures.plotting import active, continuous_phase, png, spectrum
+from haploop.figures.plotting import active, continuous_phase, spectrum
 from haploop.report.html import CaptionedFigure, render
 from haploop.show import feeling_values
 
