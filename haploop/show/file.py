@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,10 @@ class FileContents:
     values: dict[str, Any]
     """JSON values; `kind` and `simulated` are always present."""
     table: Table
-    draw: Callable[[Columns], Figure]
-    """Draws the contents, one or two columns wide. Raises DataError when there is nothing to draw."""
+    loaded: Any
+    """The recording, representative press, calibration, drive, check, digital button or vibration map."""
+    draw: Callable[..., Figure]
+    """Draws the contents, `columns` (1 or 2) wide. Raises DataError when there is nothing to draw."""
 
 
 def show_file(path: Path, as_json: bool, plot: Path | None = None, columns: Columns = 2) -> None:
@@ -50,7 +53,7 @@ def show_file(path: Path, as_json: bool, plot: Path | None = None, columns: Colu
     found = file_contents(path)
     values = found.values
     if plot is not None:
-        save_picture(found.draw(columns), plot, values["simulated"])
+        save_picture(found.draw(columns=columns), plot, values["simulated"])
         values["plot"] = str(plot)
     if as_json:
         print_json(values)
@@ -70,7 +73,7 @@ def file_contents(path: str | Path) -> FileContents:
     path = Path(path)
     if path.is_dir():
         mapped = VibrationMap.load(path)
-        return FileContents(*map_contents(mapped), lambda columns: figures.map_figure(mapped, columns))
+        return FileContents(*map_contents(mapped), mapped, partial(figures.map_figure, mapped))
     return _READERS[_kind(path)](path)
 
 
@@ -80,7 +83,8 @@ def _recording(path: Path) -> FileContents:
     counted = accepted_presses(recording, pressed)
     return FileContents(
         *recording_contents(recording, pressed, counted),
-        lambda columns: figures.recording_figure(recording, counted, columns),
+        recording,
+        partial(figures.recording_figure, recording, counted),
     )
 
 
@@ -88,20 +92,23 @@ def _representative(path: Path) -> FileContents:
     press = Representative.load(path)
     return FileContents(
         *representative_contents(press),
-        lambda columns: figures.profiles([figures.Profile.of(press)], columns),
+        press,
+        partial(figures.profiles, [figures.Profile.of(press)]),
     )
 
 
 def _calibration(path: Path) -> FileContents:
     calibration = Calibration.load(path)
     return FileContents(
-        *calibration_contents(calibration), lambda columns: figures.response(calibration, columns=columns)
+        *calibration_contents(calibration),
+        calibration,
+        partial(figures.response, calibration),
     )
 
 
 def _drive(path: Path) -> FileContents:
     drive = Drive.load(path)
-    return FileContents(*drive_contents(drive), lambda columns: figures.drives([drive], columns=columns))
+    return FileContents(*drive_contents(drive), drive, partial(figures.drives, [drive]))
 
 
 def _waveforms(path: Path) -> FileContents:
@@ -113,12 +120,12 @@ def _waveforms(path: Path) -> FileContents:
 
 def _check(path: Path) -> FileContents:
     check = Check.load(path)
-    return FileContents(*check_contents(check), lambda columns: figures.check_figure(check, columns))
+    return FileContents(*check_contents(check), check, partial(figures.check_figure, check))
 
 
 def _button(path: Path) -> FileContents:
     button = DigitalButton.load(path)
-    return FileContents(*button_contents(button), lambda columns: figures.button_figure(button, columns))
+    return FileContents(*button_contents(button), button, partial(figures.button_figure, button))
 
 
 _READERS = {

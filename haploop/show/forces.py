@@ -18,7 +18,7 @@ from haploop.outputs import check_new_picture, save_picture
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.formatting import SIMULATED
 
-__all__ = ["forces_in", "show_forces"]
+__all__ = ["Forces", "forces_in", "show_forces"]
 
 Forces = Mapping[str, Mapping[str, FloatArray]]
 """Force at activation (N) of each press: button -> participant -> (presses,)."""

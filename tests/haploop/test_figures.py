@@ -131,6 +131,6 @@ def test_a_real_rig_s_report_does_not_call_itself_simulated() -> None:
 
 def test_a_report_is_the_same_when_it_is_made_again() -> None:
     def page() -> str:
-        return render(summary(), [CaptionedFigure(profiles([profile()]), "A press", "A caption.")])
+        return render(summary(), [CaptionedFigure(profiles([profile()]), "A press", "A caption.", True)])
 
     assert page() == page()
