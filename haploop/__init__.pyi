@@ -89,4 +89,5 @@ from .instruments import rig_schema as rig_schema
 from .instruments import silent as silent
 from .instruments import watch_live as watch_live
 from .report import write_recalibration as write_recalibration
+from .report import write_report as write_report
 from .show import file_contents as file_contents

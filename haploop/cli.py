@@ -20,6 +20,7 @@ from haploop.commands.maintenance import doctor, log, reset, schema
 from haploop.commands.map import map_command
 from haploop.commands.recalibrate import recalibrate
 from haploop.commands.record import record
+from haploop.commands.report import report
 from haploop.commands.represent import represent
 from haploop.commands.study import study
 from haploop.commands.table import calibrate, check
@@ -47,6 +48,7 @@ for command in (
     recover,
     verify,
     show,
+    report,
     calibrate,
     check,
     map_command,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 import haploop
 from haploop import instruments, outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH, RIG
+from haploop.commands.options import COLUMNS, JSON, PATH, RIG
 from haploop.progress import print_json, print_line, print_table
 
 if TYPE_CHECKING:
@@ -125,14 +125,15 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
 
 @calibrations.command()
 @click.argument("out", type=PATH, metavar="OUT.png")
+@COLUMNS
 @CALIBRATIONS
 @RIG
 @JSON
-def plot(out: Path, calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """Plot resonance, damping, gain and coherence over time."""
+def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str, as_json: bool) -> int:
+    """Plot resonance, damping, gain and coherence over time, as .png, .pdf or .svg."""
     outputs.check_new_picture(out)
     history = history_of(rig, calibrations)
-    figure = haploop.trend(history)
+    figure = haploop.trend(history, columns)
     simulated = display.simulated(history)
     outputs.save_picture(figure, out, simulated)
     if as_json:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import click
 
 import haploop
 from haploop import show as display
-from haploop.commands.options import JSON, PATH
+from haploop.commands.options import COLUMNS, JSON, PATH
 from haploop.progress import note, print_json, print_line
 
 __all__ = ["recover", "show", "verify"]
@@ -17,9 +18,15 @@ __all__ = ["recover", "show", "verify"]
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a plot into this file.")
+@click.option(
+    "--plot",
+    type=PATH,
+    metavar="OUT.png",
+    help="Also draw a plot into this file, which ends with .png, .pdf or .svg.",
+)
+@COLUMNS
 @JSON
-def show(files: Sequence[Path], plot: Path | None, as_json: bool) -> int:
+def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_json: bool) -> int:
     """Show the contents of a file.
 
     FILE is a recording, a representative press, a calibration, a drive, a digital button, or the folder of
@@ -28,9 +35,9 @@ def show(files: Sequence[Path], plot: Path | None, as_json: bool) -> int:
     """
     a_map = (files[0] / "map.json").is_file()
     if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
-        display.show_forces(files, as_json, plot)
+        display.show_forces(files, as_json, plot, columns)
     else:
-        display.show_file(files[0], as_json, plot)
+        display.show_file(files[0], as_json, plot, columns)
     return 0
 
 

@@ -66,7 +66,7 @@ def map_command(
     An interrupted map is continued by the same command.
     """
     if gif is not None:
-        outputs.check_new_picture(gif, ".gif")
+        outputs.check_new_picture(gif, (".gif",))
     chosen = None if points is None else _numbers(points)
     names = None if patches is None else [name.strip() for name in patches.split(",")]
     with (

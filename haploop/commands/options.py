@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
 
 __all__ = [
+    "COLUMNS",
     "JSON",
     "NOTES",
     "PATH",
@@ -48,6 +49,13 @@ SIMULATE = click.option(
     "devices.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
+COLUMNS = click.option(
+    "--columns",
+    type=click.IntRange(1, 2),
+    default=2,
+    show_default=True,
+    help="Width of the picture: one or two columns of a journal (88 or 180 mm).",
+)
 NOTES = click.option("--notes", default="", help="Notes; stored in the recording.")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from haploop import figures
 from haploop.calibration import check_feeling
 from haploop.demo.result import PRESSES, ButtonResult, Demo
-from haploop.report import CaptionedFigure, render
+from haploop.report import CaptionedFigure, captions, render
 from haploop.show import feeling_values
 
 __all__ = ["report", "summarise"]
@@ -103,51 +103,47 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
     forces = {r.button: {p: np.array(f) for p, f in _forces(r).items()} for r in results}
     truth = {r.button: float(np.mean(r.true_forces)) for r in results if r.true_forces}
     carrier = results[0].check.drive.carrier_hz
-    return (
-        CaptionedFigure(
+    drawn = (
+        (
             figures.profiles([figures.Profile.of(r.press) for r in results]),
             "Representative press of each button",
-            "Normalised vertical acceleration (blue; the band is one standard deviation of the aligned "
-            "presses), force (red) and activation state (green), and the power spectral density (PSD) of "
-            "the acceleration. After the paper's figure 6.",
+            f"{captions.PRESSES} The band is one standard deviation of the aligned presses. {_counts(demo)}",
         ),
-        CaptionedFigure(
+        (
             figures.activation_forces(forces, truth),
             "Force at activation",
-            "Each press (dots), and mean and standard deviation for each participant and for all together "
-            "(upper right). The black lines are the true values of the simulated plant. "
-            "After the paper's figure 7.",
+            f"{captions.FORCES} The black lines are the true values of the simulated plant. {_counts(demo)}",
         ),
-        CaptionedFigure(
+        (
             figures.response(demo.calibration, demo.true_response),
             f"The table's response, patch {response.patch} to the button point",
-            "Velocity per volt measured at the patch (linear sine sweep), the fitted rational model, the "
-            "true response of the plant without patch hysteresis (dashed), and the coherence. The dotted "
-            "line is the resonance, which is the carrier frequency of the drive.",
+            f"{captions.RESPONSE} Dashed: the true response of the plant without patch hysteresis. "
+            f"n = {response.repeats} repeats.",
         ),
-        CaptionedFigure(
+        (
             figures.drives([r.check.drive for r in results], demo.limits),
             f"The drives at patch {response.patch}",
-            f"Each press modulated onto {carrier:.2f} Hz and divided by the response, as large as the "
-            "rig's limits allow. After the paper's figure 8.",
+            f"{captions.DRIVES} Each press modulated onto {carrier:.2f} Hz and divided by the response, as "
+            "large as the rig's limits allow.",
         ),
-        CaptionedFigure(
+        (
             figures.comparison([(r.press, r.check) for r in results]),
             "Measured motion of the table",
-            "Left: the recorded press (blue) and the reconstructed acceleration (grey), each scaled to "
-            "its peak. Middle: target and measured acceleration around the largest peak. Right: spectra of "
-            "the whole motion, of the recorded press to the same scale, and of the noise that is left in "
-            "the mean of the plays; the band that the drive uses is shaded. After the paper's figure 9.",
+            f"{captions.COMPARISON} n = {results[0].check.plays} plays of each drive.",
         ),
-        CaptionedFigure(
+        (
             figures.feeling_figure([(r.button, check_feeling(r.check, r.press)) for r in results]),
             "What a finger would feel",
-            "Left: third-octave levels in the loudest 100 ms of each signal, the noise left in the mean of "
-            "the plays, and thresholds of detection: of a finger at rest (line), and the lowest of the table "
-            "(dotted). Right: level in 20 ms over the threshold of a finger at rest (0 dB); dotted, where "
-            "the lowest threshold lies for the measured motion. Above 400 Hz the thresholds are estimates.",
+            f"{captions.FEELING} n = {results[0].check.plays} plays of each drive.",
         ),
     )
+    return [CaptionedFigure(*one, simulated=True) for one in drawn]
+
+
+def _counts(demo: Demo) -> str:
+    participants = len(demo.buttons[0].recordings)
+    told = ", ".join(f"{r.button} n = {r.press.members}" for r in demo.buttons)
+    return f"{told.capitalize()} presses by {participants} participant{'' if participants == 1 else 's'}."
 
 
 def _software() -> dict[str, str]:

@@ -1,5 +1,12 @@
 from .button import button_figure as button_figure
 from .button import check_figure as check_figure
+from .encoding import FORMATS as FORMATS
+from .encoding import encode as encode
+from .encoding import mark_simulated as mark_simulated
+from .encoding import on_page as on_page
+from .encoding import pdf_of as pdf_of
+from .encoding import png as png
+from .encoding import text_page as text_page
 from .feeling import feeling_figure as feeling_figure
 from .history import before_and_after as before_and_after
 from .history import responses as responses
@@ -12,6 +19,7 @@ from .paper import comparison as comparison
 from .paper import drives as drives
 from .paper import profiles as profiles
 from .paper import response as response
-from .plotting import mark_simulated as mark_simulated
-from .plotting import png as png
+from .plotting import Columns as Columns
+from .press import median_press as median_press
+from .press import press_of as press_of
 from .press import recording_figure as recording_figure

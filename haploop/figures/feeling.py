@@ -16,9 +16,10 @@ from haploop.figures.plotting import (
     GREY,
     INK,
     VERMILLION,
-    legend_above,
+    Columns,
+    legend_under,
     letter,
-    new_figure,
+    panels,
     style,
 )
 
@@ -29,7 +30,7 @@ _SHOWN_DB = 60.0
 _TICKS = (50, 100, 200, 500, 1000)
 
 
-def feeling_figure(results: Sequence[tuple[str, Feeling]]) -> Figure:
+def feeling_figure(results: Sequence[tuple[str, Feeling]], columns: Columns = 2) -> Figure:
     """Draw, for each (button, feeling), levels against thresholds by third octave, and over time.
 
     Left: the loudest 100 ms of target, measured motion, residual and recorded press, the noise of the plays,
@@ -37,14 +38,14 @@ def feeling_figure(results: Sequence[tuple[str, Feeling]]) -> Figure:
     threshold of a finger at rest.
     """
     with style():
-        figure = new_figure(1.9 * len(results) + 0.4)
-        grid = figure.subplots(len(results), 2, squeeze=False, width_ratios=(1.15, 1))
-        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.3 / figure.get_figheight()))  # type: ignore[union-attr,call-arg]
+        figure, grid = panels(len(results), 2, 1.95, columns, ratios=(1.15, 1))
         for row, ((button, feeling), (bands, time)) in enumerate(zip(results, grid, strict=True)):
-            draw_feeling(bands, time, feeling, with_legend=row == 0)
+            room = 3 if row == 0 else 0
             words = {"yes": "can be felt", "perhaps": "can perhaps be felt", "no": "cannot be felt"}
-            letter(bands, 2 * row, f"{button.capitalize()}: {words[feeling.felt]}")
-            letter(time, 2 * row + 1, f"Loudest 100 ms: {feeling.measured[0].total:+.1f} dB re threshold")
+            letter(bands, 2 * row, f"{button.capitalize()}: {words[feeling.felt]}", room)
+            loud = f"Loudest 100 ms: {feeling.measured[0].total:+.1f} dB re threshold".replace("-", "−")
+            letter(time, 2 * row + 1, loud, room)
+            draw_feeling(bands, time, feeling, with_legend=row == 0)
         return figure
 
 
@@ -55,8 +56,8 @@ def draw_feeling(bands: Axes, time: Axes, feeling: Feeling, with_legend: bool = 
     bands.set_xlabel("Third octave (Hz)")
     time.set_xlabel("Time (ms)")
     if with_legend:
-        legend_above(bands, 4)
-        legend_above(time, 3)
+        legend_under(bands, 3)
+        legend_under(time, 2)
 
 
 def _bands(axes: Axes, feeling: Feeling) -> None:
@@ -68,7 +69,14 @@ def _bands(axes: Axes, feeling: Feeling) -> None:
     axes.plot(hz[shown], feeling.resting_db[shown], color=INK, linewidth=1.2, label="threshold at rest")
     axes.plot(hz[shown], feeling.sensitive_db[shown], color=INK, linestyle=":", label="lowest threshold")
     if feeling.recorded is not None:
-        axes.plot(hz[shown], feeling.recorded[0].bands[shown], "-", color=GREY, label="recorded press")
+        axes.plot(
+            hz[shown],
+            feeling.recorded[0].bands[shown],
+            "-",
+            color=GREY,
+            linewidth=1.8,
+            label="recorded press",
+        )
     axes.plot(
         hz[shown],
         feeling.target[0].bands[shown],
@@ -96,16 +104,16 @@ def _bands(axes: Axes, feeling: Feeling) -> None:
 
 
 def _time(axes: Axes, feeling: Feeling) -> None:
-    drawn = [(feeling.measured_level, VERMILLION, "measured")]
+    drawn = [(feeling.measured_level, VERMILLION, 0.8, "measured")]
     if feeling.recorded_level is not None:
-        drawn.insert(0, (feeling.recorded_level, GREY, "recorded press"))
-    top = max(float(level.max()) for level, _, _ in drawn)
-    loud = np.flatnonzero(np.max([level for level, _, _ in drawn], axis=0) > top - _SHOWN_DB / 2)
+        drawn.insert(0, (feeling.recorded_level, GREY, 1.8, "recorded press"))
+    top = max(float(level.max()) for level, *_ in drawn)
+    loud = np.flatnonzero(np.max([level for level, *_ in drawn], axis=0) > top - _SHOWN_DB / 2)
     part = slice(loud[0], loud[-1] + 1) if np.isfinite(top) and len(loud) else slice(None)
     milliseconds = 1e3 * np.arange(len(feeling.measured_level))[part] / feeling.rate_hz
     axes.axhline(0, color=INK, linewidth=1.2)
-    for level, colour, label in drawn:
-        axes.plot(milliseconds, level[part], color=colour, label=label)
+    for level, colour, width, label in drawn:
+        axes.plot(milliseconds, level[part], color=colour, linewidth=width, label=label)
     if np.isfinite(top):
         # Where the lowest threshold lies for the motion that was measured, which depends on its frequencies.
         axes.plot(

@@ -15,7 +15,19 @@ from matplotlib.lines import Line2D
 
 from haploop.calibration import Calibration, Check
 from haploop.calibration.upkeep import History, PlaceMetrics, calibrations_of
-from haploop.figures.plotting import BLUE, INK, ORANGE, SKY, VERMILLION, colour, letter, new_figure, style
+from haploop.figures.plotting import (
+    BLUE,
+    INK,
+    ORANGE,
+    SKY,
+    VERMILLION,
+    Columns,
+    colour,
+    legend_under,
+    letter,
+    new_figure,
+    style,
+)
 from haploop.instruments import DataError, RigFile
 from haploop.instruments.arrays import FloatArray
 
@@ -43,7 +55,7 @@ class _ActivePeriod:
     thresholds: Mapping[str, float]
 
 
-def trend(history: History) -> Figure:
+def trend(history: History, columns: Columns = 2) -> Figure:
     """Plot resonance, damping, gain and coherence over time: every run, and the active calibration.
 
     The bands are the tolerances in the rig file of each calibration. Raises DataError for a history
@@ -53,7 +65,7 @@ def trend(history: History) -> Figure:
     periods = _active_periods(history, [datetime.fromisoformat(look["when"]) for look in looks])
     places = list(dict.fromkeys(place for period in periods for place in period.metrics))
     with style():
-        figure = new_figure(6.2)
+        figure = new_figure(6.2, columns)
         grid = figure.subplots(len(_PANELS), 1, sharex=True)
         for index, (axes, panel) in enumerate(zip(grid, _PANELS, strict=True)):
             for number, place in enumerate(places):
@@ -65,8 +77,9 @@ def trend(history: History) -> Figure:
                     )
             axes.set_ylabel(panel[1])
             letter(axes, index)
+            axes.ticklabel_format(axis="y", useOffset=False)
         grid[-1].set_ylim(min(grid[-1].get_ylim()[0], 0.9), 1.005)
-        _legend(figure, places)
+        _legend(figure, places, 4 if columns == 2 else 2)
         locator = AutoDateLocator()  # type: ignore[no-untyped-call]
         grid[-1].xaxis.set_major_locator(locator)
         grid[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator, show_offset=False))  # type: ignore[no-untyped-call]
@@ -122,7 +135,7 @@ def _trace(
             axes.plot(*zip(*seen, strict=True), marker, markersize=size, color=paint, markeredgewidth=0.8)
 
 
-def _legend(figure: Figure, places: Sequence[Place]) -> None:
+def _legend(figure: Figure, places: Sequence[Place], across: int) -> None:
     """Add the legend: meaning of the marks, and colour of each place when there are several."""
     marks = [
         Line2D([], [], color=INK, marker="s", markersize=4, label="active calibration"),
@@ -135,7 +148,7 @@ def _legend(figure: Figure, places: Sequence[Place]) -> None:
             Line2D([], [], color=colour(number), label=f"patch {patch} at {point}")
             for number, (patch, point) in enumerate(places)
         ]
-    figure.legend(handles=marks, loc="outside upper right", ncols=len(marks))
+    figure.legend(handles=marks, loc="outside upper left", ncols=across)
 
 
 def before_and_after(before: Mapping[str, Check], after: Mapping[str, Check]) -> Figure:
@@ -155,7 +168,7 @@ def before_and_after(before: Mapping[str, Check], after: Mapping[str, Check]) ->
                 letter(axes, 2 * row + column, title)
                 axes.set_xlabel("Time in the drive (ms)" if row == len(names) - 1 else "")
             grid[row, 0].set_ylabel("Acceleration (m/s²)")
-        figure.legend(handles=grid[0, 0].get_lines()[:2], loc="outside upper right", ncols=2)
+        figure.legend(handles=grid[0, 0].get_lines()[:2], loc="outside upper left", ncols=2)
         return figure
 
 
@@ -187,9 +200,10 @@ def responses(old: Sequence[Calibration], new: Sequence[Calibration]) -> Figure:
                 axes.set_xlim(f[0], f[-1])
             grid[row, 0].set_yscale("log")
             grid[row, 0].set_ylabel("Velocity (µm/s per V)")
-            letter(grid[row, 0], 2 * row, f"Patch {place[0]} at the {place[1]} point")
-            letter(grid[row, 1], 2 * row + 1, f"Around {peak:.1f} Hz")
-        grid[0, 0].legend(loc="lower left", ncols=2)
+            room = 1 if row == 0 else 0
+            letter(grid[row, 0], 2 * row, f"Patch {place[0]} at the {place[1]} point", room)
+            letter(grid[row, 1], 2 * row + 1, f"Around {peak:.1f} Hz", room)
+        legend_under(grid[0, 0], 2)
         for axes in grid[-1]:
             axes.set_xlabel("Frequency (Hz)")
         return figure

@@ -12,9 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from scipy.ndimage import zoom
 
 from haploop.calibration.map import ALL, VibrationMap
-from haploop.figures.plotting import letter, mark_simulated, new_figure, style
+from haploop.figures.encoding import mark_simulated
+from haploop.figures.plotting import GREY, INK, Columns, letter, new_figure, style
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import new_file
 
@@ -29,35 +31,41 @@ _SQUARE = 0.7
 _MICRO = 1e6
 
 
-def map_figure(found: VibrationMap) -> Figure:
-    """Draw the paper's figure 3 for each configuration at the best frequency, and the strongest modes."""
+def map_figure(found: VibrationMap, columns: Columns = 2) -> Figure:
+    """Draw the paper's figure 3 for each configuration at the best frequency, and the strongest modes.
+
+    A map of some points only shows these as squares on the table.
+    """
     best, names = found.best(), found.configurations
     at = np.array([best.frequency_hz])
     sizes = {name: _MICRO * np.abs(found.displacement(name, at)[:, 0]) for name in names}
     top = max(float(own.max()) for own in sizes.values())
     modes = sorted(hz for hz, _ in found.resonances()[:_SHAPES])
-    columns = max(len(names), len(modes))
+    across = max(len(names), len(modes), 1) if columns == 2 else 2
     with style():
-        drawn = new_figure(2.6)
-        grid = drawn.add_gridspec(2, columns + 1, width_ratios=[*(1.0,) * columns, 0.08])
+        rows = [-(-len(names) // across), -(-len(modes) // across)]
+        drawn = new_figure((1.2 if columns == 2 else 1.4) * sum(rows) + 0.2, columns)
+        grid = drawn.add_gridspec(sum(rows), across + 1, width_ratios=[*(1.0,) * across, 0.06])
         for k, name in enumerate(names):
-            axes = drawn.add_subplot(grid[0, k])
+            axes = drawn.add_subplot(grid[k // across, k % across])
             image = _surface(axes, found, sizes[name], "magma", 0.0, top)
             letter(axes, k, "all" if name == ALL else f"patch {name}")
             if name == best.patch:
                 row, column = divmod(int(best.point), found.plan.columns)
+                axes.plot(column, row, "o", ms=11, mfc="none", mec=INK, mew=2.2)
                 axes.plot(column, row, "o", ms=11, mfc="none", mec="white", mew=1)
-        drawn.colorbar(image, cax=drawn.add_subplot(grid[0, -1])).set_label(
-            f"µm per V\nat {best.frequency_hz:.1f} Hz"
-        )
+        bar = drawn.add_subplot(grid[: rows[0], -1])
+        drawn.colorbar(image, cax=bar).set_label(f"µm per V, {best.frequency_hz:.1f} Hz")
         for k, hz in enumerate(modes):
-            axes = drawn.add_subplot(grid[1, k])
-            shape = _surface(axes, found, found.shape(hz), "RdBu_r", -1.0, 1.0)
+            axes = drawn.add_subplot(grid[rows[0] + k // across, k % across])
+            # Brightness tells the sign in grey, too; the line between is where the mode does not move.
+            image = _surface(axes, found, found.shape(hz), "cividis", -1.0, 1.0)
+            if _whole(found):
+                _nodal_lines(axes, found.grid(found.shape(hz)))
             letter(axes, len(names) + k, f"{hz:.1f} Hz")
         if modes:
-            drawn.colorbar(shape, cax=drawn.add_subplot(grid[1, -1]), ticks=[-1, 0, 1]).set_label(
-                "mode shape"
-            )
+            bar = drawn.add_subplot(grid[rows[0] :, -1])
+            drawn.colorbar(image, cax=bar, ticks=[-1, 0, 1]).set_label("mode shape")
     return drawn
 
 
@@ -104,16 +112,31 @@ def _surface(
     """Draw values (points,) on the table's grid, interpolated between the points."""
     axes.set_xticks([])
     axes.set_yticks([])
+    # The table's edge, and grey where nothing was measured.
+    axes.set_facecolor("#E4E4E4")
     for spine in axes.spines.values():
-        spine.set_visible(False)
-    # The bicubic filter spreads NaN of unmeasured points, so partial maps are not interpolated.
-    smooth = "bicubic" if len(found.points) == found.plan.rows * found.plan.columns else "nearest"
+        spine.set_visible(True)
+        spine.set_color(GREY)
     plan = found.plan
     return axes.imshow(
         found.grid(values),
         cmap=colours,
         vmin=low,
         vmax=high,
-        interpolation=smooth,
+        # The bicubic filter spreads NaN of unmeasured points, so partial maps are not interpolated.
+        interpolation="bicubic" if _whole(found) else "nearest",
         aspect=_SQUARE * plan.columns / plan.rows,
     )
+
+
+def _nodal_lines(axes: Axes, shape: FloatArray) -> None:
+    """Draw where a mode shape (rows, columns) is zero, interpolated as the picture is."""
+    finer = zoom(shape, 8, order=3)
+    rows = np.linspace(0, shape.shape[0] - 1, finer.shape[0])
+    columns = np.linspace(0, shape.shape[1] - 1, finer.shape[1])
+    if finer.min() < 0 < finer.max():
+        axes.contour(columns, rows, finer, [0.0], colors="white", linewidths=0.8)
+
+
+def _whole(found: VibrationMap) -> bool:
+    return len(found.points) == found.plan.rows * found.plan.columns

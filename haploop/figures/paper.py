@@ -24,14 +24,18 @@ from haploop.figures.plotting import (
     INK,
     ORANGE,
     SKY,
+    SOFT,
     VERMILLION,
+    Columns,
     active,
     colour,
     continuous_phase,
     density_axis,
-    legend_above,
+    label_below,
+    legend_under,
     letter,
     new_figure,
+    panels,
     spectrum,
     style,
     unit_peak,
@@ -50,6 +54,10 @@ __all__ = [
     "profiles",
     "response",
 ]
+
+
+_NAMES = 40
+"""Most characters of names side by side below a panel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,26 +90,25 @@ class Profile:
         )
 
 
-def profiles(presses: Sequence[Profile]) -> Figure:
+def profiles(presses: Sequence[Profile], columns: Columns = 2) -> Figure:
     """Draw figure 6: normalised acceleration, force and activation over time, and the spectral density."""
     with style():
-        figure = new_figure(1.62 * len(presses) + 0.35)
-        grid = figure.subplots(
-            len(presses), 2, squeeze=False, sharex="col", gridspec_kw={"width_ratios": (1.55, 1)}
-        )
+        figure, grid = panels(len(presses), 2, 1.62, columns, ratios=(1.55, 1))
         for row, (press, (left, right)) in enumerate(zip(presses, grid, strict=True)):
+            room = 1 if row == 0 else 0
+            letter(left, 2 * row, press.button.capitalize(), room)
+            letter(right, 2 * row + 1, legend_rows=room if columns == 2 else 0)
             _profile(left, press, with_legend=row == 0)
             _density(right, press, with_legend=row == 0)
-            letter(left, 2 * row, press.button.capitalize())
-            letter(right, 2 * row + 1)
-        grid[-1, 0].set_xlabel("Time after activation (ms)")
-        grid[-1, 1].set_xlabel("Frequency (Hz)")
+        _share_x(grid)
+        label_below(grid, ("Time after activation (ms)", "Frequency (Hz)"), columns)
         return figure
 
 
 def activation_forces(
     forces: Mapping[str, Mapping[str, FloatArray]],
     true_means: Mapping[str, float] | None = None,
+    columns: Columns = 2,
 ) -> Figure:
     """Draw figure 7: force at activation (N) of each button and participant, and of all together.
 
@@ -109,107 +116,90 @@ def activation_forces(
     simulated rig.
     """
     truth = true_means or {}
+    participants = list(dict.fromkeys(p for by in forces.values() for p in by))
+    everyone = {button: np.concatenate(list(by.values())) for button, by in forces.items()}
     with style():
-        participants = list(dict.fromkeys(p for by in forces.values() for p in by))
-        figure = new_figure(4.0)
         # The paper puts all buttons together in the upper right.
-        places = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (3, 0)]
-        rows = 2 if len(forces) <= 3 else 3
-        grid: Any = figure.subplots(rows, 2, squeeze=False)
-        used = {(0, 1)}
-        everyone = {button: np.concatenate(list(by.values())) for button, by in forces.items()}
-        for index, (button, by) in enumerate(forces.items()):
-            axes = grid[places[index]]
-            used.add(places[index])
+        order: list[str | None] = [*forces]
+        order.insert(1, None)
+        rows = (len(order) + 1) // 2
+        figure, grid = panels(rows, 2, 1.8, columns)
+        for place, (axes, button) in enumerate(zip(grid.flat, order, strict=False)):
+            if button is None:
+                letter(axes, place, "All together", legend_rows=1 if truth else 0)
+                _together(axes, everyone, truth)
+                continue
+            index = list(forces).index(button)
+            beside = place == 0 and columns == 2 and bool(truth)
+            letter(axes, place, button.capitalize(), legend_rows=1 if beside else 0)
+            by = forces[button]
             _forces(axes, [by.get(p, np.empty(0)) for p in participants], participants, [colour(index)])
             mean = float(np.mean(everyone[button]))
             axes.axhline(mean, color=colour(index), linewidth=0.6, linestyle=(0, (4, 3)), zorder=0)
             # The axis need not start at zero: it compares participants; panel b compares buttons.
             axes.margins(y=0.35)
-            letter(axes, index if index == 0 else index + 1, button.capitalize())
-        together = grid[0, 1]
-        names = [button.capitalize() for button in forces]
-        colours = [colour(i) for i in range(len(forces))]
-        _forces(together, list(everyone.values()), names, colours)
-        for index, button in enumerate(forces):
-            if button in truth:
-                label = "Truth of the plant" if index == 0 else None
-                together.plot(
-                    [index - 0.3, index + 0.3], [truth[button]] * 2, color=INK, linewidth=0.8, label=label
-                )
-        letter(together, 1, "All together")
-        if truth:
-            together.legend(loc="upper right")
-        for place in np.ndindex(rows, 2):
-            if place not in used:
-                figure.delaxes(grid[place[0], place[1]])
-        together.set_ylim(bottom=0)
-        for axes in grid[:, 0]:
+        for axes in list(grid.flat)[len(order) :]:
+            figure.delaxes(axes)
+        for axes in grid[:, 0] if columns == 2 else figure.axes:
             axes.set_ylabel("Force at activation (N)")
         return figure
 
 
-def drives(waveforms: Sequence[Drive], limits: tuple[float, float] | None = None) -> Figure:
+def drives(
+    waveforms: Sequence[Drive], limits: tuple[float, float] | None = None, columns: Columns = 2
+) -> Figure:
     """Draw figure 8: the voltage at the patch for each button; `limits` are the lowest and highest (V)."""
     with style():
-        figure = new_figure(1.25 * len(waveforms) + 0.4)
+        figure, grid = panels(len(waveforms), 1, 1.3, columns)
         end = max(active(drive.volts, drive.rate_hz)[1] for drive in waveforms)
-        grid = figure.subplots(len(waveforms), 1, squeeze=False, sharex=True, sharey=True)[:, 0]
-        for row, (drive, axes) in enumerate(zip(waveforms, grid, strict=True)):
+        for row, (drive, axes) in enumerate(zip(waveforms, grid[:, 0], strict=True)):
             time = 1e3 * np.arange(len(drive.volts)) / drive.rate_hz
             if limits:
+                label = "limit of the rig"
                 for level in limits:
-                    axes.axhline(level, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+                    axes.axhline(level, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), label=label)
+                    label = ""
             axes.plot(time, drive.volts, color=colour(row), linewidth=0.6)
             axes.set_xlim(0, 1e3 * end)
             axes.set_ylabel("Voltage (V)")
             peak_to_peak = float(np.ptp(drive.volts))
             title = f"{drive.button.capitalize()}, patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
-            letter(axes, row, title)
+            letter(axes, row, title, legend_rows=1 if limits and row == 0 else 0)
+            if row:
+                axes.sharey(grid[0, 0])
         if limits:
-            # The text beside the line replaces a legend.
-            grid[0].annotate(
-                "rig's limit",
-                (1, limits[1]),
-                xycoords=("axes fraction", "data"),
-                xytext=(0, -2),
-                textcoords="offset points",
-                ha="right",
-                va="top",
-                fontsize=7,
-                color="#666666",
-            )
-            grid[0].set_ylim(1.16 * limits[0], 1.16 * limits[1])
-        grid[-1].set_xlabel("Time (ms)")
+            grid[0, 0].set_ylim(1.16 * limits[0], 1.16 * limits[1])
+            legend_under(grid[0, 0], 1)
+        _share_x(grid)
+        label_below(grid, ("Time (ms)",), columns)
         return figure
 
 
-def comparison(results: Sequence[tuple[Representative, Check]]) -> Figure:
+def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns = 2) -> Figure:
     """Draw figure 9: the recorded press, the target and the measured acceleration.
 
-    Per button: the recorded press under the measured acceleration, both scaled to unit peak as in
+    Per button: the recorded press above the measured acceleration, each scaled to unit peak as in
     the paper; a stretch around the largest acceleration, target over measured; and the spectra.
     """
     with style():
-        figure = new_figure(1.72 * len(results) + 0.35)
-        grid = figure.subplots(len(results), 3, squeeze=False, gridspec_kw={"width_ratios": (1.3, 1, 1.05)})
-        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.38 / figure.get_figheight()))  # type: ignore[union-attr,call-arg]
+        figure, grid = panels(len(results), 3, 1.75, columns, ratios=(1.3, 1, 1.05))
         for row, ((press, check), (whole, stretch, spectra)) in enumerate(zip(results, grid, strict=True)):
-            _whole(whole, press, check, with_legend=row == 0)
+            room = 1 if row == 0 else 0
+            letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}", 2 * room * (columns == 2))
+            title = f"Error {100 * check.wideband_nrmse:.1f} %, r = {check.correlation:.4f}"
+            letter(stretch, 3 * row + 1, title, (columns if columns == 2 else 1) * room)
+            letter(spectra, 3 * row + 2, legend_rows=2 * room)
+            _whole(whole, press, check)
             _stretch(stretch, press, check, with_legend=row == 0)
             _spectra(spectra, press, check, with_legend=row == 0)
-            letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}")
-            letter(
-                stretch, 3 * row + 1, f"Error {100 * check.wideband_nrmse:.1f} %, r = {check.correlation:.4f}"
-            )
-            letter(spectra, 3 * row + 2)
-        labels = ("Time after activation (ms)", "Time after activation (ms)", "Frequency (Hz)")
-        for axes, label in zip(grid[-1], labels, strict=True):
-            axes.set_xlabel(label)
+        _share_x(grid, hide=False)
+        label_below(
+            grid, ("Time after activation (ms)", "Time after activation (ms)", "Frequency (Hz)"), columns
+        )
         return figure
 
 
-def response(calibration: Calibration, truth: ComplexArray | None = None) -> Figure:
+def response(calibration: Calibration, truth: ComplexArray | None = None, columns: Columns = 2) -> Figure:
     """Draw the measured response, its coherence and phase, the fitted model, and the resonance.
 
     `truth` is the plant's velocity response at the measured frequencies, on a simulated rig.
@@ -217,9 +207,12 @@ def response(calibration: Calibration, truth: ComplexArray | None = None) -> Fig
     measured, model = calibration.response, calibration.model
     frequencies, peak = measured.frequencies, model.resonance_hz
     with style():
-        figure = new_figure(4.7)
+        figure = new_figure(4.9, columns)
         grid = figure.subplots(
-            3, 2, sharex="col", gridspec_kw={"width_ratios": (2.1, 1), "height_ratios": (2.2, 1.2, 1)}
+            3,
+            2,
+            sharex="col",
+            gridspec_kw={"width_ratios": (2.1 if columns == 2 else 1.5, 1), "height_ratios": (2.2, 1.2, 1)},
         )
         fitted = model.velocity(frequencies)
         curves: list[tuple[str, ComplexArray, dict[str, Any]]] = [
@@ -244,17 +237,32 @@ def response(calibration: Calibration, truth: ComplexArray | None = None) -> Fig
             for axes in (size, phase, coherence):
                 axes.axvline(peak, color=GREY, linewidth=0.6, linestyle=(0, (1, 2)), zorder=0)
             coherence.set(xlabel="Frequency (Hz)", xlim=(f[0], f[-1]), ylim=(0, 1.05))
+            coherence.xaxis.set_major_locator(MaxNLocator(5 if columns == 2 and not column else 3))
             phase.yaxis.set_major_locator(MaxNLocator(4, steps=[1.8, 3.6, 4.5, 9]))
         grid[0, 0].set_yscale("log")
         grid[0, 1].set_ylim(bottom=0)
         grid[0, 0].set_ylabel("Velocity per volt (µm/s/V)")
         grid[1, 0].set_ylabel("Phase (°)")
         grid[2, 0].set_ylabel("Coherence")
-        grid[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
-        titles = {0: f"Patch {measured.patch} to {_point(measured.point)}", 1: f"Resonance at {peak:.2f} Hz"}
+        titles = {
+            0: f"Patch {measured.patch}" + (f" to {_point(measured.point)}" if columns == 2 else ""),
+            1: f"Resonance at {peak:.2f} Hz" if columns == 2 else f"{peak:.2f} Hz",
+        }
+        rows = 1 if columns == 2 else len(curves)
         for index, axes in enumerate(grid.flat):
-            letter(axes, index, titles.get(index, ""))
+            letter(axes, index, titles.get(index, ""), legend_rows=rows if index < 2 else 0)
+        legend_under(grid[0, 0], len(curves) if columns == 2 else 1)
         return figure
+
+
+def _share_x(grid: Any, hide: bool = True) -> None:
+    """Give the panels of a column the same x axis; with `hide`, labels below the last one only."""
+    side_by_side = grid.shape[1] == 1 or grid[0, 0].get_gridspec().ncols > 1
+    for column in grid.T if hide else ():
+        for axes in column[1:]:
+            axes.sharex(column[0])
+        for axes in column[:-1] if side_by_side else ():
+            axes.tick_params(labelbottom=False)
 
 
 def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
@@ -268,7 +276,7 @@ def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
     force_axes.spines["right"].set_visible(True)
     force_axes.spines["right"].set_color(VERMILLION)
     force_axes.tick_params(axis="y", color=VERMILLION, labelcolor=VERMILLION)
-    (force,) = force_axes.plot(time, press.force, color=VERMILLION, label="Force")
+    (force,) = force_axes.plot(time, press.force, color=VERMILLION, linewidth=1.4, label="Force")
     force_axes.set_ylabel("Force (N)", color=VERMILLION, y=0.75)
     top = max(float(press.force.max()), 1e-3)
     force_axes.set_ylim(-1.2 * top, 1.2 * top)
@@ -283,7 +291,9 @@ def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
     (acceleration,) = axes.plot(
         time, press.acceleration / peak, color=BLUE, linewidth=0.8, label="Acceleration"
     )
-    (state,) = axes.plot(time, press.activation, color=GREEN, linewidth=0.9, label="Activation")
+    (state,) = axes.plot(
+        time, press.activation, color=GREEN, linewidth=0.9, linestyle="--", label="Activation"
+    )
     axes.set_ylim(-1.2, 1.2)
     axes.set_yticks([-1, 0, 1])
     axes.set_xlim(time[0], time[-1])
@@ -296,7 +306,7 @@ def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
     axes.set_zorder(force_axes.get_zorder() + 1)
     axes.patch.set_visible(False)
     if with_legend:
-        axes.legend(handles=[acceleration, force, state], loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
+        legend_under(axes, 3, [acceleration, force, state])
 
 
 def _density(axes: Axes, press: Profile, with_legend: bool) -> None:
@@ -307,11 +317,26 @@ def _density(axes: Axes, press: Profile, with_legend: bool) -> None:
     if press.bandwidth_hz and press.bandwidth_hz < 1000:
         axes.axvline(press.bandwidth_hz, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
         if with_legend:
+            # Left of the line where the label does not fit on its right.
+            left = press.bandwidth_hz > 550
             axes.annotate(
                 f"sensor's corner, {press.bandwidth_hz:g} Hz", (press.bandwidth_hz, 1),
-                xycoords=("data", "axes fraction"), xytext=(3, -2), textcoords="offset points",
-                ha="left", va="top", fontsize=7, color="#666666",
+                xycoords=("data", "axes fraction"), xytext=(-3 if left else 3, -2),
+                textcoords="offset points", ha="right" if left else "left", va="top", fontsize=7, color=SOFT,
             )  # fmt: skip
+
+
+def _together(axes: Axes, everyone: Mapping[str, FloatArray], truth: Mapping[str, float]) -> None:
+    names = [button.capitalize() for button in everyone]
+    _forces(axes, list(everyone.values()), names, [colour(i) for i in range(len(everyone))])
+    label = "truth of the plant"
+    for index, button in enumerate(everyone):
+        if button in truth:
+            axes.plot([index - 0.3, index + 0.3], [truth[button]] * 2, color=INK, linewidth=0.8, label=label)
+            label = ""
+    axes.set_ylim(bottom=0)
+    if truth:
+        legend_under(axes, 1)
 
 
 def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colours: Sequence[str]) -> None:
@@ -327,30 +352,36 @@ def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colo
             index, float(np.mean(values)), yerr=deviation, fmt="s", markersize=3.6, color=colour,
             elinewidth=0.9, capsize=2.5, capthick=0.9,
         )  # fmt: skip
-    axes.set_xticks(range(len(names)), names)
+    # Long or many names are turned, so that they stay apart.
+    turned = sum(len(name) + 1 for name in names) > _NAMES
+    axes.set_xticks(
+        range(len(names)),
+        [name.replace("$", r"\$") for name in names],
+        rotation=90 if turned else 0,
+    )
     margin = max(0.6, (4 - len(names)) / 2)
     axes.set_xlim(-margin, len(names) - 1 + margin)
 
 
-def _whole(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
+def _whole(axes: Axes, press: Representative, check: Check) -> None:
+    """Draw the recorded press above the measured motion: one over the other, each would hide the other."""
     drive = check.drive
     zero = _activation(press, drive)
     measured = np.arange(len(check.measured)) / check.rate_hz - zero
     recorded = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
-    axes.plot(
-        1e3 * measured,
-        unit_peak(check.measured),
-        color=GREY,
-        linewidth=0.5,
-        label="Reconstructed (measured)",
+    curves = (
+        (1.1, recorded, press.acceleration, BLUE),
+        (-1.1, measured, check.measured, INK),
     )
-    axes.plot(1e3 * recorded, unit_peak(press.acceleration), color=BLUE, linewidth=0.6, label="Recorded")
+    for level, time, values, paint in curves:
+        axes.axhline(level, color=GREY, linewidth=0.4, zorder=0)
+        axes.plot(1e3 * time, level + unit_peak(values), color=paint, linewidth=0.6)
     axes.set_xlim(*(1e3 * (edge - zero) for edge in active(drive.target, drive.rate_hz)))
-    axes.set_ylim(-1.15, 1.15)
-    axes.set_yticks([-1, 0, 1])
-    axes.set_ylabel("Acceleration\n(1 = peak)")
-    if with_legend:
-        legend_above(axes, 2)
+    axes.set_ylim(-2.3, 2.3)
+    axes.set_yticks([1.1, -1.1], ["recorded", "measured"], rotation=90, va="center")
+    for tick, paint in zip(axes.get_yticklabels(), (BLUE, INK), strict=True):
+        tick.set_color(paint)
+    axes.set_ylabel("Acceleration (1 = peak)")
 
 
 def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
@@ -362,7 +393,7 @@ def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool)
     axes.set_xlim(time[part][0], time[part][-1])
     axes.set_ylabel("Acceleration (m/s²)")
     if with_legend:
-        legend_above(axes, 2)
+        legend_under(axes, 2)
 
 
 def _activation(press: Representative, drive: Drive) -> float:
@@ -381,7 +412,7 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
         ("Recorded", press.acceleration * drive.scale, press.rate_hz, {"color": BLUE, "linewidth": 0.8}),
         ("Target", check.target, check.rate_hz, {"color": ORANGE, "linewidth": 1.9}),
         ("Measured", check.measured, check.rate_hz, {"color": INK, "linewidth": 0.7}),
-        ("Noise", check.noise, check.rate_hz, {"color": SKY, "linewidth": 0.5}),
+        ("Noise", check.noise, check.rate_hz, {"color": SKY, "linewidth": 0.5, "linestyle": ":"}),
     )
     top = 0.0
     for label, signal, rate_hz, look in curves:
@@ -392,7 +423,7 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
     density_axis(axes, check.judged_hz, top)
     axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
     if with_legend:
-        legend_above(axes, 2)
+        legend_under(axes, 2)
 
 
 def _point(point: str) -> str:

@@ -1,16 +1,18 @@
-"""Common parts of the figures: style, page width, and simple signal processing."""
+"""Common parts of the figures: palette, style, panels, headings, and simple signal processing."""
 
 from __future__ import annotations
 
-import io
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
@@ -21,35 +23,43 @@ __all__ = [
     "INK",
     "ORANGE",
     "SKY",
+    "SOFT",
     "VERMILLION",
+    "Columns",
     "active",
     "colour",
     "continuous_phase",
     "density_axis",
-    "legend_above",
+    "label_below",
+    "legend_under",
     "letter",
-    "mark_simulated",
     "new_figure",
-    "png",
+    "panels",
     "spectrum",
     "style",
     "unit_peak",
 ]
 
-# Palette of Okabe and Ito, distinguishable with any colour vision.
+# Palette of Okabe and Ito, distinguishable with any colour vision. Curves of one panel differ in brightness,
+# width, dashes or marks as well, because journals are printed in grey.
 BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"
 ORANGE, PURPLE, SKY = "#E69F00", "#CC79A7", "#56B4E9"
-GREY, INK = "#8C8C8C", "#222222"
+GREY, SOFT, INK = "#8C8C8C", "#666666", "#222222"
 BUTTON_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
 
-WIDTH = 7.1
-"""Width of a journal's double column (inches; 180 mm)."""
+Columns = Literal[1, 2]
+"""Width of a figure: one or two columns of a journal."""
+_WIDTHS = {1: 3.46, 2: 7.1}
+"""Inches; 88 and 180 mm."""
+_TITLE_PAD, _LEGEND_ROW = 4.0, 11.0
+"""Points below a panel's title; points that each row of a legend adds."""
 
 _STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
     "font.size": 8,
     "axes.titlesize": 8.5,
+    "axes.titlepad": _TITLE_PAD,
     "axes.labelsize": 8,
     "axes.labelcolor": INK,
     "axes.edgecolor": "#555555",
@@ -77,12 +87,16 @@ _STYLE: Any = {
     "legend.frameon": False,
     "legend.handlelength": 1.6,
     "legend.borderaxespad": 0.2,
+    "legend.labelspacing": 0.25,
     "mathtext.default": "regular",
     "path.simplify": True,
     "figure.facecolor": "white",
     "figure.constrained_layout.h_pad": 0.05,
     "figure.constrained_layout.w_pad": 0.05,
     "agg.path.chunksize": 20000,
+    # Text stays text, and the same figure is the same bytes.
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "haploop",
 }
 
 
@@ -91,33 +105,57 @@ def style() -> AbstractContextManager[None]:
     return mpl.rc_context(_STYLE)
 
 
-def new_figure(height: float) -> Figure:
-    """Create an empty figure of the page's width, `height` inches high."""
-    return Figure(figsize=(WIDTH, height), layout="constrained")
+def new_figure(height: float, columns: Columns = 2) -> Figure:
+    """Create an empty figure of one or two columns' width, `height` inches high."""
+    return Figure(figsize=(_WIDTHS[columns], height), layout="constrained")
 
 
-def letter(axes: Axes, index: int, title: str = "") -> None:
-    """Write the panel's letter, bold, and its title."""
+def panels(
+    rows: int, across: int, height: float, columns: Columns = 2, ratios: Sequence[float] = ()
+) -> tuple[Figure, NDArray[Any]]:
+    """Create a figure and its panels, an array of Axes (rows, across).
+
+    On two columns' width the panels of a row stand side by side, with widths in the `ratios` given; on one
+    column's width they stand one below the other. `height` (inches) is that of a row with its labels.
+    """
+    if columns == 2 or across == 1:
+        figure = new_figure(height * rows + 0.35, columns)
+        found = figure.subplots(rows, across, squeeze=False, width_ratios=ratios or None)
+    else:
+        figure = new_figure(height * rows * across + 0.35, columns)
+        found = figure.subplots(rows * across, 1, squeeze=False).reshape(rows, across)
+    return figure, found
+
+
+def label_below(grid: NDArray[Any], labels: Sequence[str], columns: Columns = 2) -> None:
+    """Label the x axes of `panels`: below the last row only, if the panels of a row stand side by side."""
+    stacked = columns == 1 and grid.shape[1] > 1
+    for row in grid if stacked else grid[-1:]:
+        for axes, label in zip(row, labels, strict=True):
+            axes.set_xlabel(label)
+
+
+def letter(axes: Axes, index: int, title: str = "", legend_rows: int = 0) -> None:
+    """Write the panel's letter, bold, and its title, above room for a legend of `legend_rows` rows."""
     bold = rf"$\bf{{{chr(ord('a') + index)}}}$"
-    axes.set_title(f"{bold}  {title}" if title else bold)
+    # The title of a panel is often a name from a file, in which a dollar is no formula.
+    told = title.replace("$", r"\$")
+    axes.set_title(f"{bold}  {told}" if title else bold, pad=_TITLE_PAD + _LEGEND_ROW * legend_rows)
 
 
-def legend_above(axes: Axes, columns: int) -> None:
-    """Add a legend above the panel's title, outside the layout."""
-    legend = axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.03, 1.13),
-        ncols=columns,
-        columnspacing=0.8,
-        handlelength=0.9,
+def legend_under(axes: Axes, across: int, handles: Sequence[Any] | None = None) -> Legend:
+    """Add a legend with `across` entries a row between the panel's title and its axes; see `letter`."""
+    return axes.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        ncols=across,
+        borderpad=0,
+        borderaxespad=0.25,
+        columnspacing=1.0,
+        handlelength=1.4,
         handletextpad=0.4,
     )
-    legend.set_in_layout(False)
-
-
-def mark_simulated(figure: Figure) -> None:
-    """Mark a figure as simulated in a corner, because a PNG is often passed on without its report."""
-    figure.text(0.997, 0.004, "simulated", ha="right", va="bottom", fontsize=7, color="#666666")
 
 
 def colour(index: int) -> str:
@@ -172,11 +210,3 @@ def unit_peak(signal: FloatArray) -> FloatArray:
     """Scale a signal to unit peak magnitude; a zero signal stays zero."""
     peak = float(np.max(np.abs(signal), initial=0.0))
     return signal / peak if peak > 0 else signal
-
-
-def png(figure: Figure, dpi: int = 200) -> bytes:
-    """Encode a figure as PNG bytes, reproducibly: without a date or program name."""
-    buffer = io.BytesIO()
-    with style():
-        figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
-    return buffer.getvalue()

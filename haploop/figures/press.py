@@ -7,26 +7,36 @@ from matplotlib.figure import Figure
 
 from haploop.acquisition import ButtonPress, Recording, high_pass
 from haploop.figures.paper import Profile, profiles
+from haploop.figures.plotting import Columns
 from haploop.instruments import DataError
 
-__all__ = ["recording_figure"]
+__all__ = ["median_press", "press_of", "recording_figure"]
 
 
-def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Figure:
-    """Draw the press with the median force at activation, like the paper's figure 6."""
+def recording_figure(recording: Recording, found: tuple[ButtonPress, ...], columns: Columns = 2) -> Figure:
+    """Draw the press with the median force at activation, like the paper's figure 6. Raises DataError."""
+    return profiles([press_of(recording, median_press(recording, found))], columns)
+
+
+def median_press(recording: Recording, found: tuple[ButtonPress, ...]) -> ButtonPress:
+    """The press with the median force at activation. Raises DataError when none has an activation."""
     whole = [p for p in found if p.activation is not None and p.force_at_activation is not None]
     if not whole:
         raise DataError(
             f"{recording.path} holds no accepted press with an activation, so there is nothing to plot."
         )
-    press = sorted(whole, key=lambda p: p.force_at_activation or 0.0)[len(whole) // 2]
-    assert press.activation is not None
+    return sorted(whole, key=lambda p: p.force_at_activation or 0.0)[len(whole) // 2]
+
+
+def press_of(recording: Recording, press: ButtonPress) -> Profile:
+    """One press of a recording, to draw; its time begins at its activation, or at its onset without one."""
+    zero = press.onset if press.activation is None else press.activation
     acceleration = high_pass(recording.acceleration[2], recording.rate_hz)
     part = slice(press.start, press.stop)
     sensor = recording.sensors.acceleration
-    profile = Profile(
+    return Profile(
         button=recording.button,
-        time=np.asarray((np.arange(press.start, press.stop) - press.activation) / recording.rate_hz),
+        time=np.asarray((np.arange(press.start, press.stop) - zero) / recording.rate_hz),
         acceleration=acceleration[part],
         force=recording.force[part],
         # A maintained button opens at every other press: plot the change of state.
@@ -34,4 +44,3 @@ def recording_figure(recording: Recording, found: tuple[ButtonPress, ...]) -> Fi
         rate_hz=recording.rate_hz,
         bandwidth_hz=sensor.bandwidth_hz if sensor else None,
     )
-    return profiles([profile])

@@ -19,8 +19,10 @@ def check_new_file(path: Path) -> None:
     check_destination(path)
 
 
-def check_new_picture(path: Path, suffix: str = ".png") -> None:
-    """Raise ConfigurationError if `path` cannot be written as a new picture with this suffix."""
-    if path.suffix.lower() != suffix:
-        raise ConfigurationError(f"{path} has the wrong file type: use a name that ends with {suffix}.")
+def check_new_picture(path: Path, suffixes: tuple[str, ...] = (".png", ".pdf", ".svg")) -> None:
+    """Raise ConfigurationError if `path` cannot be written as a new picture with one of these suffixes."""
+    if path.suffix.lower() not in suffixes:
+        raise ConfigurationError(
+            f"{path} has the wrong file type: use a name that ends with {' or '.join(suffixes)}."
+        )
     check_new_file(path)

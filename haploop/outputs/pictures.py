@@ -6,20 +6,20 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from haploop.figures import mark_simulated, png
+from haploop.figures import encode, mark_simulated
 from haploop.instruments.files import check_destination, new_file
 
 __all__ = ["save_picture"]
 
 
 def save_picture(figure: Figure, path: Path, simulated: bool) -> None:
-    """Write a figure as a new PNG, marked if it shows simulated data.
+    """Write a figure as a new PNG, PDF or SVG, by the suffix of `path`; marked if it shows simulated data.
 
     Raises ConfigurationError when it exists or its folder cannot be written, DataError when the disk fails.
     """
     if simulated:
         mark_simulated(figure)
-    content = png(figure)
+    content = encode(figure, path.suffix.lower().removeprefix("."))
     check_destination(path)
     with new_file(path) as part:
         part.write_bytes(content)

@@ -6,12 +6,13 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cached_property
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from haploop.figures import png
+from haploop.figures import mark_simulated, png
 
 __all__ = ["CaptionedFigure", "render"]
 
@@ -23,6 +24,14 @@ class CaptionedFigure:
     figure: Figure
     title: str
     caption: str
+    simulated: bool
+
+    @cached_property
+    def marked(self) -> Figure:
+        """The figure, with the word "simulated" where that is so."""
+        if self.simulated:
+            mark_simulated(self.figure)
+        return self.figure
 
 
 def render(
@@ -41,7 +50,7 @@ def render(
         {
             "title": one.title,
             "caption": one.caption,
-            "data": base64.b64encode(png(one.figure)).decode("ascii"),
+            "data": base64.b64encode(png(one.marked)).decode("ascii"),
         }
         for one in captioned
     ]

@@ -57,6 +57,7 @@ def _captioned_figures(history: History, outcome: Outcome) -> list[CaptionedFigu
             "Target (orange) and measured acceleration (black) of each button, around the largest "
             "acceleration. Left: the old drive on the drifted table. Right: the new drive. A new drive has a "
             "new target, because its carrier is the present resonance.",
+            outcome.simulated,
         )
     ]
     if outcome.kind == "restored":
@@ -66,6 +67,7 @@ def _captioned_figures(history: History, outcome: Outcome) -> list[CaptionedFigu
                 responses(old, calibrations_of(outcome.active)),
                 "The table's response",
                 "Models of the previous and of the active calibration.",
+                outcome.simulated,
             )
         )
     return captioned

@@ -5,6 +5,8 @@ from .feeling import feeling_values as feeling_values
 from .file import FileContents as FileContents
 from .file import file_contents as file_contents
 from .file import show_file as show_file
+from .forces import Forces as Forces
+from .forces import forces_in as forces_in
 from .forces import show_forces as show_forces
 from .history import describe as describe
 from .history import difference as difference

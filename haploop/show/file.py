@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from haploop import figures
 from haploop.acquisition import Recording, Representative, accepted_presses, find_presses, hdf5
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Waveforms
 from haploop.calibration.map import VibrationMap
+from haploop.figures import Columns
 from haploop.instruments import DataError
 from haploop.outputs import check_new_picture, save_picture
 from haploop.progress import print_json, print_line, print_table
@@ -34,12 +36,14 @@ class FileContents:
     values: dict[str, Any]
     """JSON values; `kind` and `simulated` are always present."""
     table: Table
-    draw: Callable[[], Figure]
-    """Function that draws the contents. Raises DataError when there is nothing to draw."""
+    loaded: Any
+    """The recording, representative press, calibration, drive, check, digital button or vibration map."""
+    draw: Callable[..., Figure]
+    """Draws the contents, `columns` (1 or 2) wide. Raises DataError when there is nothing to draw."""
 
 
-def show_file(path: Path, as_json: bool, plot: Path | None = None) -> None:
-    """Print the contents of a file written by haploop, and plot it into `plot` (PNG).
+def show_file(path: Path, as_json: bool, plot: Path | None = None, columns: Columns = 2) -> None:
+    """Print the contents of a file written by haploop, and plot it into `plot` (PNG, PDF or SVG).
 
     Raises DataError for a file that is missing, damaged, or of another kind, and
     ConfigurationError when `plot` cannot be written.
@@ -49,7 +53,7 @@ def show_file(path: Path, as_json: bool, plot: Path | None = None) -> None:
     found = file_contents(path)
     values = found.values
     if plot is not None:
-        save_picture(found.draw(), plot, values["simulated"])
+        save_picture(found.draw(columns=columns), plot, values["simulated"])
         values["plot"] = str(plot)
     if as_json:
         print_json(values)
@@ -69,7 +73,7 @@ def file_contents(path: str | Path) -> FileContents:
     path = Path(path)
     if path.is_dir():
         mapped = VibrationMap.load(path)
-        return FileContents(*map_contents(mapped), lambda: figures.map_figure(mapped))
+        return FileContents(*map_contents(mapped), mapped, partial(figures.map_figure, mapped))
     return _READERS[_kind(path)](path)
 
 
@@ -78,25 +82,33 @@ def _recording(path: Path) -> FileContents:
     pressed = find_presses(recording)
     counted = accepted_presses(recording, pressed)
     return FileContents(
-        *recording_contents(recording, pressed, counted), lambda: figures.recording_figure(recording, counted)
+        *recording_contents(recording, pressed, counted),
+        recording,
+        partial(figures.recording_figure, recording, counted),
     )
 
 
 def _representative(path: Path) -> FileContents:
     press = Representative.load(path)
     return FileContents(
-        *representative_contents(press), lambda: figures.profiles([figures.Profile.of(press)])
+        *representative_contents(press),
+        press,
+        partial(figures.profiles, [figures.Profile.of(press)]),
     )
 
 
 def _calibration(path: Path) -> FileContents:
     calibration = Calibration.load(path)
-    return FileContents(*calibration_contents(calibration), lambda: figures.response(calibration))
+    return FileContents(
+        *calibration_contents(calibration),
+        calibration,
+        partial(figures.response, calibration),
+    )
 
 
 def _drive(path: Path) -> FileContents:
     drive = Drive.load(path)
-    return FileContents(*drive_contents(drive), lambda: figures.drives([drive]))
+    return FileContents(*drive_contents(drive), drive, partial(figures.drives, [drive]))
 
 
 def _waveforms(path: Path) -> FileContents:
@@ -108,12 +120,12 @@ def _waveforms(path: Path) -> FileContents:
 
 def _check(path: Path) -> FileContents:
     check = Check.load(path)
-    return FileContents(*check_contents(check), lambda: figures.check_figure(check))
+    return FileContents(*check_contents(check), check, partial(figures.check_figure, check))
 
 
 def _button(path: Path) -> FileContents:
     button = DigitalButton.load(path)
-    return FileContents(*button_contents(button), lambda: figures.button_figure(button))
+    return FileContents(*button_contents(button), button, partial(figures.button_figure, button))
 
 
 _READERS = {

@@ -11,14 +11,14 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop.acquisition import Recording, accepted_presses, load_study
-from haploop.figures import activation_forces
+from haploop.figures import Columns, activation_forces
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.outputs import check_new_picture, save_picture
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.formatting import SIMULATED
 
-__all__ = ["forces_in", "show_forces"]
+__all__ = ["Forces", "forces_in", "show_forces"]
 
 Forces = Mapping[str, Mapping[str, FloatArray]]
 """Force at activation (N) of each press: button -> participant -> (presses,)."""
@@ -41,7 +41,7 @@ def forces_in(recordings: Sequence[Recording]) -> Forces:
     }
 
 
-def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None:
+def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None, columns: Columns = 2) -> None:
     """Print and plot (the paper's figure 7) the force at activation by participant and button.
 
     `paths` are recordings, or studies with all their recordings. Raises DataError when they hold no
@@ -57,7 +57,7 @@ def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None) -> None
         )
     simulated = any(recording.simulated for recording in recordings)
     if plot is not None:
-        save_picture(activation_forces(by_button), plot, simulated)
+        save_picture(activation_forces(by_button, columns=columns), plot, simulated)
     if as_json:
         print_json(
             {

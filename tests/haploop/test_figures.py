@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from haploop.calibration import feeling_of
+from haploop.figures.encoding import png
 from haploop.figures.paper import Profile, activation_forces, profiles
-from haploop.figures.plotting import active, continuous_phase, png, spectrum
+from haploop.figures.plotting import active, continuous_phase, spectrum
 from haploop.report.html import CaptionedFigure, render
 from haploop.show import feeling_values
 
@@ -130,6 +131,6 @@ def test_a_real_rig_s_report_does_not_call_itself_simulated() -> None:
 
 def test_a_report_is_the_same_when_it_is_made_again() -> None:
     def page() -> str:
-        return render(summary(), [CaptionedFigure(profiles([profile()]), "A press", "A caption.")])
+        return render(summary(), [CaptionedFigure(profiles([profile()]), "A press", "A caption.", True)])
 
     assert page() == page()

@@ -82,11 +82,11 @@ def test_a_check_of_what_is_simulated_says_so(
 ) -> None:
     drawn: list[Figure] = []
 
-    def png(figure: Figure) -> bytes:
+    def encode(figure: Figure, kind: str) -> bytes:
         drawn.append(figure)
         return b"PNG"
 
-    monkeypatch.setattr(pictures, "png", png)
+    monkeypatch.setattr(pictures, "encode", encode)
     recording = demo.folder / "recordings" / "P01-latch.h5"
     result = run(
         "check", recording, "--calibration", demo.folder / "calibration.h5", "--out", tmp_path / "new",
