@@ -315,7 +315,7 @@ def press_button(
 
 
 class Presses:
-    """Every press of a plant, in order of creation, with those of any time at hand: a night holds thousands."""
+    """Every press of a plant, in order of creation, found by time: a night holds thousands."""
 
     def __init__(self) -> None:
         self.all: list[SimulatedPress] = []
@@ -330,7 +330,7 @@ class Presses:
         self.flips = np.sort(np.concatenate([self.flips, press.flips]))
 
     def between(self, begin: float, end: float, tail: float) -> list[SimulatedPress]:
-        """Return the presses that act between `begin` and `end` (s); vibration lasts `tail` s after a press."""
+        """Return the presses that act from `begin` to `end` (s); vibration lasts `tail` s after a press."""
         first = bisect_right(self._by_stop, begin - tail, key=_stop)
         return [p for p in self._by_stop[first:] if p.start < end]
 

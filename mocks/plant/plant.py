@@ -104,7 +104,7 @@ class Plant(Scene):
             return volts
 
     def _clocked(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
-        """Return the rig's times, (nodes, times) s, at which the nodes' cards take what they take for `times`."""
+        """Return the rig's times, (nodes, times) s, at which the nodes' cards sample for `times`."""
         clocked = times.copy()
         for row, node in enumerate(nodes):
             card = self._cards.get(node)

@@ -143,8 +143,7 @@ def _axes(
     for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), _RING):
         motion += tilted * _filtered(scene, press, sensor.bandwidth_hz, times)
     density = ACCELEROMETER_NOISE * np.sqrt(np.pi / 2 * sensor.bandwidth_hz)
-    for row, rng in zip(motion, rngs, strict=True):
-        row += density * rng.standard_normal(len(row))
+    motion += density * np.array([rng.standard_normal(motion.shape[1]) for rng in rngs])
     clipped = np.clip(motion, -ACCELEROMETER_CLIP, ACCELEROMETER_CLIP)
     return np.asarray(sensor.zero + sensor.sensitivity * clipped)
 
@@ -155,7 +154,7 @@ def _filtered(scene: Scene, press: SimulatedPress, pole_hz: float, times: FloatA
     key = (press.start, pole_hz)
     if key not in scene.shaken:
         rate_hz, lead = 50_000.0, 0.05
-        # A length without large prime factors: others take ten times as long. The press begins and ends at rest.
+        # A length without large prime factors: others take ten times as long. Both ends are at rest.
         count = next_fast_len(round((press.stop - press.start + _RING + 2 * lead) * rate_hz), real=True)
         grid = press.start - lead + np.arange(count) / rate_hz
         spectrum = np.fft.rfft(press.acceleration(grid))
