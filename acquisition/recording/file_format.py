@@ -365,7 +365,7 @@ def from_codes(codes: Codes, full_scale: FloatArray) -> FloatArray:
 def write_header(file: h5py.File, header: Header, state: str) -> None:
     """Write the header: attributes of the root, and datasets for texts too long for an attribute."""
     file.attrs.update({"format": FORMAT, "format_version": VERSION, "state": state})
-    file.attrs["header_hash"] = _header_hash(header)
+    file.attrs["header_hash"] = _header_hash(header, state)
     for key, value in asdict(header).items():
         if key in ("rig", "protocol", "notes"):
             file.create_dataset(key, data=value, dtype=h5py.string_dtype())
@@ -415,22 +415,23 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
     rows = len(header.channels)
     if header.full_scale.shape != (rows,) or header.delays.shape != (rows,) or not header.rate_hz > 0:
         raise ValueError("channels")
-    if str(a["header_hash"]) != _header_hash(header):
+    state = str(a["state"])
+    if str(a["header_hash"]) != _header_hash(header, state):
         raise DataError(f"{path} is damaged: its header does not match its hash. {_AGAIN}")
-    return header, str(a["state"])
+    return header, state
 
 
 def _text(file: h5py.File, name: str) -> str:
     return str(file[name].asstr()[()])
 
 
-def _header_hash(header: Header) -> str:
-    """SHA-256 (hex) of a JSON object of the header's fields."""
+def _header_hash(header: Header, state: str) -> str:
+    """SHA-256 (hex) of a JSON object of the header's fields and the state."""
     plain = {
         key: value.tolist() if isinstance(value, np.ndarray) else value
         for key, value in asdict(header).items()
     }
-    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(plain | {"state": state}, sort_keys=True).encode()).hexdigest()
 
 
 def _utf8(text: str, length: int) -> bytes:
