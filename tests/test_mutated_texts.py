@@ -24,7 +24,7 @@ from haploop.calibration.response import Response
 from haploop.calibration.response.uff import read_uff, write_uff
 from haploop.calibration.upkeep.history import History
 from haploop.instruments import load_rig_file
-from haploop.instruments.config import read_ati_cal
+from haploop.instruments.config.ati_cal import read_ati_cal
 from tests.calibration.upkeep.test_history import publish
 from tests.instruments.config.test_ati_cal import cal
 from tests.mutating import mutations, refused
@@ -137,7 +137,7 @@ def test_a_changed_file_of_others_is_refused_in_one_sentence_or_read(
     "content",
     [b"[" * 100_000, b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"9" * 5000, b'{"format": ' * 20_000,
      b"<a>" * 100_000, b"\xef\xbb\xbf", b"\0" * 1000, b"\xff\xfe" * 10, b"    -1\n   151\n" * 100],
-    ids=["brackets", "TOML", "a long number", "JSON number", "objects", "elements", "mark", "zeros", "UTF-16", "sets"],
+    ids=["[", "TOML [", "long number", "JSON number", "objects", "elements", "BOM", "0", "UTF-16", "sets"],
 )  # fmt: skip
 def test_what_exhausts_a_parser_is_one_sentence(
     make: Callable[[Path], tuple[Path, Callable[[], Any]]], content: bytes, tmp_path: Path

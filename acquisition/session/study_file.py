@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 import zlib
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
@@ -15,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 from haploop.acquisition.presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from haploop.acquisition.recording import file_name
 from haploop.instruments import ConfigurationError
-from haploop.instruments.config import key_lines, place, validate
+from haploop.instruments.config import key_lines, parse_toml, place, validate
 
 __all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file"]
 
@@ -188,11 +187,7 @@ def load_study_file(path: str | Path) -> StudyFile:
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"The study file {path} cannot be read: {error}.") from None
-    try:
-        raw: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
-    return validate(StudyFile, raw, partial(place, [(str(path), key_lines(text))]))
+    return validate(StudyFile, parse_toml(text, path), partial(place, [(str(path), key_lines(text))]))
 
 
 def _refusal_as_value_error(participant: str, button: str) -> None:

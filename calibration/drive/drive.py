@@ -48,6 +48,8 @@ stays near the drive's own lines, where the table moves little (measured on simu
 _TRIES = 20
 _RANGE_USED = 0.8
 """Share of the vibrometer's range that a drive may use."""
+_REACH = 1000.0
+"""V: no amplifier of a patch reaches this. A rig's own limits are lower, and are checked before a play."""
 _ALL = 0.99
 """Fraction of the target above which nothing is reported as unreached."""
 
@@ -88,6 +90,17 @@ class Drive:
     """Recordings that the press stands for: file name, content hash."""
     calibration: str
     """Content hash of the calibration used."""
+
+    def __post_init__(self) -> None:
+        """Raises DataError for signals that no calibration makes, so that nobody plots or plays them."""
+        signals = (self.volts, self.target)
+        finite = all(np.ndim(signal) == 1 and np.all(np.isfinite(signal)) for signal in signals)
+        if not finite or not 0 < len(self.volts) == len(self.target):
+            raise DataError("the drive and its target are not two signals of one length with finite values.")
+        if not 0 < self.rate_hz < np.inf:
+            raise DataError(f"the drive has {self.rate_hz:g} samples/s.")
+        if self.peak > _REACH:
+            raise DataError(f"the drive reaches {self.peak:g} V, and no amplifier of a patch {_REACH:g} V.")
 
     @property
     def peak(self) -> float:

@@ -13,7 +13,7 @@ from haploop.instruments.config.rig_file import (
     validate,
     validate_kind,
 )
-from haploop.instruments.config.toml_lines import key_lines, place
+from haploop.instruments.config.toml_lines import key_lines, parse_toml, place
 
 __all__ = [
     "AbortLimits",
@@ -25,6 +25,7 @@ __all__ = [
     "fault_kinds",
     "key_lines",
     "load_rig_file",
+    "parse_toml",
     "place",
     "roles",
     "validate",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import resources
@@ -24,7 +23,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails
 
 from haploop.instruments import entry_points
 from haploop.instruments.config.ati_cal import read_ati_cal
-from haploop.instruments.config.toml_lines import Location, Places, key_lines, place
+from haploop.instruments.config.toml_lines import Location, Places, key_lines, parse_toml, place
 from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.limits import Limits
 from haploop.instruments.sensors import Sensors
@@ -282,10 +281,7 @@ def _raw(path: Path, above: tuple[Path, ...]) -> tuple[dict[str, Any], list[Plac
             f"{above[-1]}: the base {path} is itself based on this file: use another base."
         )
     text = _read(path)
-    try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
+    raw = parse_toml(text, path)
     places = (str(path), key_lines(text))
     _read_calibration(raw, path)
     base = "simulated" if set(raw) == {"simulation"} else raw.pop("base", None)

@@ -1,11 +1,16 @@
-"""Line numbers of the keys in a TOML file, which Python's parser does not give."""
+"""Parse a TOML file, and find the line numbers of its keys, which Python's parser does not give."""
 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
-__all__ = ["Location", "Places", "key_lines", "place"]
+from haploop.instruments.errors import ConfigurationError
+
+__all__ = ["Location", "Places", "key_lines", "parse_toml", "place"]
 
 Location = tuple[str | int, ...]
 """Location of a key: names of tables and keys, and indices within arrays."""
@@ -20,6 +25,16 @@ _TABLES = re.compile(rf"\s*\[\[\s*{_NAME}\s*\]\]")
 _KEY = re.compile(rf"\s*{_NAME}\s*=(.*)")
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'')
 _LONG = re.compile(r'"""|\'\'\'')
+
+
+def parse_toml(text: str, path: Path) -> dict[str, Any]:
+    """The tables and keys in the text of the file `path`. Raises ConfigurationError."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ConfigurationError(f"{path} is not valid TOML: its brackets are nested too deeply.") from None
+    except ValueError as error:  # also for a number of thousands of digits
+        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
 
 
 def key_lines(text: str) -> dict[Location, int]:

@@ -17,6 +17,7 @@ from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learni
 from haploop.calibration.map.folder import PointMeasurement
 from haploop.instruments import DataError
 from tests.calibration.conftest import Calibrated, make_press
+from tests.mutating import mutations, refused, restructure
 
 KINDS = {
     "representative": Representative,
@@ -92,26 +93,75 @@ def test_what_comes_back_is_what_was_written(
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.timeout(3600)
 def test_a_changed_byte_is_refused_or_changes_nothing(
-    kind: str, saved: Callable[[str], Path], tmp_path: Path
+    kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool
 ) -> None:
     raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
-    random = np.random.default_rng(len(kind))
-    path, refused = tmp_path / "changed.h5", 0
-    for number in range(200):
-        changed = bytearray(raw)
-        # Every other one near the beginning, where the structure is: most of a file is numbers.
-        place = int(random.integers(len(raw) if number % 2 else min(len(raw), 8192)))
-        changed[place] ^= 1 << int(random.integers(8)) if number % 4 < 2 else int(random.integers(1, 256))
+    path, number = tmp_path / "changed.h5", 0
+    for changed in mutations(raw, 500 if full else 100, seed=len(kind)):
         path.write_bytes(changed)
-        try:
-            found = load(kind, path)
-        except DataError as error:
-            refused += 1
-            assert str(path) in str(error) and "\n" not in str(error)
+        found: list[hdf5.Flat] = []
+        if refused(lambda found=found: found.append(load(kind, path))):
+            number += 1
+            with pytest.raises(DataError):
+                verify(path)
         else:
-            assert same(found, before), place
-    assert refused > 40
+            assert same(found[0], before)
+    assert number > (400 if full else 80)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.timeout(3600)
+def test_a_file_of_another_structure_is_refused_also_with_a_checksum_that_fits(
+    kind: str, saved: Callable[[str], Path], tmp_path: Path, full: bool
+) -> None:
+    raw, before = saved(kind).read_bytes(), load(kind, saved(kind))
+    path = tmp_path / "changed.h5"
+    for seed in range(500 if full else 20):
+        path.write_bytes(raw)
+        restructure(path, seed, kind)
+        found: list[hdf5.Flat] = []
+        if not refused(lambda found=found: found.append(load(kind, path))):
+            assert same(found[0], before), seed
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_another_program_writes_with_every_hash_is_still_no_crash(
+    seed: int, values: dict[str, Any], tmp_path: Path
+) -> None:
+    """A field gone, or of another type: also where all hashes are right."""
+    random = np.random.default_rng(seed)
+    for kind, value in values.items():
+        flat = hdf5.flatten(value)
+        for number in range(4):
+            name = sorted(flat)[int(random.integers(len(flat)))]
+            changed = {key: content for key, content in flat.items() if key != name}
+            if number:
+                changed[name] = (np.zeros((2, 2, 2), "i8"), "no JSON", 1.5)[number - 1]
+            path = tmp_path / f"{kind}-{number}.h5"
+            hdf5.write(path, kind, changed)
+            refused(lambda kind=kind, path=path: load(kind, path))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"volts": np.array([0.0, np.nan])}, "not two signals"),
+        ({"volts": np.array([0.0, 1e9])}, "reaches 1e.09 V, and no amplifier of a patch 1000 V"),
+        ({"target": np.zeros(3)}, "not two signals"),
+        ({"rate_hz": np.inf}, "has inf samples/s"),
+    ],
+)
+def test_a_drive_without_sense_is_refused_before_anybody_plots_or_plays_it(
+    change: dict[str, Any], told: str, values: dict[str, Any], tmp_path: Path
+) -> None:
+    flat = hdf5.flatten(values["drive"]) | {"volts": np.zeros(2), "target": np.zeros(2)} | change
+    path = tmp_path / "drive.h5"
+    hdf5.write(path, "drive", flat)
+    assert verify(path) == ()
+    with pytest.raises(DataError, match=rf"drive\.h5 cannot be used: the drive.* {told}"):
+        Drive.load(path)
 
 
 def test_a_changed_type_order_or_shape_is_another_content() -> None:

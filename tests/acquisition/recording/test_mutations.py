@@ -1,4 +1,4 @@
-"""Recordings with a byte or their structure changed: refused in one sentence, or no more than was recorded."""
+"""Recordings with bytes or structure changed: refused in one sentence, or no more than was recorded."""
 
 from __future__ import annotations
 
