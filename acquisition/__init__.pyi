@@ -1,4 +1,3 @@
-from .hdf5 import content_hash as content_hash
 from .presses import SEGMENTATIONS as SEGMENTATIONS
 from .presses import AverageMethod as AverageMethod
 from .presses import ButtonPress as ButtonPress
@@ -15,6 +14,7 @@ from .presses import segmentation_for as segmentation_for
 from .recording import Event as Event
 from .recording import PressVerdict as PressVerdict
 from .recording import Recording as Recording
+from .recording import content_hash as content_hash
 from .recording import file_name as file_name
 from .recording import recover as recover
 from .recording import set_aside as set_aside

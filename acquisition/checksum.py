@@ -8,19 +8,30 @@ file, number of bytes, and their SHA-256 (docs/format.md, "The first 512 bytes")
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import h5py
 
 from haploop.instruments import DataError
 
-__all__ = ["UNREADABLE", "USER_BLOCK", "Stated", "add_checksum", "bounded", "opened", "stated", "unreadable"]
+__all__ = [
+    "UNREADABLE",
+    "USER_BLOCK",
+    "Stated",
+    "add_checksum",
+    "bounded",
+    "created",
+    "opened",
+    "stated",
+    "unreadable",
+]
 
 USER_BLOCK = 512
 """Bytes before the HDF5 data, which its readers skip; the smallest number that HDF5 allows."""
@@ -103,6 +114,63 @@ def opened(path: str | Path) -> Iterator[h5py.File]:
         h5py.File(path, "r", locking=False) as hdf5,
     ):
         yield hdf5
+
+
+@contextmanager
+def created(path: Path) -> Iterator[h5py.File]:
+    """Fill an existing, empty file with HDF5, after a user block; the caller adds the checksum.
+
+    Raises OSError when the disk refuses. The HDF5 library does not see that: after a failed write it cannot
+    close a file, keeps it open, and tells so on standard error when the program ends.
+    """
+    with path.open("rb+", buffering=0) as raw:
+        disk = _Disk(raw)
+        try:
+            with h5py.File(disk, "w", userblock_size=USER_BLOCK) as file:
+                yield file
+        except Exception:
+            if disk.failure is None:
+                raise
+        if disk.failure is not None:
+            raise disk.failure
+
+
+class _Disk(io.RawIOBase):
+    """A file whose failing writes seem to succeed; the first error is kept in `failure`."""
+
+    def __init__(self, raw: io.FileIO) -> None:
+        self._raw = raw
+        self.failure: OSError | None = None
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        return self._raw.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._raw.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        # HDF5 reads back what it wrote: what was not written is zeros.
+        view = memoryview(buffer).cast("B")
+        count = self._kept(self._raw.readinto, view) or 0
+        view[count:] = bytes(len(view) - count)
+        return len(view)
+
+    def write(self, data: Any) -> int:
+        left = memoryview(data).cast("B")
+        while left and (count := self._kept(self._raw.write, left)):
+            left = left[count:]
+        return memoryview(data).nbytes
+
+    def truncate(self, size: int | None = None) -> int:
+        self._kept(self._raw.truncate, size)
+        return size or 0
+
+    def _kept(self, call: Callable[..., int | None], *arguments: Any) -> int | None:
+        try:
+            return call(*arguments) if self.failure is None else None
+        except OSError as error:
+            self.failure = error
+            return None
 
 
 @contextmanager

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from haploop.acquisition.checksum import USER_BLOCK, add_checksum, bounded, opened, stated, unreadable
+from haploop.acquisition.checksum import add_checksum, bounded, created, opened, stated, unreadable
 from haploop.instruments import DataError
 from haploop.instruments.files import new_file
 
-__all__ = ["Flat", "content_hash", "digest", "flatten", "kind_of", "read", "restore", "write"]
+__all__ = ["Flat", "digest", "flatten", "kind_of", "read", "restore", "write"]
 
 Flat = dict[str, NDArray[Any] | float | int | bool | str]
 """A dataclass flattened to plain values, with slashes in the names of nested fields."""
@@ -101,7 +101,7 @@ def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -
 def write(path: str | Path, kind: str, flat: Flat) -> None:
     """Write a new file of a kind. Raises DataError when `path` exists or cannot be written."""
     with new_file(path) as part:
-        with h5py.File(part, "w", userblock_size=USER_BLOCK, locking=False) as file:
+        with created(part) as file:
             file.attrs.update(
                 format=f"haploop {kind}",
                 format_version=VERSION,
@@ -132,12 +132,6 @@ def read(path: str | Path, kind: str) -> Flat:
         if labels["content_hash"] != digest(flat):
             raise DataError(f"{path} was changed after it was written: its content does not match its hash.")
     return flat
-
-
-def content_hash(path: str | Path) -> str:
-    """Content hash stated in an HDF5 file of any kind. Raises DataError."""
-    with opened(path) as file:
-        return str(file.attrs["content_hash"])
 
 
 def kind_of(path: str | Path) -> str:

@@ -17,7 +17,7 @@ from haploop.acquisition.recording.readings import AlongFile, AlongReading, read
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.recovery import recover, set_aside
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
-from haploop.acquisition.recording.salvage import finish, verify
+from haploop.acquisition.recording.salvage import content_hash, finish, verify
 from haploop.acquisition.recording.writer import Writer
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "Rejection",
     "Writer",
     "add_rejections",
+    "content_hash",
     "file_name",
     "finish",
     "reading_event",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haploop.acquisition import hdf5
-from haploop.acquisition.checksum import USER_BLOCK, add_checksum, bounded, opened
+from haploop.acquisition.checksum import add_checksum, bounded, created, opened
 from haploop.acquisition.json_files import is_json, json_hash
 from haploop.acquisition.recording.file_format import (
     BLOCK,
@@ -36,6 +36,7 @@ from haploop.instruments.safety import is_marked
 
 __all__ = [
     "CHUNK",
+    "content_hash",
     "ending_at",
     "finish",
     "intact_part",
@@ -120,6 +121,14 @@ def finish(path: Path, state: str = "finished") -> None:
     write_finished(path, header, contents, state, in_place=True)
 
 
+def content_hash(path: str | Path) -> str:
+    """Content hash stated in a file of any kind that haploop writes. Raises DataError."""
+    if is_json(Path(path)):
+        return json_hash(Path(path))
+    with opened(path) as file:
+        return str(file.attrs["content_hash"])
+
+
 def verify(path: str | Path) -> tuple[str, ...]:
     """Verify a file written by haploop; return one sentence for each problem, none when it is intact.
 
@@ -164,7 +173,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
     content_hash = contents.hash(header)
     try:
         with whole_file(path, replace=in_place, private=True) as temporary:
-            with h5py.File(temporary, "w", userblock_size=USER_BLOCK, locking=False) as file:
+            with created(temporary) as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
                 # The samples come last and in time order, so that a truncated file loses only its end.

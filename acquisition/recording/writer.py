@@ -21,7 +21,7 @@ from typing import Self
 import h5py
 import numpy as np
 
-from haploop.acquisition.checksum import USER_BLOCK, add_checksum
+from haploop.acquisition.checksum import add_checksum, created
 from haploop.acquisition.recording.file_format import (
     EVENT,
     VERDICT,
@@ -172,6 +172,7 @@ class Writer:
     def _arm(self) -> int:
         """Create the file and open it. Raises ConfigurationError, and leaves no file."""
         size = self._capacity * self._dtype.itemsize
+        made: os.stat_result | None = None
         try:
             # Entering removes what a killed program left, before the free space is asked for.
             with whole_file(self.path, private=True) as temporary:
@@ -184,25 +185,21 @@ class Writer:
                         f"needs {needed / 1e6:.0f} MB: free some space, or record fewer presses."
                     )
                 self._preallocate(temporary)
+                made = temporary.stat()
+            return os.open(self.path, os.O_RDWR | getattr(os, "O_BINARY", 0))
         except FileExistsError:
             raise ConfigurationError(existing(self.path)) from None
         except WRITE_ERRORS as error:
-            raise self._unwritable(error, size) from None
-        try:
-            return os.open(self.path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-        except OSError as error:
-            with suppress(OSError):
-                self.path.unlink()
-            raise self._unwritable(error, size) from None
-
-    def _unwritable(self, error: Exception, size: int) -> ConfigurationError:
-        return ConfigurationError(
-            f"{self.path} cannot be preallocated ({os_error_text(error)}): "
-            f"it needs {size / 1e6:.0f} MB in a writable folder."
-        )
+            with suppress(OSError):  # it may have its name already, and holds nothing
+                if made and os.path.samestat(made, self.path.lstat()):
+                    self.path.unlink()
+            raise ConfigurationError(
+                f"{self.path} cannot be preallocated ({os_error_text(error)}): "
+                f"it needs {size / 1e6:.0f} MB in a writable folder."
+            ) from None
 
     def _preallocate(self, temporary: Path) -> None:
-        with h5py.File(temporary, "w", userblock_size=USER_BLOCK, locking=False) as file:
+        with created(temporary) as file:
             write_header(file, self._header, "recording")
             places = []
             for name, dtype, length in (

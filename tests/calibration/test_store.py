@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from haploop.acquisition import Representative, hdf5, verify
+from haploop.acquisition import Representative, content_hash, hdf5, verify
 from haploop.acquisition.checksum import add_checksum
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learning, build_button
 from haploop.calibration.map.folder import PointMeasurement
@@ -89,7 +89,7 @@ def test_what_comes_back_is_what_was_written(
     path = saved(kind)
     assert same(load(kind, path), hdf5.flatten(values[kind]))
     assert hdf5.kind_of(path) == kind and verify(path) == ()
-    assert hdf5.content_hash(path) == hdf5.digest(hdf5.flatten(values[kind]))
+    assert content_hash(path) == hdf5.digest(hdf5.flatten(values[kind]))
 
 
 @pytest.mark.parametrize("kind", KINDS)

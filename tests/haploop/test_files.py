@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
+from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from tests.acquisition.recording.pattern import block_of, header
@@ -69,3 +70,25 @@ def test_recovering_tells_what_was_saved_and_leaves_the_file_alone(run, files):
         assert (again.exit_code, again.stdout) == (2, "")
         assert "not overwritten" in again.stderr
     assert np.all([run("recover", files[name]).exit_code == 2 for name in ("whole", "changed")])
+
+
+def test_every_kind_of_file_is_verified(run, tmp_path):
+    add_rejections(tmp_path, [Rejection("P01-push.h5", "0" * 64, 1, 1, "why", "now")])
+    path = tmp_path / "rejections.json"
+    assert f"{path} is intact: SHA-256 " in run("verify", path).stdout
+    path.write_bytes(path.read_bytes().replace(b"why", b"who"))
+    result = run("verify", path)
+    assert (result.exit_code, result.stdout) == (
+        2,
+        f"{path} is damaged or was changed by hand: restore it from a copy.\n",
+    )
+
+
+def test_what_crashes_the_library_is_recovered_in_a_process_of_its_own(run, files):
+    """Metadata of which every eighth byte is another: whatever becomes of that process, this one tells."""
+    raw = bytearray(files["whole"].read_bytes())
+    raw[512:4096:8] = bytes(255 - byte for byte in raw[512:4096:8])
+    files["whole"].write_bytes(raw)
+    result = run("recover", files["whole"])
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "so nothing can be recovered: copy it again from its source." in result.stderr
