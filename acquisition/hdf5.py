@@ -126,8 +126,8 @@ def read(path: str | Path, kind: str) -> Flat:
         labels = {key: flat.pop(key, None) for key in _LABELS}
         if labels["format_version"] != VERSION:
             raise DataError(
-                f"{path} has format {labels['format_version']} and this version reads {VERSION}: "
-                f"it was written by {labels['software']}."
+                f"{path} has format {str(labels['format_version'])[:20]} and this version reads {VERSION}: "
+                f"it was written by {str(labels['software'])[:60]}."
             )
         if labels["content_hash"] != digest(flat):
             raise DataError(f"{path} was changed after it was written: its content does not match its hash.")

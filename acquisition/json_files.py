@@ -148,8 +148,8 @@ def _read(path: Path) -> dict[str, Any]:
         raise DataError(f"{path} is damaged or was changed by hand: restore it from a copy.")
     if said["format_version"] != VERSION:
         raise DataError(
-            f"{path} has format {said['format_version']} and this version reads {VERSION}: it was written "
-            f"by {said['software']}."
+            f"{path} has format {str(said['format_version'])[:20]} and this version reads {VERSION}: it was "
+            f"written by {str(said['software'])[:60]}."
         )
     return {**said, "content_hash": _hash(said)}
 
