@@ -119,7 +119,9 @@ class Rig(Instruments):
     def _playing(self) -> Playing:
         # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
         # would keep its simulated world until the garbage collector runs.
-        monitoring = Monitoring(self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run)
+        monitoring = Monitoring(
+            self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run, self.clock
+        )
         return Playing(self, self.clock, self._limiter, monitoring, self.make_safe)
 
     def tap(self, capacity: int = 16) -> Tap:
