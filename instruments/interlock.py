@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.errors import LimitError
+from haploop.instruments.frozen import Frozen
 from haploop.instruments.sweep import Sweep
 
 __all__ = ["Interlock", "Interlocked"]
@@ -41,7 +42,7 @@ class _NoRig:
         pass
 
 
-class Interlocked:
+class Interlocked(Frozen):
     """Base of the roles that have an interlock. A subclass that replaces a final method is a TypeError."""
 
     _interlock: Interlock = _NoRig()

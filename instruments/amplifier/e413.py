@@ -6,6 +6,7 @@ overridden in the rig file by the lab's data sheet.
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -39,7 +40,7 @@ class E413(Amplifier):
     def __init__(self, settings: Settings) -> None:
         self.identity = "E-413.D2"
         self.input = settings.input if isinstance(settings.input, str) else ""
-        self.inputs = settings.input if isinstance(settings.input, dict) else {}
+        self.inputs = MappingProxyType(dict(settings.input) if isinstance(settings.input, dict) else {})
         self._settings = settings
 
     @staticmethod

@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.frozen import Frozen
 from haploop.instruments.limits import Limits
 
 __all__ = ["Amplifier"]
 
 
-class Amplifier(ABC):
+class Amplifier(Frozen, ABC):
     """A voltage amplifier between a DAQ output and the relay. Safe state: zero volts at its input.
 
     It has one channel for all patches, or one for each: then several drives can play at once.

@@ -7,6 +7,7 @@ product's protocol; a twin's is an adapter to a simulated box.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Protocol
@@ -98,6 +99,8 @@ class ChannelRelay(Relay):
         self._board = board
         self._held: frozenset[str] = frozenset()
         self._released = False
+        # A renewal that runs in another thread must not close what has just been opened.
+        self._switching = threading.RLock()
 
     def _connect(self, patches: Collection[str]) -> None:
         wanted = frozenset(patches)
@@ -107,14 +110,15 @@ class ChannelRelay(Relay):
                 f"{self.identity} has no patch {unknown[0]!r}: the rig file wires {', '.join(self.patches)}."
             )
         self._check_open()
-        self._held = frozenset()
-        others = [p for p in self.patches if p not in wanted]
-        self._open(others)
-        self._expect(others, frozenset())
-        for patch in sorted(wanted):
-            self._board.close_channel(self._channels[patch])
-        self._expect(self.patches, wanted)
-        self._held = wanted
+        with self._switching:
+            self._held = frozenset()
+            others = [p for p in self.patches if p not in wanted]
+            self._open(others)
+            self._expect(others, frozenset())
+            for patch in sorted(wanted):
+                self._board.close_channel(self._channels[patch])
+            self._expect(self.patches, wanted)
+            self._held = wanted
 
     def connected(self) -> frozenset[str]:
         """See `Relay.connected`."""
@@ -127,8 +131,11 @@ class ChannelRelay(Relay):
 
         A channel that opened by itself is not closed again: the drive may be on.
         """
-        if not self._held:
-            return
+        with self._switching:
+            if self._held:
+                self._renew()
+
+    def _renew(self) -> None:
         self._check_open()
         held, self._held = self._held, frozenset()
         for patch, state in self._states(self.patches).items():

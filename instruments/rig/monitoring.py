@@ -6,11 +6,12 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from haploop.instruments.clock import Clock
 from haploop.instruments.daq import Block
 from haploop.instruments.progress import Progress
 from haploop.instruments.rig.ratings import ratings
 from haploop.instruments.rig.roles import Instruments
-from haploop.instruments.safety import AbortMonitor, Audit, Limiter, combined, trip
+from haploop.instruments.safety import AbortMonitor, Audit, Limiter, Renewal, combined, trip
 from haploop.instruments.signals import deliver
 
 __all__ = ["Monitoring"]
@@ -30,6 +31,7 @@ class Monitoring:
         hardware: Collection[str],
         limiter: Limiter,
         live_run: Callable[[str, str, Collection[str], float], Callable[[Block], None]],
+        clock: Clock,
     ) -> None:
         self._rig = rig
         self._audit = audit
@@ -37,6 +39,15 @@ class Monitoring:
         self._hardware = hardware
         self._limiter = limiter
         self._live_run = live_run
+        self._clock = clock
+        self._renewal: Renewal | None = None
+
+    @contextmanager
+    def renewed(self) -> Iterator[None]:
+        """Renew the relay's dead-man while blocks come. See `Renewal`."""
+        self._renewal = Renewal(self._rig.relay, self._clock)
+        with self._renewal.running():
+            yield
 
     @contextmanager
     def monitored(
@@ -44,8 +55,8 @@ class Monitoring:
     ) -> Iterator[tuple[tuple[str, ...], Callable[[Block], None]]]:
         """Yield the channels to record, with the monitored ones, and the function to call on every block.
 
-        The function renews the relay's dead-man, tests the block, reports progress and delivers stop
-        signals, which are otherwise held back from before the first volt until the safe state. A block
+        The function keeps the relay renewed while `renewed` lasts, tests the block, reports progress and
+        delivers stop signals, which are otherwise held back from before the first volt until the safe state. A block
         that trips raises InstrumentError; the rig is locked out once the safe state has been tried.
         """
         rig = self._rig
@@ -57,7 +68,8 @@ class Monitoring:
         publish = self._live_run("play", into, recorded, rig.table.rate_hz)
 
         def each(block: Block) -> None:
-            rig.relay.renew()
+            if self._renewal is not None:
+                self._renewal.alive()
             abort_monitor.check(block, recorded)
             publish(block)
             progress(f"Play into {into}", min(block.end / rig.table.rate_hz, total), total, "s")

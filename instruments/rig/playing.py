@@ -221,7 +221,8 @@ class Playing:
         """Connect exactly these patches to outputs at zero volts, and reach the safe state on exit."""
         try:
             self._rig.relay.connect(patches)
-            yield
+            with self._monitoring.renewed():
+                yield
         finally:
             # Zero first: the relay switches without voltage, and a patch is left without charge.
             self._make_safe()

@@ -14,6 +14,7 @@ from haploop.instruments.config import RigFile
 from haploop.instruments.daq import Block, Capture
 from haploop.instruments.driver import Mode, Simulation
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.frozen import Frozen
 from haploop.instruments.generator import Sweep
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.limits import Limits
@@ -78,6 +79,8 @@ class Rig(Instruments):
         """Take over an open instrument: close it with the rig, and make the limiter its interlock."""
         if isinstance(instrument, Interlocked):
             instrument._interlock = self._limiter
+        if isinstance(instrument, Frozen):
+            instrument._freeze()
         self._roles[role] = instrument
         if hasattr(instrument, "close"):
             self._stack.callback(self._safe.let_go, role)
@@ -85,6 +88,7 @@ class Rig(Instruments):
 
     def complete(self) -> None:
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""
+        self._freeze()
         self._limiter.recall()
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
         self._stack.callback(self.audit.note_at_last, "closed")
@@ -116,7 +120,9 @@ class Rig(Instruments):
     def _playing(self) -> Playing:
         # Created for each play: stored, it would form a reference cycle with the rig, and a closed rig
         # would keep its simulated world until the garbage collector runs.
-        monitoring = Monitoring(self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run)
+        monitoring = Monitoring(
+            self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run, self.clock
+        )
         return Playing(self, self.clock, self._limiter, monitoring, self.make_safe)
 
     def tap(self, capacity: int = 16) -> Tap:

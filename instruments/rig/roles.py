@@ -11,6 +11,7 @@ from haploop.instruments.config import RigFile, TableSettings
 from haploop.instruments.daq import Daq
 from haploop.instruments.entry_points import role_class
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.frozen import Frozen
 from haploop.instruments.generator import Generator
 from haploop.instruments.operator import Operator
 from haploop.instruments.player import Player
@@ -23,7 +24,7 @@ __all__ = ["Instruments", "Role"]
 Role = TypeVar("Role")
 
 
-class Instruments:
+class Instruments(Frozen):
     """The open instruments of a rig file. Access to one that the rig lacks raises ConfigurationError."""
 
     def __init__(self, file: RigFile) -> None:

@@ -7,6 +7,7 @@ from haploop.instruments.safety.limiter import Limiter, combined
 from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, lockouts_folder
 from haploop.instruments.safety.outputs import Outputs
+from haploop.instruments.safety.renewal import Renewal
 from haploop.instruments.safety.safe_state import SafeState
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "Limiter",
     "Lockout",
     "Outputs",
+    "Renewal",
     "SafeState",
     "clear_lockout",
     "combined",

@@ -23,6 +23,7 @@ import platformdirs
 
 from haploop.instruments.config import RigFile
 from haploop.instruments.errors import ConfigurationError, DataError
+from haploop.instruments.frozen import Frozen
 
 __all__ = ["Audit", "entries", "now_utc", "state_folder", "who"]
 
@@ -35,7 +36,7 @@ def now_utc() -> datetime:
     return datetime.now(UTC)
 
 
-class Audit:
+class Audit(Frozen):
     """The log of an open rig. `note` may be called from any thread."""
 
     def __init__(
@@ -52,6 +53,7 @@ class Audit:
             **who(),
             "version": metadata.version("haploop"),
         }
+        self._freeze()
 
     def note(self, kind: str, **fields: Any) -> None:
         """Append a line. `fields` are of JSON's types. Raises DataError when it cannot be written."""

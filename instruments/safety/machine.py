@@ -98,7 +98,8 @@ def _opened(path: Path, flags: int) -> int:
 
 
 def _is_link(path: Path) -> bool:
-    return path.is_symlink() or os.path.isjunction(path) if sys.version_info >= (3, 12) else path.is_symlink()
+    is_junction = getattr(os.path, "isjunction", os.path.islink)  # Python 3.12 and newer
+    return path.is_symlink() or bool(is_junction(path))
 
 
 if sys.platform == "win32":

@@ -7,12 +7,13 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.frozen import Frozen
 from haploop.instruments.sensors import low_pass
 
 __all__ = ["Vibrometer"]
 
 
-class Vibrometer(ABC):
+class Vibrometer(Frozen, ABC):
     """A single-point laser vibrometer with an analog velocity output. It has no unsafe state."""
 
     identity: str

@@ -243,7 +243,7 @@ def test_in_real_time_no_block_waits_for_a_slow_instrument(tmp_path):
 
     meter = Slow(reads_hz=100.0)
     rig = rig_with(meter)
-    rig.clock = RealClock()
+    vars(rig)["clock"] = RealClock()
     sink, longest = Sink(), 0.0
     with along.Along(rig, sink.path) as recorded:
         recorded.reserve(10.0, 250)
@@ -267,7 +267,7 @@ def world_with_extra(monkeypatch, **settings):
     monkeypatch.setitem(FULL_SCALE, "extra", 10.0)
     rig = world_rig(**settings)
     sensors = rig.file.sensors.model_copy(update={"extra": {"temperature": ROOM}})
-    rig.file = rig.file.model_copy(update={"sensors": sensors})
+    vars(rig)["file"] = rig.file.model_copy(update={"sensors": sensors})
     felt = rig.daq.world.volts
     rig.daq.world.volts = lambda c, t: 0.7 + 0.001 * t if c == "extra" else felt(c, t)
     return rig

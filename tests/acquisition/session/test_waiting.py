@@ -79,10 +79,8 @@ def test_a_session_that_ends_leaves_no_mark(elsewhere, tmp_path: Path) -> None:
 
 def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path: Path, monkeypatch) -> None:
     process, here = elsewhere
-    # The study's own lock is among the temporary files, which need not be the other's.
-    other = tmp_path / "tmp"
-    other.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(other))
+    # The study's own lock is this computer's; the other program may run on another one.
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "elsewhere")
     refused = pytest.raises(InstrumentError, match="is being recorded by another program")
     with refused, load_study(tmp_path).hold():
         pass

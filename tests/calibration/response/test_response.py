@@ -194,7 +194,7 @@ def test_what_a_response_needs_is_asked_for(open: OpenRig) -> None:
     with pytest.raises(ConfigurationError, match="2 repeats"):
         measure_response(rig, excitation=LinearSweep(repeats=1))
     sensors = rig.sensors.model_copy(update={"drive": None})
-    rig.file = rig.file.model_copy(update={"sensors": sensors})
+    vars(rig)["file"] = rig.file.model_copy(update={"sensors": sensors})
     with pytest.raises(ConfigurationError, match=r"sensors\.drive"):
         measure_response(rig, excitation=SHORT)
 

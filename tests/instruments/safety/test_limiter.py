@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from haploop.instruments import ConfigurationError, Daq, LimitError, Rig, Sweep, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import Device, DriveLimits, RigFile
@@ -259,3 +261,42 @@ def test_what_no_limit_is_known_for_is_not_played() -> None:
     file = load_rig_file("simulated").model_copy(update={"amplifier": None})
     with open_rig(file) as rig, pytest.raises(ConfigurationError, match=r"no \[amplifier\]"):
         rig.excite(TONE, ["A"], ["drive"])
+
+
+@pytest.mark.parametrize(
+    ("of", "name"),
+    [
+        ("rig", "file"),
+        ("rig", "audit"),
+        ("rig", "hardware"),
+        ("rig", "mode"),
+        ("rig", "clock"),
+        ("relay", "rating"),
+        ("relay", "patches"),
+        ("relay", "dead_man"),
+        ("amplifier", "input"),
+        ("amplifier", "inputs"),
+        ("vibrometer", "scale"),
+        ("audit", "folder"),
+    ],
+)
+def test_what_the_limiter_asks_is_not_assigned_to(rig: Rig, of: str, name: str) -> None:
+    owner = rig if of == "rig" else getattr(rig, of)
+    before = getattr(owner, name)
+    with pytest.raises(ConfigurationError, match=rf"'{name}' of an open rig's \w+ cannot be assigned to"):
+        setattr(owner, name, before)
+    with pytest.raises(ConfigurationError):
+        delattr(owner, name)
+    assert getattr(owner, name) is before
+
+
+def test_no_value_in_what_was_opened_can_be_changed(rig: Rig) -> None:
+    file = rig.file
+    for part in (file, file.limits, file.abort, file.table, file.sensors.drive, rig.limits):
+        for name in getattr(type(part), "model_fields", None) or vars(part):
+            with pytest.raises((ValidationError, FrozenInstanceError)):
+                setattr(part, name, None)
+    file.relay.settings["rating"] = 500.0  # type: ignore[union-attr]  a copy, or else of no effect
+    file.amplifier.settings["gain"] = 1.0  # type: ignore[union-attr]
+    with pytest.raises(LimitError):
+        rig.excite(9 * TONE, ["A"], ["drive"])

@@ -1,0 +1,70 @@
+"""A relay is renewed by a thread of its own while a play is alive, and no longer."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from haploop.instruments import InstrumentError, RealClock
+from haploop.instruments.safety import Renewal
+from haploop.mocks.clock import VirtualClock
+
+DEAD_MAN = 0.4
+
+
+class Box:
+    """Opens by itself when it is not renewed in time."""
+
+    dead_man = DEAD_MAN
+
+    def __init__(self) -> None:
+        self.renewed: list[float] = [time.monotonic()]
+        self.threads: set[int] = set()
+
+    def renew(self) -> None:
+        self.threads.add(threading.get_ident())
+        self.renewed.append(time.monotonic())
+
+
+def test_a_block_that_is_late_ends_no_play_and_one_that_never_comes_ends_it() -> None:
+    box: Any = Box()
+    renewal = Renewal(box, RealClock())
+    with renewal.running():
+        for _ in range(3):
+            time.sleep(0.45 * DEAD_MAN)  # far beyond a block, and within what is alive
+            renewal.alive()
+        last, seen = len(box.renewed), time.monotonic()
+        assert last >= 4 and threading.get_ident() not in box.threads
+        time.sleep(1.5 * DEAD_MAN)  # the play hangs
+        assert box.renewed[-1] - seen <= 0.5 * DEAD_MAN + 0.2, "beyond, the box opens by itself"
+        count = len(box.renewed)
+        renewal.alive()
+        time.sleep(0.5 * DEAD_MAN)
+        assert len(box.renewed) > count, "a play that comes back is renewed again"
+    count = len(box.renewed)
+    time.sleep(0.5 * DEAD_MAN)
+    assert len(box.renewed) == count, "nor is anything renewed after it"
+
+
+def test_what_a_renewal_finds_ends_the_play() -> None:
+    def opened() -> None:
+        raise InstrumentError("channel 1 reads open")
+
+    renewal = Renewal(SimpleNamespace(dead_man=0.05, renew=opened), RealClock())  # type: ignore[arg-type]
+    with renewal.running(), pytest.raises(InstrumentError, match="reads open"):
+        for _ in range(200):
+            time.sleep(0.01)
+            renewal.alive()
+
+
+def test_in_virtual_time_each_block_renews() -> None:
+    box: Any = Box()
+    renewal = Renewal(box, VirtualClock())
+    with renewal.running():
+        for _ in range(3):
+            renewal.alive()
+    assert len(box.renewed) == 4 and box.threads == {threading.get_ident()}
