@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import rfft, rfftfreq
-from scipy.signal.windows import hann
 
 from haploop.instruments.arrays import FloatArray
 
@@ -43,7 +42,7 @@ def mains_hum(signal: FloatArray, rate_hz: float) -> Hum | None:
         return None
     t = np.arange(n)
     still = signal - np.polyval(np.polyfit(t, signal, 2), t)
-    window = hann(n, sym=False)
+    window = np.hanning(n + 1)[:-1]
     power = 2 * np.abs(rfft(still * window)) ** 2 / (n * (window**2).sum())
     f = rfftfreq(n, 1 / rate_hz)
     found = [hum for mains_hz in _MAINS if (hum := _lines(power, f, mains_hz))]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from scipy import signal
+import scipy
 from threadpoolctl import threadpool_limits
 
 from haploop.acquisition.presses.barycentre import alike, along, barycentre, centred, paths_to, read_at
@@ -184,6 +184,6 @@ def _score(template: _Template, presses: FloatArray, reach: int) -> float:
 
 def _misfits(pieces: FloatArray, places: FloatArray, taper: FloatArray) -> FloatArray:
     """Tapered sum of squares (pairs, lags) between each segment and each lag within its place."""
-    there = signal.correlate(places**2, taper[None], "valid", "fft")
-    both = signal.fftconvolve(places, (pieces * taper)[:, ::-1], "valid", axes=1)
+    there = scipy.signal.correlate(places**2, taper[None], "valid", "fft")
+    both = scipy.signal.fftconvolve(places, (pieces * taper)[:, ::-1], "valid", axes=1)
     return np.asarray((pieces**2 @ taper)[:, None] - 2 * both + there)

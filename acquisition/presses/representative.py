@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from scipy import fft, signal
+import scipy
+from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from haploop.acquisition import hdf5
@@ -110,12 +111,12 @@ def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0)
     A second-order Butterworth filter runs forwards and backwards (-6 dB at the cut-off). The signal is
     extended by 0.5 s at both ends; without that, 2 % of it remains there (measured).
     """
-    sections = signal.butter(2, cutoff_hz, "highpass", fs=rate_hz, output="sos")
+    sections = scipy.signal.butter(2, cutoff_hz, "highpass", fs=rate_hz, output="sos")
     samples = acceleration.shape[-1]
     if samples < 2:
         raise DataError(f"A signal of {samples} samples cannot be filtered.")
     return np.asarray(
-        signal.sosfiltfilt(
+        scipy.signal.sosfiltfilt(
             sections, acceleration, axis=-1, padlen=min(samples - 1, int(np.ceil(rate_hz / 2)))
         )
     )

@@ -11,7 +11,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage, signal
+import scipy
+from scipy import ndimage
 
 from haploop.acquisition.recording import Recording
 from haploop.instruments.arrays import BoolArray, FloatArray
@@ -279,9 +280,9 @@ def _shaken(recording: Recording, p: Segmentation) -> FloatArray:
     The high-pass filter is causal, so that no click appears before its instant.
     """
     vertical = recording.acceleration[2]
-    sections = signal.butter(2, p.stage_high_pass, "highpass", fs=recording.rate_hz, output="sos")
-    settled = signal.sosfilt_zi(sections) * vertical[:1]
-    return np.asarray(np.abs(signal.sosfilt(sections, vertical, zi=settled)[0]))
+    sections = scipy.signal.butter(2, p.stage_high_pass, "highpass", fs=recording.rate_hz, output="sos")
+    settled = scipy.signal.sosfilt_zi(sections) * vertical[:1]
+    return np.asarray(np.abs(scipy.signal.sosfilt(sections, vertical, zi=settled)[0]))
 
 
 def _first_stage(

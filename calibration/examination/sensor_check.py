@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.signal import butter, correlate, sosfiltfilt
+import scipy
 
 from haploop.calibration.examination.finding import Finding, Status
 from haploop.instruments import Capture, HaploopError, Press, Rest, Rig
@@ -199,14 +199,14 @@ def check_clock(rig: Rig) -> Iterator[Finding]:
 
 def _lag(force: FloatArray, acceleration: FloatArray, rate_hz: float) -> float | None:
     """Delay (s) of a press in the acceleration relative to the force; None without a press."""
-    band = butter(2, _PRESS_BAND, "band", fs=rate_hz, output="sos")
+    band = scipy.signal.butter(2, _PRESS_BAND, "band", fs=rate_hz, output="sos")
     shapes = []
     for signal in (force, acceleration):
-        shape = np.abs(sosfiltfilt(band, signal - np.median(signal)))
+        shape = np.abs(scipy.signal.sosfiltfilt(band, signal - np.median(signal)))
         if shape.max() < 8 * np.median(shape):
             return None
         shapes.append(shape)
-    pair = correlate(shapes[1], shapes[0], method="fft")
+    pair = scipy.signal.correlate(shapes[1], shapes[0], method="fft")
     return (int(pair.argmax()) - (len(force) - 1)) / rate_hz
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 from scipy.io import savemat
 from scipy.linalg import block_diag, eigvals
-from scipy.signal import zpk2sos
 
 from haploop.calibration.model.rational import Lines, Projection, fit_poles
 from haploop.calibration.model.resonant import decay_deviation, resonant
@@ -303,5 +303,5 @@ def _cascade(
     pencil = np.block([[A, B], [C / scale, D / scale]])
     zeros = eigvals(pencil, np.diag([1.0] * len(A) + [0.0]))
     zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e6)]
-    sections: FloatArray = zpk2sos(zeros, np.append(z, 0.0), constant)  # type: ignore[arg-type]
+    sections: FloatArray = scipy.signal.zpk2sos(zeros, np.append(z, 0.0), constant)  # type: ignore[arg-type]
     return sections

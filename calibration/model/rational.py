@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.fft import fft, ifft
-from scipy.signal import find_peaks, peak_widths
 from threadpoolctl import threadpool_limits
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -354,9 +354,9 @@ def _peaks(lines: Lines) -> ComplexArray:
     The real one, below the band, represents what lies there.
     """
     power = np.abs(lines.H) ** 2
-    at = find_peaks(10 * np.log10(np.maximum(power, 100.0)), prominence=3.0)[0]
+    at = scipy.signal.find_peaks(10 * np.log10(np.maximum(power, 100.0)), prominence=3.0)[0]
     step, centres = lines.spacing * lines.block, lines.centres
-    width = peak_widths(power, at, rel_height=0.5)[0] if len(at) else np.ones(1)
+    width = scipy.signal.peak_widths(power, at, rel_height=0.5)[0] if len(at) else np.ones(1)
     if not len(at):
         at = np.array([int(np.argmax(power))])
     kept = np.argsort(-power[at])[: _MOST_POLES // 2]

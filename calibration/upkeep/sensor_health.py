@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from scipy.fft import irfft, rfft, rfftfreq
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import binary_dilation, find_objects, label, maximum_filter1d
-from scipy.signal import butter, fftconvolve, firwin, sosfiltfilt, welch
 
 from haploop.calibration.drive import BAND, Check
 from haploop.instruments import Capture, Rest, Rig
@@ -112,7 +112,7 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
     calm, spikes = without_spikes(rig, capture)
     velocity = rig.vibrometer.to_velocity(capture.volts[0])
     quiet = rig.vibrometer.to_velocity(calm.volts[0])
-    f, power = welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
+    f, power = scipy.signal.welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
     inside = (f >= BAND[0]) & (f <= BAND[1])
     return LaserAtRest(
         noise=float(np.sqrt(np.median(power[inside]))),
@@ -160,7 +160,9 @@ def laser_or_patch(noise: float, usual: float | None) -> str:
 
 def _spikes(signal: FloatArray, rate_hz: float) -> BoolArray:
     """(samples,): True in spikes and right beside them."""
-    fast = sosfiltfilt(butter(4, min(_FAST, 0.3 * rate_hz), "high", fs=rate_hz, output="sos"), signal)
+    fast = scipy.signal.sosfiltfilt(
+        scipy.signal.butter(4, min(_FAST, 0.3 * rate_hz), "high", fs=rate_hz, output="sos"), signal
+    )
     spread = float(np.median(np.abs(fast))) / 0.6745
     near = maximum_filter1d(np.abs(fast), 2 * round(_REACH * rate_hz) + 1)
     hit = np.abs(fast) > np.maximum(_SPIKE * spread, _SHARE * near)
@@ -175,11 +177,11 @@ def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float
     """The signal with each gap filled such that gap and surroundings have the least power above 1 kHz."""
     index = np.arange(len(signal))
     filled = np.interp(index, index[~hit], signal[~hit])
-    taps = firwin(2 * round(_TAPS * rate_hz / 2) + 1, _SLOW, pass_zero=False, fs=rate_hz)
-    kernel = fftconvolve(taps, taps[::-1])
+    taps = scipy.signal.firwin(2 * round(_TAPS * rate_hz / 2) + 1, _SLOW, pass_zero=False, fs=rate_hz)
+    kernel = scipy.signal.fftconvolve(taps, taps[::-1])
     middle = len(kernel) // 2
     for _ in range(2):  # the second time with the neighbouring gaps filled
-        fast = fftconvolve(filled, kernel, mode="same")
+        fast = scipy.signal.fftconvolve(filled, kernel, mode="same")
         for gap in find_objects(groups):
             column = kernel[middle : middle + gap[0].stop - gap[0].start].copy()
             column[0] *= 1 + _FLOOR

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from scipy.signal import fftconvolve
 
 from haploop.calibration import modulate
 from haploop.figures.plotting import (
@@ -401,7 +401,7 @@ def _activation(press: Representative, drive: Drive) -> float:
     step = round(drive.rate_hz / press.rate_hz)
     coarse = drive.target[::step]
     modulated = modulate(press.acceleration, press.rate_hz, drive.carrier_hz)
-    fit = fftconvolve(coarse, modulated[::-1])
+    fit = scipy.signal.fftconvolve(coarse, modulated[::-1])
     first = int(np.argmax(fit)) - (len(modulated) - 1)
     return float((first + press.activation_index) / press.rate_hz)
 

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.fft import fft, ifft, irfft, next_fast_len, rfft, rfftfreq
-from scipy.signal import correlate
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.daq import Capture
@@ -152,7 +152,7 @@ def _refuse(timing: Timing) -> None:
 
 def _place(measured: FloatArray, expected: FloatArray) -> float:
     """Most likely first sample of the drive or of its inverse, with a resolution below one sample."""
-    found = np.abs(correlate(measured, expected, mode="valid", method="fft"))
+    found = np.abs(scipy.signal.correlate(measured, expected, mode="valid", method="fft"))
     before, peak, after = found[:-2], found[1:-1], found[2:]
     tops = np.flatnonzero((peak >= before) & (peak > after) & (peak > 0.9 * found.max(initial=0.0)))
     if not len(tops):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
+import scipy
 from pydantic import Field
-from scipy.signal import lfilter
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config import RigFile
@@ -180,7 +180,7 @@ class SensorCreep(Fault):
         crept = np.zeros(len(volts))
         for k, rate in enumerate(self._rates):
             decay = np.exp(-rate * period)
-            low, _ = lfilter([0.0, 1 - decay], [1.0, -decay], volts - rest, zi=[states[k]])
+            low, _ = scipy.signal.lfilter([0.0, 1 - decay], [1.0, -decay], volts - rest, zi=[states[k]])
             crept += low / len(self._rates)
             states[k] = low[-1]
         self._known[node] = (rest, float(times[-1]), float(volts[-1]), states)

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
@@ -173,7 +173,9 @@ class Stretch:
             decay = np.exp(pole * self._period)
             states = np.empty(stop - first, dtype=np.complex128)
             states[0] = state
-            states[1:], _ = lfilter([(decay - 1) / pole], [1.0, -decay], force[:-1], zi=[decay * state])
+            states[1:], _ = scipy.signal.lfilter(
+                [(decay - 1) / pole], [1.0, -decay], force[:-1], zi=[decay * state]
+            )
             kept = np.exp(pole * since)
             now = kept * states[step - first] + (kept - 1) / pole * force[step - first]
             out += (weights[k] * now).real

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.mocks.plant.modal import ModalPoles, ModalSurface, Modes
@@ -97,7 +97,7 @@ class SofteningSurface(ModalSurface):
     ) -> FloatArray:
         """Return the lost force of each mode, (modes, steps), and bring the states to the last one's end."""
         decay = np.exp(-amplifier * period)
-        behind, _ = lfilter([0.0, 1 - decay], [1.0, -decay], levels, zi=self._volts[:, None])
+        behind, _ = scipy.signal.lfilter([0.0, 1 - decay], [1.0, -decay], levels, zi=self._volts[:, None])
         after = levels[:, -1] + (behind[:, -1] - levels[:, -1]) * decay
         mean = levels + (behind - levels) * (1 - decay) / (amplifier * period)
         driven = coupling @ mean

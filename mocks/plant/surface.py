@@ -11,8 +11,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 import numpy as np
+import scipy
 from pydantic import BaseModel, ConfigDict
-from scipy.signal import lfilter
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.config import RigFile, TableSettings
@@ -86,7 +86,7 @@ class Surface(ABC):
         # The exact response of a first-order low-pass to straight lines between samples.
         decay = np.exp(-pole * period)
         now, before = 1 - (1 - decay) / (pole * period), (1 - decay) / (pole * period) - decay
-        passed = lfilter([now, before], [1.0, -decay], moving)
+        passed = scipy.signal.lfilter([now, before], [1.0, -decay], moving)
         return np.asarray(np.interp(times, grid, passed))
 
     def resonance_hz(self, patch: str, place: tuple[float, float], time: float) -> float:

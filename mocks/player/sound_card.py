@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.player.sound_card import SoundCard
@@ -132,7 +132,7 @@ class Jack:
     def _coupled(self, volts: FloatArray) -> FloatArray:
         """Filter by the coupling capacitor: one zero at 0 Hz, one pole."""
         pole = float(np.exp(-2 * np.pi * self.high_pass_hz * self._period))
-        passed, _ = lfilter(
+        passed, _ = scipy.signal.lfilter(
             [(1 + pole) / 2, -(1 + pole) / 2],
             [1.0, -pole],
             volts,
