@@ -37,7 +37,7 @@ class FileContents:
     """JSON values; `kind` and `simulated` are always present."""
     table: Table
     loaded: Any
-    """The recording, representative press, calibration, drive, check, digital button or vibration map."""
+    """The recording, representative press, calibration, drive, check, digital button, vibration map or waveforms."""
     draw: Callable[..., Figure]
     """Draws the contents, `columns` (1 or 2) wide. Raises DataError when there is nothing to draw."""
 
@@ -112,10 +112,11 @@ def _drive(path: Path) -> FileContents:
 
 
 def _waveforms(path: Path) -> FileContents:
-    def nothing() -> Figure:
+    def nothing(columns: Columns = 2) -> Figure:
         raise DataError(f"There is no plot of waveforms: plot the calibration that {path} belongs to.")
 
-    return FileContents(*waveforms_contents(Waveforms.load(path)), nothing)
+    waveforms = Waveforms.load(path)
+    return FileContents(*waveforms_contents(waveforms), waveforms, nothing)
 
 
 def _check(path: Path) -> FileContents:
