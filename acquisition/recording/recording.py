@@ -131,7 +131,7 @@ class Recording:
     def verdicts(self) -> tuple[PressVerdict, ...]:
         """Final verdict on each attempt at each press, in order.
 
-        Presses rejected afterwards (`rejections.jsonl` beside the file) have the flag `rejected`.
+        Presses rejected afterwards (`rejections.json` beside the file) have the flag `rejected`.
         """
         return without_rejected(self.path, self.content_hash, verdicts_in(self._contents.presses))
 
