@@ -232,7 +232,7 @@ class Recording:
         if contents.stored_hash not in (None, found):
             raise DataError(
                 f"{self.path} was changed after it was finished: its content hash is {found}, but the file "
-                f"states {contents.stored_hash}. Use an unchanged copy."
+                f"states {contents.stored_hash[:64]}. Use an unchanged copy."
             )
         return contents, found
 
