@@ -131,7 +131,7 @@ class Recording:
     def verdicts(self) -> tuple[PressVerdict, ...]:
         """Final verdict on each attempt at each press, in order.
 
-        Presses rejected afterwards (`rejections.jsonl` beside the file) have the flag `rejected`.
+        Presses rejected afterwards (`rejections.json` beside the file) have the flag `rejected`.
         """
         return without_rejected(self.path, self.content_hash, verdicts_in(self._contents.presses))
 
@@ -232,7 +232,7 @@ class Recording:
         if contents.stored_hash not in (None, found):
             raise DataError(
                 f"{self.path} was changed after it was finished: its content hash is {found}, but the file "
-                f"states {contents.stored_hash}. Use an unchanged copy."
+                f"states {contents.stored_hash[:64]}. Use an unchanged copy."
             )
         return contents, found
 

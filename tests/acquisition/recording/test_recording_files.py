@@ -125,6 +125,36 @@ def test_the_hash_is_the_one_that_the_format_describes(finished):
         assert zlib.crc32(row.tobytes()[:-4]) == row["crc"]
 
 
+def test_the_checksums_are_those_that_the_format_describes(finished, tmp_path):
+    """By the words of docs/format.md."""
+    for path in (finished[0].path, unfinished(tmp_path / "P02-push.h5")):
+        raw = path.read_bytes()
+        said = json.loads(raw[:512])
+        assert said["haploop"] == "recording" and said["bytes"] == len(raw) - 512
+        digest = hashlib.sha256(json.dumps([said["haploop"], said["bytes"], said["without"]]).encode())
+        place = 512
+        for first, count in (*said["without"], (len(raw), 0)):
+            digest.update(raw[place:first])
+            place = first + count
+        assert digest.hexdigest() == said["sha256"]
+        with h5py.File(path) as file:
+            a = file.attrs
+            names = ["button", "participant", "study", "session", "rig_name", "daq", "software", "started"]
+            header = {name: a[name] for name in names}
+            header |= {name: file[name].asstr()[()] for name in ("rig", "protocol", "notes")}
+            header |= {"state": a["state"], "presses": int(a["presses"]), "simulated": bool(a["simulated"])}
+            header |= {"rate_hz": float(a["rate_hz"]), "rest": float(a["rest"])}
+            header |= {name: a[name].tolist() for name in ("channels", "full_scale", "delays")}
+            text = json.dumps(header, sort_keys=True)
+            assert hashlib.sha256(text.encode()).hexdigest() == a["header_hash"]
+            if a["state"] == "finished":
+                assert said["without"] == []
+                for row in file["blocks"][:]:
+                    codes = file["codes"][:, row["first"] : row["first"] + row["count"]]
+                    assert zlib.crc32(codes.tobytes()) == row["samples_crc"]
+                    assert zlib.crc32(row.tobytes()[:-4]) == row["crc"]
+
+
 @pytest.mark.skipif(shutil.which("h5dump") is None, reason="HDF5's own h5dump is not installed")
 def test_h5dump_reads_both_states(finished, tmp_path):
     for path in (finished[0].path, unfinished(tmp_path / "P02-push.h5")):
