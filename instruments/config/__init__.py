@@ -10,6 +10,7 @@ from haploop.instruments.config.rig_file import (
     fault_kinds,
     load_rig_file,
     roles,
+    told,
     validate,
     validate_kind,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "load_rig_file",
     "place",
     "roles",
+    "told",
     "validate",
     "validate_kind",
 ]

@@ -56,8 +56,8 @@ class Monitoring:
         """Yield the channels to record, with the monitored ones, and the function to call on every block.
 
         The function keeps the relay renewed while `renewed` lasts, tests the block, reports progress and
-        delivers stop signals, which are otherwise held back from before the first volt until the safe state. A block
-        that trips raises InstrumentError; the rig is locked out once the safe state has been tried.
+        delivers stop signals, which are otherwise held back from before the first volt until the safe state.
+        A block that trips raises InstrumentError; the rig is locked out once the safe state has been tried.
         """
         rig = self._rig
         laser = rig.vibrometer if rig.has("vibrometer") else None
