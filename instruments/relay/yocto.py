@@ -106,8 +106,8 @@ class Yocto(ChannelRelay):
         if not closing:
             return ""
         return (
-            f"{self.identity}: the channel of patch {', '.join(closing)} may close by itself when the box gets "
-            "power: set its 'state at power on' to A in VirtualHub, and save that to the module's flash."
+            f"{self.identity}: the channel of patch {', '.join(closing)} may close by itself when the box "
+            "gets power: set its 'state at power on' to A in VirtualHub, and save that to the module's flash."
         )
 
 
