@@ -24,7 +24,7 @@ from haploop.commands.report import report
 from haploop.commands.represent import represent
 from haploop.commands.study import study
 from haploop.commands.table import calibrate, check
-from haploop.exits import Commands
+from haploop.exits import Commands, usable_streams
 from haploop.serve import twin
 
 __all__ = ["cli", "main"]
@@ -69,6 +69,7 @@ for command in (
 
 def main() -> None:
     """The `haploop` command."""
+    usable_streams()
     for stream in (sys.stdout, sys.stderr):
         # A console or pipe that cannot encode a character gets a replacement, not an error.
         if hasattr(stream, "reconfigure"):

@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ import click
 from haploop.instruments import HaploopError
 from haploop.instruments.signals import STOPPING, uninterrupted
 
-__all__ = ["CommandState", "Commands"]
+__all__ = ["CommandState", "Commands", "usable_streams"]
 
 INTERNAL_ERROR = 70
 """A bug in haploop: EX_SOFTWARE of sysexits."""
@@ -55,10 +55,6 @@ class Commands(click.Group):
             with _stopping_as_interrupt():
                 result = super().main(*args, **extra)
             sys.stdout.flush()
-        except BrokenPipeError:
-            # The reader of the pipe has exited, as in `haploop show FILE | head`.
-            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115
-            sys.exit(0)
         except click.Abort as stop:
             self._fail(*_interrupted(state, stop.__cause__))
         except KeyboardInterrupt as stop:
@@ -74,7 +70,10 @@ class Commands(click.Group):
         except HaploopError as error:
             self._fail(str(error), error.exit_code)
         except OSError as error:
-            self._fail(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", 2)
+            what = error.filename or "A file"
+            self._fail(
+                f"{what} cannot be used ({(error.strerror or str(error)).lower()}): choose another.", 2
+            )
         except Exception as error:
             if os.environ.get("HAPLOOP_TRACEBACK"):
                 raise
@@ -91,6 +90,47 @@ class Commands(click.Group):
         with uninterrupted():
             click.echo("Error: " + " ".join(sentence.split()), err=True)
             sys.exit(code)
+
+
+class _Unread:
+    """A standard stream whose reader may leave, as in `haploop schema | head`: the rest goes nowhere.
+
+    The command goes on, and ends with its own exit code.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return int(self._whatever(lambda: self._stream.write(text)) or 0)
+
+    def flush(self) -> None:
+        self._whatever(self._stream.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _whatever(self, action: Callable[[], Any]) -> Any:
+        try:
+            return action()
+        except BrokenPipeError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+            return action()
+
+
+def usable_streams() -> None:
+    """Make standard streams of those that are closed (`>&-`, pythonw), and let a pipe's reader leave."""
+    # No file that is opened later may take the number of a standard stream: what is printed would go there.
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(descriptor)
+    for name, kind in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            stream = open(os.devnull, kind, encoding="utf-8")  # noqa: PTH123, SIM115
+        setattr(sys, name, _Unread(stream) if kind == "w" else stream)
 
 
 @contextmanager

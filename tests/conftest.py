@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import tempfile
 from collections.abc import Iterator
 from itertools import count
@@ -27,7 +28,9 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The mark of what would take minutes through the wire, and shows nothing there that others do not."""
+    """Ctrl-C reaches the tests also where it is ignored (nohup, `&`, some CI); the mark of what would take
+    minutes through the wire, and shows nothing there that others do not."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
 
 

@@ -201,6 +201,9 @@ def _relay(rig: Rig) -> Iterator[Finding]:
             states = ", ".join(sorted(shown)) or "nothing"
             sentence = f"Commanded to connect {patch} alone, the box reports {states}: check or replace it."
             yield Finding(name, "relay", "red", sentence)
+    complaint = relay.power_on_complaint()
+    if complaint:
+        yield Finding("At power-on", "relay", "red", complaint)
     if sound:
         yield _dead_man(rig)
 

@@ -10,6 +10,7 @@ from haploop.instruments.config.rig_file import (
     fault_kinds,
     load_rig_file,
     roles,
+    told,
     validate,
     validate_kind,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "parse_toml",
     "place",
     "roles",
+    "told",
     "validate",
     "validate_kind",
 ]

@@ -25,6 +25,7 @@ from haploop.instruments import entry_points
 from haploop.instruments.config.ati_cal import read_ati_cal
 from haploop.instruments.config.toml_lines import Location, Places, key_lines, parse_toml, place
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.files import os_error_text
 from haploop.instruments.limits import Limits
 from haploop.instruments.sensors import Sensors
 
@@ -365,13 +366,17 @@ def _read(path: Path) -> str:
     if path.suffix == "" and path.name == str(path) and not path.exists():
         return _shipped(path.name)
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # Notepad begins a file with a byte order mark
     except FileNotFoundError:
         raise ConfigurationError(
             f"There is no rig file {path}: use an existing file, or a shipped rig ({', '.join(_names())})."
         ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"The rig file {path} cannot be read: {error}.") from None
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"The rig file {path} is not text in UTF-8: save it as that.") from None
+    except OSError as error:
+        raise ConfigurationError(
+            f"The rig file {path} cannot be read ({os_error_text(error)}): use an existing file."
+        ) from None
 
 
 def _names() -> list[str]:
@@ -405,8 +410,37 @@ def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Lo
     if first["type"] == "value_error":
         # Raised by a validator of haploop, whose message is complete.
         return f"{place}: {key or 'the file'}: {first['ctx']['error']}."
-    message = first["msg"][:1].lower() + first["msg"][1:]
-    return f"{place}: {key or 'the file'}: {message} (found {first['input']!r})."
+    return f"{place}: {key or 'the file'} {told(first)} (found {first['input']!r})."
+
+
+_MUST = {
+    "float_type float_parsing": "must be a number",
+    "finite_number": "must be a finite number",
+    "int_type int_parsing int_from_float": "must be a whole number",
+    "string_type": "must be text",
+    "bool_type bool_parsing": "must be true or false",
+    "greater_than": "must be above {gt:g}",
+    "greater_than_equal": "must be {ge:g} or more",
+    "less_than": "must be below {lt:g}",
+    "less_than_equal": "must be {le:g} or less",
+    "too_short": "must have {min_length} or more entries",
+    "too_long": "must have {max_length} entries or fewer",
+    "literal_error enum": "must be {expected}",
+    "dict_type model_type model_attributes_type": "must be a table",
+    "list_type tuple_type": "must be a list",
+    "string_pattern_mismatch": "must have the form {pattern}",
+    "string_too_short": "must have {min_length} or more characters",
+    "string_too_long": "must have {max_length} characters or fewer",
+}
+"""What a value must be, by the types of pydantic's errors."""
+
+
+def told(error: ErrorDetails) -> str:
+    """What a value must be, in our own words as far as there are any."""
+    for types, words in _MUST.items():
+        if error["type"] in types.split():
+            return words.format(**error.get("ctx", {}))
+    return f"is wrong: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 
 def _keys_at(kind: Any, location: Location) -> list[str]:

@@ -46,6 +46,13 @@ class Relay(Interlocked, ABC):
     def connected(self) -> frozenset[str]:
         """The patches that the box itself reports as connected."""
 
+    def power_on_complaint(self) -> str:
+        """Describe a channel that may close by itself when the box gets power; "" without one.
+
+        Also "" for a product that does not report it. Raises InstrumentError.
+        """
+        return ""
+
     @abstractmethod
     def renew(self) -> None:
         """Restart the dead-man time; does nothing when no patch is connected."""

@@ -23,6 +23,7 @@ from urllib.parse import urlencode, urlsplit
 from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
 from haploop.instruments.clock import Clock, RealClock
+from haploop.instruments.config import told
 from haploop.instruments.driver import one_name
 from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState, read_back
@@ -33,6 +34,8 @@ CHANNELS = 8
 """Channels of a box (docs/hardware.md, "Relay box")."""
 _PRODUCT = "Yocto-MaxiCoupler"
 _PORT = 4444
+_OPEN_AT_POWER_ON = 1
+"""`stateAtPowerOn`: 0 is as before, 1 is A, 2 is B (docs/hardware.md, "Relay box")."""
 _SERIAL = r"^[A-Za-z0-9]{1,12}-[A-Za-z0-9]{1,12}$"
 _LONGEST_REPLY = 1 << 20
 """Longest reply (bytes); the description of a module has a few thousand."""
@@ -95,6 +98,18 @@ class Yocto(ChannelRelay):
         read_back(lambda: board.limit_complaint(channels, settings.longest), clock, settings.settle)
         return cls(settings, clock, board)
 
+    def power_on_complaint(self) -> str:
+        """See `Relay.power_on_complaint`."""
+        assert isinstance(self._board, _Board)
+        states = {patch: self._board.at_power_on(channel) for patch, channel in self._channels.items()}
+        closing = [patch for patch, state in states.items() if state not in (_OPEN_AT_POWER_ON, None)]
+        if not closing:
+            return ""
+        return (
+            f"{self.identity}: the channel of patch {', '.join(closing)} may close by itself when the box "
+            "gets power: set its 'state at power on' to A in VirtualHub, and save that to the module's flash."
+        )
+
 
 class _Board:
     """A `RelayBoard`: one module on a hub."""
@@ -121,6 +136,10 @@ class _Board:
             for channel, relay in self._relays().items()
         }
 
+    def at_power_on(self, channel: int) -> int | None:
+        found = self._relays().get(channel)
+        return found.at_power_on if found else None
+
     def open_channel(self, channel: int) -> None:
         self._set(channel, "state", 0)
 
@@ -140,7 +159,7 @@ class _Board:
             if relays[channel].longest != _ms(longest):
                 return (
                     f"{self.identity}: channel {channel} was given a time limit of {_ms(longest)} ms "
-                    f"but reads {relays[channel].longest}: update the firmware of the box."
+                    f"but reads {relays[channel].longest}: check the box's cable, and then its firmware."
                 )
         return ""
 
@@ -179,7 +198,7 @@ class _Board:
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"])) or "its answer"
             raise InstrumentError(
-                f"{self.identity} sent an answer that cannot be right: {key}: {first['msg']} "
+                f"{self.identity} sent an answer that cannot be right: {key} {told(first)} "
                 f"(found {str(first['input'])[:60]!r})."
             ) from None
 
@@ -203,6 +222,7 @@ class _Function(BaseModel):
     state: Annotated[int, Field(ge=0, le=1)]
     pulse: Annotated[int, Field(alias="pulseTimer", ge=0, lt=1 << 32)]
     longest: Annotated[int, Field(alias="maxTimeOnStateB", ge=0, lt=1 << 32)]
+    at_power_on: Annotated[int | None, Field(alias="stateAtPowerOn", ge=0, le=2)] = None
 
 
 _Reply = TypeVar("_Reply", bound=BaseModel)

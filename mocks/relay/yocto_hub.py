@@ -39,6 +39,8 @@ class YoctoHub(Loopback):
     def __init__(self, box: SimulatedBox, serial: str | None = None, port: int = 0) -> None:
         self.serial = serial or _SERIAL
         self.faults: list[ReplyFault] = []
+        self.at_power_on: dict[int, int] = {}
+        """`stateAtPowerOn` of channels whose own is not 1, open."""
         self._box = box
         super().__init__(self._serve, port)
         self.url = f"http://{self.address}"
@@ -172,7 +174,7 @@ class YoctoHub(Loopback):
                 "logicalName": "",
                 "advertisedValue": "AB"[state.closed],
                 "state": int(state.closed),
-                "stateAtPowerOn": 1,
+                "stateAtPowerOn": self.at_power_on.get(channel, 1),
                 "maxTimeOnStateA": 0,
                 "maxTimeOnStateB": _ms(limits[channel]),
                 "output": int(state.closed),

@@ -406,3 +406,12 @@ def test_whatever_answers_at_the_address_is_one_clear_error(reply: bytes) -> Non
     with Loopback(serve) as somebody, pytest.raises((InstrumentError, ConfigurationError)) as caught:
         Yocto.open(settings(hub=f"http://{somebody.address}", timeout=1), VirtualClock())
     assert somebody.address in str(caught.value)
+
+
+@pytest.mark.parametrize(("state", "closes"), [(0, True), (1, False), (2, True)])
+def test_a_channel_that_closes_at_power_on_is_told(wired: Setup, state: int, closes: bool) -> None:
+    assert wired.hub is not None
+    wired.hub.at_power_on[8] = state
+    told = wired.relay.power_on_complaint()
+    assert ("channel of patch D may close by itself when the box gets power" in told) == closes
+    assert closes or not told

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from haploop.instruments import RigFile, load_rig_file
+from haploop.instruments import Rig, RigFile, load_rig_file
 from haploop.instruments.rig import opening
+from haploop.instruments.safety import lock
 from haploop.mocks.daq.twin import DaqTwin
+from haploop.mocks.plant import Run
 from haploop.mocks.relay.box import BoxAdapter, RelayTwin, SimulatedBox
 from haploop.mocks.simulation import Simulation
 
@@ -23,7 +29,8 @@ __all__ = ["Lab", "lab"]
 class Lab:
     """One plant behind every rig that is opened, now and later; `left` cards keep what they put out."""
 
-    def __init__(self, file: RigFile) -> None:
+    def __init__(self, file: RigFile, place: Path) -> None:
+        self.place = place
         self.world = Simulation(file)
         self.plant, self.clock, self.truth = self.world.plant, self.world.clock, self.world.truth
         self._kept: dict[str, Any] = {}
@@ -45,6 +52,22 @@ class Lab:
             return relay
         return made(role, device, driver, "twin")
 
+    def leave(self, output: str, volts: float) -> None:
+        """Another program writes volts to an output, and ends."""
+        now = self.clock.now()
+        self.plant.advance(now)
+        self.daq._outputs[output].play(Run(now, np.inf, np.array([volts])))
+
+    @staticmethod
+    def forget(rig: Rig) -> None:
+        """The rig's program is killed: its locks are gone, and nothing of it is closed."""
+        rig._stack.pop_all()
+        rig._signals.close()
+        atexit.unregister(rig.close)
+        for piece in rig.hardware:
+            lock._held.discard(piece)
+            lock._reserved.discard(piece)
+
     @property
     def daq(self) -> DaqTwin:
         """The cards, as any program finds them."""
@@ -63,7 +86,7 @@ class Lab:
 @contextmanager
 def lab(folder: Path, file: RigFile | str = "haptable") -> Iterator[Lab]:
     """Rigs are opened by `open_rig`, as if their hardware were there; `folder` is this computer's place."""
-    here = Lab(load_rig_file(file) if isinstance(file, str) else file)
+    here = Lab(load_rig_file(file) if isinstance(file, str) else file, folder)
     drivers = opening._drivers
 
     def simulated(rig: RigFile) -> Iterator[Any]:
@@ -81,6 +104,9 @@ def lab(folder: Path, file: RigFile | str = "haptable") -> Iterator[Lab]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(opening, "_drivers", simulated)
+        # Looked up anew at each opening, which is most of its time.
+        patch.setattr(metadata, "entry_points", cache(metadata.entry_points))
+        patch.setattr(metadata, "version", cache(metadata.version))
         patch.setattr(opening, "RealClock", lambda: here.clock)
         patch.setattr("haploop.instruments.safety.limiter.now_utc", here.today)
         patch.setattr("haploop.instruments.safety.machine._place", lambda: folder)

@@ -1,0 +1,249 @@
+"""A tired student, with the whole public interface, two rigs on one amplifier, and other programs about.
+
+Whatever they do in whatever order, no patch gets more than a limit allows: looked at in the plant.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    rule,
+    run_state_machine_as_test,
+)
+
+from haploop.instruments import HaploopError, Rig, RigFile, Sweep, load_rig_file, open_rig
+from haploop.instruments.config.rig_file import AbortLimits, Device, DriveLimits
+from haploop.instruments.safety import Limiter, Outputs, clear_lockout
+from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
+from tests.instruments.safety.at_the_patch import bursts, busiest_minute
+from tests.instruments.safety.lab import Lab, lab
+
+RATE = 20_000.0
+MOST = {"one": 30.0, "two": 18.0}
+"""Volts that each rig allows: two students, with files of their own for one table."""
+LOOSE, FREE = DriveLimits(), AbortLimits(drive=500)
+DUTY = {"one": 0.05, "two": 0.02}
+SHARE = 1 + AMPLIFIER_GAIN_ERROR + 1e-6
+CODE = 0.05
+FINISHED = 3.1
+"""Seconds that either may play in a minute, by the wider of both duties, and rounding."""
+
+
+def rig_file(name: str) -> RigFile:
+    file = load_rig_file("haptable")
+    assert file.table is not None and file.relay is not None
+    box = {"resource": "TCPIP::127.0.0.1::5025::SOCKET", "output": "amplifier", "highest": 5.0}
+    return file.model_copy(
+        update={
+            "name": name,
+            "limits": DriveLimits(min=-MOST[name], max=MOST[name], duty=DUTY[name]),
+            "table": file.table.model_copy(update={"rate_hz": RATE}),
+            "relay": Device(driver=file.relay.driver, **(file.relay.settings | {"rating": 48})),
+            **({"generator": Device(driver="keysight-33500", **box)} if name == "two" else {}),
+        }
+    )
+
+
+def tone(volts: float, seconds: float) -> Any:
+    t = np.arange(max(4, round(seconds * RATE))) / RATE
+    return volts * np.sin(2 * np.pi * 263.5 * t) * np.hanning(len(t))
+
+
+WAYS: tuple[Callable[[Rig], object], ...] = (
+    lambda rig: setattr(rig, "file", rig_file("one").model_copy(update={"limits": LOOSE, "abort": FREE})),
+    lambda rig: setattr(rig.relay, "rating", 500.0),
+    lambda rig: setattr(rig.file, "limits", LOOSE),
+    lambda rig: setattr(rig.file.limits, "max", 500.0),
+    lambda rig: setattr(rig.audit, "folder", Path("/nowhere")),
+    lambda rig: setattr(rig, "hardware", frozenset()),
+    lambda rig: setattr(rig.amplifier, "input", "elsewhere"),
+)
+
+
+class Student(RuleBasedStateMachine):
+    """Its steps, and after each of them a look at the plant."""
+
+    folder: Path
+    counts: Counter[str]
+    take_out: Callable[[pytest.MonkeyPatch], object] = staticmethod(lambda _patch: None)
+
+    @initialize(seed=st.integers(0, 3))
+    def begin(self, seed: int) -> None:
+        self.stack = ExitStack()
+        number = self.counts["labs"]
+        self.counts["labs"] += 1
+        place = self.folder / f"{os.getpid()}-{number}"
+        self.lab: Lab = self.stack.enter_context(lab(place, rig_file("two")))
+        patch = self.stack.enter_context(pytest.MonkeyPatch.context())
+        patch.setenv("HAPLOOP_STATE", str(place))
+        patch.setattr(os, "fsync", lambda _descriptor: None)  # 10^5 steps; no computer is switched off here
+        type(self).take_out(patch)
+        self.rig: Rig | None = None
+        self.most = 0.0
+        self.record = self.lab.truth.record()
+        self.seen = 0
+        # So that the cards are there for the other programs.
+        with open_rig(rig_file("two")):
+            pass
+
+    def teardown(self) -> None:
+        if hasattr(self, "stack"):
+            with suppress(HaploopError):
+                if self.rig is not None:
+                    self.rig.close()
+            self.stack.close()
+
+    # What a student does
+
+    @rule(
+        what=st.sampled_from((
+            "open", "end", "excite", "excite", "excite", "excite", "sweep", "sweep", "connect", "connect",
+            "play_past_it", "listen", "assign", "assign", "stop", "reset", "killed",
+        )),
+        name=st.sampled_from(("one", "two", "two")),
+        volts=st.sampled_from((5.0, 16.0, 17.0, 29.0, 31.0, 60.0, 90.0, float("nan"))),
+        seconds=st.sampled_from((0.02, 0.02, 0.1, 0.8)),
+        patches=st.sampled_from((("A",), ("B",), ("A", "C"), ("A", "B", "C", "D"), ())),
+        way=st.sampled_from(WAYS),
+    )  # fmt: skip
+    def student(
+        self, what: str, name: str, volts: float, seconds: float, patches: tuple[str, ...], way: Any
+    ) -> None:
+        """One thing that they do; they read an error, and go on."""
+        self.counts["steps"] += 1
+        try:
+            if self.rig is None or what == "open":
+                self.rig, self.most = open_rig(rig_file(name)), MOST[name]
+            rig = self.rig
+            match what:
+                case "end":
+                    self.rig = None
+                    rig.close()
+                case "killed":  # -9: nothing is closed, and the box opens by its own timer
+                    self.rig = None
+                    self.lab.forget(rig)
+                case "excite":
+                    rig.excite(tone(volts, seconds), patches, ["drive"])
+                case "sweep":
+                    rig.sweep(Sweep(20, 300, seconds, volts), ["A"], ["drive"])
+                case "connect":
+                    rig.relay.connect(patches)
+                case "play_past_it":
+                    play = {"amplifier": tone(volts / 50, 0.02)}
+                    rig.daq.stream(["drive"], RATE, 100, 400, play).capture()
+                case "listen":
+                    with rig.daq.stream(["drive", "laser"], RATE, 100, 200) as stream:
+                        stream.capture()
+                case "assign":
+                    way(rig)
+                case "stop":
+                    rig.make_safe()
+                case "reset":
+                    clear_lockout(self.lab.place, rig.hardware)
+            self.counts[what] += 1
+        except (HaploopError, ValueError, AttributeError):
+            self.counts[f"{what} refused"] += 1
+
+    @rule(seconds=st.sampled_from((0.1, 1.0, 5.0, 20.0)))
+    def wait(self, seconds: float) -> None:
+        self.counts["steps"] += 1
+        self.lab.clock.sleep(seconds)
+
+    # What others do
+
+    @rule(volts=st.sampled_from((8.0, -2.0, 10.0, 0.5)))
+    def leave(self, volts: float) -> None:
+        """Another program writes to the output while every contact is open: nobody can forbid it that."""
+        self.counts["steps"] += 1
+        self.lab.plant.advance(self.lab.clock.now())
+        if not self.lab.truth.closed:
+            self.counts["left"] += 1
+            self.lab.leave("amplifier", volts)
+
+    # What the patches got
+
+    @invariant()
+    def nothing_beyond(self) -> None:
+        if not hasattr(self, "record"):
+            return
+        self.lab.plant.advance(self.lab.clock.now())
+        new = self.record[self.seen :]
+        self.seen = len(self.record)
+        for output in new:
+            if output.closed:
+                loudest = float(np.abs(output.volts).max())
+                assert loudest <= max(MOST.values()) * SHARE + CODE, f"{loudest} V"
+                assert self.rig is None or loudest <= self.most * SHARE + CODE, f"{loudest} V of {self.most}"
+        found = bursts(self.record)
+        assert busiest_minute(found) <= FINISHED, f"{busiest_minute(found)} s of a minute"
+        if len(self.record) > 400:  # older than any minute
+            now = self.lab.clock.now()
+            keep = [output for output in self.record if output.start > now - 90]
+            self.record[:] = keep
+            self.seen = len(keep)
+
+
+def run(
+    folder: Path, examples: int, steps: int, take_out: Any = None, seed: int | None = None
+) -> Counter[str]:
+    counts: Counter[str] = Counter()
+
+    class Here(Student):
+        pass
+
+    Here.folder, Here.counts = folder, counts
+    if take_out is not None:
+        Here.take_out = staticmethod(take_out)
+    run_state_machine_as_test(
+        Here,
+        settings=settings(
+            max_examples=examples,
+            stateful_step_count=steps,
+            deadline=None,
+            database=None,
+            derandomize=examples < 100,
+            phases=(Phase.generate,),
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
+    return counts
+
+
+@pytest.mark.timeout(7200)
+def test_no_limit_is_exceeded_whatever_is_done(tmp_path: Path, full: bool) -> None:
+    counts = run(tmp_path, *((2000, 60) if full else (5, 60)))
+    print(dict(counts))
+    for what in ("excite", "excite refused", "sweep", "connect", "assign refused", "killed", "left"):
+        assert counts[what], counts
+    assert not full or counts["steps"] >= 100_000
+
+
+def _no_rest(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Outputs, "rest", lambda self: None)
+
+
+def _no_duty(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Limiter, "recall", lambda self: None)
+
+
+def _not_frozen(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("haploop.instruments.frozen.Frozen.__setattr__", object.__setattr__)
+
+
+@pytest.mark.parametrize("take_out", [_no_rest, _no_duty, _not_frozen], ids=lambda f: f.__name__)
+def test_it_is_noticed_when_an_interlock_is_missing(tmp_path: Path, take_out: Any) -> None:
+    with pytest.raises(BaseException, match=r"\d V|s of a minute"):
+        run(tmp_path, 40, 40, take_out)
