@@ -275,7 +275,7 @@ def _bounded(normal: FloatArray, gradient: FloatArray, low: FloatArray, high: Fl
         if inwards[best] <= _FLAT * np.abs(gradient).max():
             break
         fixed[best] = False
-    return x
+    return np.asarray(x)
 
 
 def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
