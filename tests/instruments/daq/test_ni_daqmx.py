@@ -182,6 +182,30 @@ def test_blocks_are_gapless_and_the_last_is_shorter(daq: NiDaq) -> None:
     assert [(b.first, b.end) for b in blocks] == [(0, 400), (400, 800), (800, 1000)]
 
 
+def test_cards_are_asked_for_their_counts_once_a_second_and_differing_ones_are_refused(
+    daq: NiDaq, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    real = nidaqmx.task.InStream.total_samp_per_chan_acquired.fget
+    more = {"by": 0}
+
+    def counted(stream: Any) -> int:
+        asked.append(stream)
+        return int(real(stream)) + more["by"] * (len(asked) % 3 == 2)
+
+    monkeypatch.setattr(nidaqmx.task.InStream, "total_samp_per_chan_acquired", property(counted))
+    with daq.stream(("force", "laser"), 5000, 500) as stream:
+        blocks = iter(stream)
+        for _ in range(25):
+            next(blocks)
+        # Two cards, of which the master is asked twice, at 1 s and at 2 s.
+        assert len(asked) == 6
+        more["by"] = 5000
+        with pytest.raises(InstrumentError, match="do not run on one clock"):
+            for _ in range(10):
+                next(blocks)
+
+
 def test_continuous_stream_ends_when_it_is_closed(daq: NiDaq) -> None:
     with daq.stream(["laser", "force"], 5000, 250) as stream:
         blocks = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import grpc
@@ -92,7 +92,10 @@ class Bench:
         assert node == "out"
         self._source = source
 
-    def read(self, node: str, times: FloatArray) -> FloatArray:
+    def read(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
+        return np.array([self._read(node, own) for node, own in zip(nodes, times, strict=True)])
+
+    def _read(self, node: str, times: FloatArray) -> FloatArray:
         assert len(times) == 0 or times[-1] <= self.clock.now() + 1e-9, "nobody can read the future"
         if node == "tone":
             return np.asarray(3 * np.sin(2 * np.pi * 10 * times))
