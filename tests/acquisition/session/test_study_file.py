@@ -129,7 +129,7 @@ segmentation = { quiet = 0.2 }
     assert file.prompt_for("push") == "{button}!"
     assert file.protocol_for("latch").force == (3, 15)
     assert file.protocol_for("latch").segmentation == replace(segmentation_for("latch"), quiet=0.2)
-    assert file.protocol_for("push") == Protocol(segmentation=segmentation_for("push"))
+    assert file.protocol_for("push") == Protocol(wait=600, segmentation=segmentation_for("push"))
 
 
 def test_what_the_guide_and_a_new_study_show_can_be_loaded(tmp_path):
