@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, field_validator
 
 from haploop.acquisition.presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from haploop.acquisition.recording import file_name
@@ -21,12 +22,17 @@ __all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1, le=1000)]
 Order = Literal["counterbalanced", "random", "as-listed"]
-Column = (
-    Annotated[bool, Field(strict=True)]
-    | Annotated[int, Field(strict=True)]
-    | Annotated[float, Field(strict=True, allow_inf_nan=False)]
-    | Annotated[str, Field(strict=True, max_length=200)]
-)
+
+
+def _column(value: Any) -> str | float | bool:
+    if isinstance(value, str) and len(value) > 200:
+        raise ValueError("a text has at most 200 characters")
+    if isinstance(value, str | bool | int) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    raise ValueError("a column of a participant is a text, a finite number, true or false")
+
+
+Column = Annotated[str | float | bool, PlainValidator(_column)]
 """Value of a column that describes a participant."""
 
 
