@@ -1,5 +1,6 @@
 __version__: str
 
+from . import plot as plot
 from .acquisition import ButtonPress as ButtonPress
 from .acquisition import PressVerdict as PressVerdict
 from .acquisition import Protocol as Protocol

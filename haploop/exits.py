@@ -7,8 +7,10 @@ configuration; 3 instrument failure; 130, 143 or 129 stopped by Ctrl-C, SIGTERM 
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
+import textwrap
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -88,7 +90,11 @@ class Commands(click.Group):
     def _fail(sentence: str, code: int) -> NoReturn:
         # A further Ctrl-C does not suppress the message.
         with uninterrupted():
-            click.echo("Error: " + " ".join(sentence.split()), err=True)
+            told = "Error: " + " ".join(sentence.split())
+            if sys.stderr.isatty():
+                width = shutil.get_terminal_size().columns - 1
+                told = textwrap.fill(told, width, break_long_words=False, break_on_hyphens=False)
+            click.echo(told, err=True)
             sys.exit(code)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
@@ -21,9 +22,12 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 from rich.table import Column, Table
+from rich.text import Text
 
-__all__ = ["Bars", "Steps", "note", "print_json", "print_line", "print_table"]
+__all__ = ["Bars", "Steps", "note", "print_json", "print_line", "print_table", "say", "shown"]
 
+_shown: list[Console] = []
+"""Consoles that show something at the foot of the terminal: a sentence goes through them, above it."""
 _WORD = 40
 """Longest word (characters) that a table does not break."""
 
@@ -36,7 +40,7 @@ class Bars:
         self._progress = Progress(
             SpinnerColumn(finished_text="[green]done[/green]"),
             TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=24),
+            BarColumn(bar_width=12),
             *numbers,
             TimeElapsedColumn(),
             console=self._console,
@@ -45,11 +49,13 @@ class Bars:
 
     def __enter__(self) -> Self:
         self._progress.start()
+        _shown.append(self._console)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        _shown.remove(self._console)
         self._progress.stop()
 
 
@@ -65,7 +71,7 @@ class Steps(Bars):
         if doing not in self._tasks:
             self._tasks[doing] = self._progress.add_task(doing, total=total, amount="")
             if self._progress.disable:
-                self._console.print(doing, markup=False, highlight=False)
+                say(self._console, doing)
         self._progress.update(
             self._tasks[doing], completed=done, total=total, amount=_amount(done, total, unit)
         )
@@ -81,7 +87,22 @@ def _amount(done: float, total: float, unit: str) -> str:
 
 def note(sentence: str) -> None:
     """Print a sentence on standard error."""
-    _console(stderr=True).print(sentence, markup=False, highlight=False, soft_wrap=True)
+    say(_console(stderr=True), sentence)
+
+
+def say(console: Console, sentence: str | Text) -> None:
+    """Print a sentence, broken between words at the terminal's width; as one line if it is no terminal."""
+    console.print(sentence, markup=False, highlight=False, soft_wrap=not console.is_terminal)
+
+
+@contextmanager
+def shown(console: Console) -> Iterator[None]:
+    """Let sentences go above what `console` shows at the foot of the terminal, while this context lasts."""
+    _shown.append(console)
+    try:
+        yield
+    finally:
+        _shown.remove(console)
 
 
 def print_json(values: Mapping[str, Any]) -> None:
@@ -91,7 +112,7 @@ def print_json(values: Mapping[str, Any]) -> None:
 
 def print_line(sentence: str) -> None:
     """Print a sentence on standard output."""
-    _console(stderr=False).print(sentence, markup=False, highlight=False, soft_wrap=True)
+    say(_console(stderr=False), sentence)
 
 
 def print_table(table: Table) -> None:
@@ -146,6 +167,8 @@ def _print_rows(console: Console, table: Table) -> None:
 
 
 def _console(stderr: bool) -> Console:
+    if stderr and _shown:
+        return _shown[-1]
     # Created on use, because standard output may have been replaced since the program began.
     # Without markup, because names, notes and reasons are plain text.
     return Console(file=sys.stderr if stderr else sys.stdout, markup=False, emoji=False)

@@ -23,6 +23,7 @@ from haploop.acquisition.recording import Recording
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.files import check_destination
+from haploop.instruments.notebook import InNotebook
 
 __all__ = ["Representative", "Window", "high_pass", "representative"]
 
@@ -50,7 +51,7 @@ class Window:
 
 
 @dataclass(frozen=True, eq=False)
-class Representative:
+class Representative(InNotebook):
     """The representative press of `members` presses; arrays are (samples,)."""
 
     button: str
@@ -85,6 +86,14 @@ class Representative:
     """Band (Hz) in which the accelerometer's low-pass was undone; None when it was not undone."""
     noise_gain: float = 1.0
     """Gain (rms) of undoing the low-pass for white noise up to half the sample rate."""
+
+    def __repr__(self) -> str:
+        peak = float(np.max(np.abs(self.acceleration), initial=0.0))
+        return f"<Representative {self.button}: {self.members} presses, {peak:.2f} m/s² peak{self._mark}>"
+
+    @property
+    def _mark(self) -> str:
+        return ", simulated" if self.simulated else ""
 
     @property
     def duration(self) -> float:

@@ -176,6 +176,8 @@ class Header:
     """Prompt timing and acceptance limits (`Protocol`), JSON."""
     notes: str = ""
     """Operator's notes before the first press."""
+    about: str = "{}"
+    """What the study file says of the participant (age, sex, ...): columns and values, JSON."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +201,7 @@ class Contents:
         same presses on the same simulated rig have the same hash.
         """
         essential: dict[str, Any] = {
+            "about": header.about,
             "button": header.button,
             "channels": list(header.channels),
             "delays": header.delays.tolist(),
@@ -367,7 +370,7 @@ def write_header(file: h5py.File, header: Header, state: str) -> None:
     file.attrs.update({"format": FORMAT, "format_version": VERSION, "state": state})
     file.attrs["header_hash"] = _header_hash(header, state)
     for key, value in asdict(header).items():
-        if key in ("rig", "protocol", "notes"):
+        if key in ("rig", "protocol", "notes", "about"):
             file.create_dataset(key, data=value, dtype=h5py.string_dtype())
         elif key == "channels":
             file.attrs.create(key, list(value), dtype=h5py.string_dtype())
@@ -411,6 +414,7 @@ def read_header(file: h5py.File, path: Path) -> tuple[Header, str]:
         session=str(a["session"]),
         protocol=_text(file, "protocol"),
         notes=_text(file, "notes"),
+        about=_text(file, "about"),
     )
     rows = len(header.channels)
     if header.full_scale.shape != (rows,) or header.delays.shape != (rows,) or not header.rate_hz > 0:

@@ -28,12 +28,13 @@ from haploop.acquisition.recording.rejections import without_rejected
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.instruments import DataError, Sensor, Sensors
 from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.instruments.notebook import InNotebook
 from haploop.instruments.safety import is_marked
 
 __all__ = ["Recording"]
 
 
-class Recording:
+class Recording(InNotebook):
     """One participant's presses of one button, as `Recording.open` reads them.
 
     Opening reads the header only. Arrays are (channels, samples); sample k of a channel was taken
@@ -60,7 +61,13 @@ class Recording:
             return cls(path, *read_header(file, path))
 
     def __repr__(self) -> str:
-        return f"<Recording {self.path.name}: {self.button} by {self.participant}, {self._state}>"
+        simulated = ", simulated" if self.simulated else ""
+        return f"<Recording {self.path.name}: {self.button} by {self.participant}, {self._state}{simulated}>"
+
+    @property
+    def about(self) -> dict[str, str | float | bool]:
+        """What the study file said of the participant: columns such as age, sex, handedness."""
+        return dict(json.loads(self.header.about))
 
     @property
     def button(self) -> str:

@@ -5,10 +5,11 @@ Every sample goes to disk.
 
 from __future__ import annotations
 
+import json
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -79,6 +80,8 @@ class Session:
     """Notes by the operator, kept in the recording."""
     words: str = ""
     """Prompt that replaces the default text of `Press`; may contain the names of its fields."""
+    about: Mapping[str, str | float | bool] = field(default_factory=dict)
+    """What is stored of the participant: columns and values."""
 
 
 def record(
@@ -91,6 +94,7 @@ def record(
     on_verdict: Callable[[PressVerdict], None] = ignore,
     protocol: Protocol | None = None,
     notes: str = "",
+    on_request: Callable[[Request], None] = ignore,
 ) -> Recording:
     """Record `presses` good presses of a button into `<out>/<participant>-<button>.h5`.
 
@@ -98,7 +102,8 @@ def record(
     The operator is asked to keep hands off, then for each press once the one before has ended. The
     quality of each press is checked at once; a bad press is kept, marked, and asked for again.
     `progress` is called with the number of accepted presses at the start and after each one,
-    `on_verdict(press)` after each press. A session that ends early (an error, Ctrl-C) leaves a readable
+    `on_verdict(press)` after each press, `on_request(request)` with all that the operator is told. A session
+    that ends early (an error, Ctrl-C) leaves a readable
     recording of all samples read, not `complete` and without the unused space; then the error is raised.
 
     Raises ConfigurationError for a bad name, a missing sensor, an existing file, and a folder or disk
@@ -119,7 +124,7 @@ def record(
     pending = tuple((number, 1) for number in range(1, presses + 1))
     session = Session(path, button, participant, pending, presses, notes=notes)
     protocol = protocol or Protocol(segmentation=segmentation_for(button))
-    return run_session(rig, session, protocol, progress, on_verdict)
+    return run_session(rig, session, protocol, progress, on_verdict, on_request)
 
 
 def run_session(
@@ -128,12 +133,13 @@ def run_session(
     p: Protocol,
     progress: Progress = silent,
     on_verdict: Callable[[PressVerdict], None] = ignore,
+    on_request: Callable[[Request], None] = ignore,
 ) -> Recording:
     """Record the presses still due in a session. `record` calls this with a one-button session."""
     force, channels = _wiring(rig)
     check_destination(session.path, private=True)
     with marked(session.path):
-        return _recorded(rig, session, p, force, channels, progress, on_verdict)
+        return _recorded(rig, session, p, force, channels, progress, on_verdict, on_request)
 
 
 def _recorded(
@@ -144,6 +150,7 @@ def _recorded(
     channels: list[str],
     progress: Progress,
     on_verdict: Callable[[PressVerdict], None],
+    on_request: Callable[[Request], None],
 ) -> Recording:
     path = session.path
     rate_hz = rig.file.rate_hz
@@ -164,7 +171,9 @@ def _recorded(
                 try:
                     publish = rig.live_run("record", str(path), stream.channels, stream.rate_hz)
                     blocks = _written(reader, writer, along, rig.clock, publish)
-                    run = _SessionRun(rig, blocks, writer, header, force, session, p, progress, on_verdict)
+                    run = _SessionRun(
+                        rig, blocks, writer, header, force, session, p, progress, on_verdict, on_request
+                    )
                     run.conduct()
                     along.finish(writer)
                 except BaseException as error:
@@ -220,6 +229,7 @@ def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:
         session=session.number,
         protocol=p.to_json(),
         notes=session.notes,
+        about=json.dumps(dict(session.about), sort_keys=True),
     )
 
 
@@ -248,10 +258,11 @@ class _SessionRun:
         p: Protocol,
         progress: Progress,
         on_verdict: Callable[[PressVerdict], None],
+        on_request: Callable[[Request], None],
     ) -> None:
         self._operator, self._blocks, self._writer, self._force = rig.operator, blocks, writer, force
         self._session, self._p, self._rate_hz = session, p, header.rate_hz
-        self._progress, self._on_verdict = progress, on_verdict
+        self._progress, self._on_verdict, self._on_request = progress, on_verdict, on_request
         self._gauges = [header.channels.index(name) for name in force.channels]
         self._detector = Detector(header.rate_hz, replace(p.segmentation, quiet=p.quiet))
         self._check_quality = QualityCheck(writer.path, header, rig.sensors, p)
@@ -271,7 +282,7 @@ class _SessionRun:
         """Run the session to its end. Raises DataError and InstrumentError."""
         if self._session.consent:
             self._writer.note(0, "consent", self._session.consent)
-        self._operator.tell(Rest(self._p.rest))
+        self._tell(Rest(self._p.rest))
         self._rest = self._settled()
         self._writer.note(self._index, "rest", "Hands were off until here.")
         self._began = self._index
@@ -287,10 +298,12 @@ class _SessionRun:
         """Prompt for a press and check it. Returns the reason for asking again, or "" when accepted."""
         s = self._session
         words = s.words.format(button=s.button, participant=s.participant, number=number, of=s.of)
-        request = Press(s.button, s.participant, number, s.of, attempt, because, words)
+        request = Press(
+            s.button, s.participant, number, s.of, attempt, because, words, self._p.patience, self._wait_left
+        )
         self._writer.note(self._index, "prompt", str(request))
-        self._operator.tell(request)
-        self._await(replace(request, because="Still waiting."))
+        self._tell(request)
+        self._await(request)
         self._writer.note(self._index, "pressed", f"Press {number} of {s.of} was seen.")
         verdict = self._check_last(number, attempt)
         self._writer.write_verdict(verdict)
@@ -302,7 +315,7 @@ class _SessionRun:
             self._again(verdict)
         return verdict.reason
 
-    def _await(self, reminder: Press) -> None:
+    def _await(self, request: Press) -> None:
         """Wait until a press is over and hands are off again. Raises DataError."""
         p, before, asked = self._p, len(self._detector.spans), self._index
         began: int | None = None
@@ -314,9 +327,9 @@ class _SessionRun:
                 self._wait_left -= max(0.0, (began - asked) / self._rate_hz - p.patience)
             if len(self._detector.spans) > before:
                 return
-            if began is None and (waited := self._overdue(asked, reminder)):
+            if began is None and (waited := self._overdue(asked, request)):
                 raise DataError(
-                    f"No press {reminder.number} of {reminder.of} arrived within {waited:g} s of the prompt; "
+                    f"No press {request.number} of {request.of} arrived within {waited:g} s of the prompt; "
                     f"{self._kept}."
                 )
             if began is not None and self._index > began + p.patience * self._rate_hz:
@@ -324,14 +337,14 @@ class _SessionRun:
                     [block.volts[self._gauges] for block in self._recent][-round(1 / p.block) :]
                 )
                 raise DataError(
-                    f"Press {reminder.number} of {reminder.of} did not end within {p.patience:g} s of its "
+                    f"Press {request.number} of {request.of} did not end within {p.patience:g} s of its "
                     f"beginning{f': {cause}' if cause else ''}; {self._kept}."
                 )
 
-    def _overdue(self, asked: int, reminder: Request) -> float:
+    def _overdue(self, asked: int, request: Request) -> float:
         """Waiting limit (s) if more time has passed since sample `asked`, else 0.
 
-        The reminder is given after `patience`, and then at doubling intervals.
+        The request is repeated after `patience`, and then at doubling intervals.
         """
         waited = (self._index - asked) / self._rate_hz
         limit = self._p.patience + self._wait_left
@@ -339,8 +352,12 @@ class _SessionRun:
             return limit
         if waited > self._remind_at:
             self._remind_at *= 2
-            self._operator.tell(reminder)
+            self._tell(_still_waiting(request, limit - waited))
         return 0.0
+
+    def _tell(self, request: Request) -> None:
+        self._operator.tell(request)
+        self._on_request(request)
 
     def _check_last(self, number: int, attempt: int) -> PressVerdict:
         """Check the quality of the press that has just ended."""
@@ -433,6 +450,16 @@ class _SessionRun:
     @property
     def _kept(self) -> str:
         return f"the samples recorded so far are in {self._writer.path}"
+
+
+def _still_waiting(request: Request, left: float) -> Request:
+    """Return the request with how long the session waits from now on."""
+    if not isinstance(request, Press):
+        return request
+    minutes, seconds = divmod(round(left), 60)
+    time = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+    because = f"Still waiting; without a press, the session ends in {time}."
+    return replace(request, because=because, patience=0.0, wait=left)
 
 
 def _keep(reader: StreamReader, writer: Writer, along: Along, now: float, error: BaseException) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from haploop.acquisition.presses import AverageMethod, Representative, representative
 from haploop.acquisition.recording import (
@@ -250,6 +251,8 @@ def run_study(
     on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
     notes: str = "",
     wait: float | None = None,
+    patience: float | None = None,
+    attempts: int | None = None,
 ) -> bool:
     """Record the presses still due in a study, of all or of some participants and buttons.
 
@@ -257,7 +260,8 @@ def run_study(
     keeps its file. The operator confirms each participant's consent once, and before each button that the
     participant is ready; the answer False ends the run, which then returns False. `progress` is called for
     each session ("P01, latch") and `on_verdict(participant, button, press)` for each press, as in `record`.
-    `notes` are stored in every recording of this run. `wait` (s) replaces the study file's.
+    `notes` are stored in every recording of this run. `wait` (s), `patience` (s) and `attempts` replace the
+    study file's.
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and the errors of `record`.
@@ -266,6 +270,7 @@ def run_study(
         for button in buttons or study.file.buttons:
             study.progress_of(participant, button)
     _refuse_another_rig(rig, study)
+    limits: dict[str, Any] = {"wait": wait, "patience": patience, "attempts": attempts}
     with study.hold():
         for participant in participants or study.file.participants:
             entries = study.progress([participant])
@@ -285,7 +290,7 @@ def run_study(
                     return False
                 session = _session(study, entry, consented, notes)
                 protocol = replace(
-                    study.file.protocol_for(button), wait=study.file.wait if wait is None else wait
+                    study.file.protocol_for(button), **{k: v for k, v in limits.items() if v is not None}
                 )
                 run_session(rig, session, protocol, progress, partial(on_verdict, participant, button))
     return True
@@ -329,6 +334,7 @@ def _session(study: Study, entry: StudyProgress, consented: bool, notes: str) ->
         consent=f"The operator confirmed that {participant} consented." if consented else "",
         notes=notes,
         words=study.file.prompt_for(button),
+        about=study.file.participant.get(participant, {}),
     )
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, field_validator
 
 from haploop.acquisition.presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from haploop.acquisition.recording import file_name
@@ -21,6 +22,18 @@ __all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1, le=1000)]
 Order = Literal["counterbalanced", "random", "as-listed"]
+
+
+def _column(value: Any) -> str | float | bool:
+    if isinstance(value, str) and len(value) > 200:
+        raise ValueError("a text has at most 200 characters")
+    if isinstance(value, str | bool | int) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    raise ValueError("a column of a participant is a text, a finite number, true or false")
+
+
+Column = Annotated[str | float | bool, PlainValidator(_column)]
+"""Value of a column that describes a participant."""
 
 
 _PRESS = ("participant", "button", "number", "of")
@@ -105,9 +118,16 @@ class StudyFile(_Section):
     prompts: Prompts = Prompts()
     wait: Annotated[float, Field(ge=0, le=86_400)] = 600.0
     """s: total wait of a session for a participant who is away; see `Protocol.wait`."""
+    patience: Annotated[float, Field(gt=0, le=600)] = 15.0
+    """s: wait for a press before the prompt is repeated; see `Protocol.patience`."""
+    attempts: Annotated[int, Field(ge=1, le=100)] = 5
+    """Attempts at one press before a session ends; see `Protocol.attempts`."""
     method: AverageMethod = "automatic"
     """Method of the representative presses; see `representative`."""
     button: dict[str, ButtonSettings] = {}
+    participant: dict[str, dict[str, Column]] = {}
+    """`[participant.P01]`: columns such as age, sex, handedness; stored in the participant's recordings, and
+    never shown to a participant."""
 
     @field_validator("buttons")
     @classmethod
@@ -141,6 +161,23 @@ class StudyFile(_Section):
                 raise ValueError(f"there is no {name!r} in buttons ({', '.join(buttons)})")
         return button
 
+    @field_validator("participant")
+    @classmethod
+    def _same_columns(
+        cls, participant: dict[str, dict[str, Column]], info: ValidationInfo
+    ) -> dict[str, dict[str, Column]]:
+        """Every participant who is described has the same columns: a misspelt one would be lost."""
+        known = info.data.get("participants", tuple(participant))
+        columns = list(next(iter(participant.values()), {}))
+        for name, mine in participant.items():
+            if name not in known:
+                raise ValueError(f"there is no {name!r} in participants ({', '.join(known)})")
+            if missing := [column for column in columns if column not in mine]:
+                raise ValueError(f"{name} has no {missing[0]!r}, which others have")
+            if extra := [column for column in mine if column not in columns]:
+                raise ValueError(f"{name} has {extra[0]!r}, which others do not have")
+        return participant
+
     def order_for(self, participant: str) -> tuple[str, ...]:
         """Order of the buttons for a participant.
 
@@ -170,7 +207,13 @@ class StudyFile(_Section):
         """Protocol for a button: timing of the prompts, acceptance limits, segmentation."""
         settings = self._settings_of(button)
         segmentation = replace(segmentation_for(button), **settings.segmentation)
-        return Protocol(force=settings.force, segmentation=segmentation)
+        return Protocol(
+            wait=self.wait,
+            patience=self.patience,
+            attempts=self.attempts,
+            force=settings.force,
+            segmentation=segmentation,
+        )
 
     def _settings_of(self, button: str) -> ButtonSettings:
         return self.button.get(button, ButtonSettings())

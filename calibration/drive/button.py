@@ -13,13 +13,14 @@ from haploop.calibration.drive.drive import Drive, Method, drive_for
 from haploop.calibration.drive.learning import Learning, learn
 from haploop.calibration.model import Calibration
 from haploop.instruments import ConfigurationError, Rig
+from haploop.instruments.notebook import InNotebook
 from haploop.instruments.progress import Progress, silent
 
 __all__ = ["DigitalButton", "build_button", "play_button"]
 
 
 @dataclass(frozen=True, eq=False)
-class DigitalButton:
+class DigitalButton(InNotebook):
     """A press that a table reproduces, and the measured error of the reproduction.
 
     It contains its sources: `press` (with its recordings' names and content hashes), `calibration`
@@ -35,6 +36,11 @@ class DigitalButton:
     """Time of creation, ISO 8601, UTC."""
     made_with: str
     """Version of haploop."""
+
+    def __repr__(self) -> str:
+        simulated = ", simulated" if self.simulated else ""
+        error = f"error {100 * self.check.wideband_nrmse:.1f} %"
+        return f"<DigitalButton {self.press.button}: {self.check.verdict}, {error}{simulated}>"
 
     @property
     def drive(self) -> Drive:

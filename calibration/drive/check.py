@@ -27,6 +27,7 @@ from haploop.calibration.response import prepare
 from haploop.calibration.spectra import third_octaves
 from haploop.instruments import ConfigurationError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.notebook import InNotebook
 from haploop.instruments.progress import Progress, part_of, silent
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ _LOWEST_OCTAVE = 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Check:
+class Check(InNotebook):
     """Measured motion of a drive against its target, with no gain, lag or filter fitted.
 
     `accelerations` is (plays, samples) m/s^2: the whole motion in each play, to the highest frequency that
@@ -117,6 +118,14 @@ class Check:
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
     simulated: bool
+
+    def __repr__(self) -> str:
+        low, high = (100 * edge for edge in self.wideband_interval)
+        simulated = ", simulated" if self.simulated else ""
+        return (
+            f"<Check {self.drive.button}: {self.verdict}, error {100 * self.wideband_nrmse:.1f} % "
+            f"({low:.1f} to {high:.1f} %), {self.plays} plays{simulated}>"
+        )
 
     @property
     def plays(self) -> int:

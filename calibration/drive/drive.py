@@ -17,6 +17,7 @@ from haploop.calibration.response import Response
 from haploop.calibration.spectra import band_window, fade, resample, third_octaves
 from haploop.instruments import DataError, Limits
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.notebook import InNotebook
 
 if TYPE_CHECKING:
     from haploop.acquisition import Representative
@@ -55,7 +56,7 @@ _ALL = 0.99
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class Drive(InNotebook):
     """Volts for one patch, and the target motion of the surface.
 
     `volts` is (samples,) V at the patch as commanded, `target` is (samples,) m/s^2, on the same
@@ -101,6 +102,13 @@ class Drive:
             raise DataError(f"the drive has {self.rate_hz:g} samples/s.")
         if self.peak > _REACH:
             raise DataError(f"the drive reaches {self.peak:g} V, and no amplifier of a patch {_REACH:g} V.")
+
+    def __repr__(self) -> str:
+        simulated = ", simulated" if self.simulated else ""
+        seconds = len(self.volts) / self.rate_hz
+        return (
+            f"<Drive {self.button} at patch {self.patch}: {self.peak:.1f} V peak, {seconds:.2f} s{simulated}>"
+        )
 
     @property
     def peak(self) -> float:

@@ -21,6 +21,7 @@ from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement
 from haploop.calibration.response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
 from haploop.instruments import DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
+from haploop.instruments.notebook import InNotebook
 
 __all__ = ["ALL", "Best", "VibrationMap"]
 
@@ -58,7 +59,7 @@ class _Fitted:
 
 
 @dataclass(frozen=True, eq=False)
-class VibrationMap:
+class VibrationMap(InNotebook):
     """Responses of all measured points to all patches.
 
     `shares` is (patches, points, unknowns) of `modes`, per linear volt; `gains` (patches,) are the
@@ -83,6 +84,14 @@ class VibrationMap:
     """Relative shift of all frequencies at each repeated measurement of the first point."""
     table_seconds: float
     """Time that the table was in use (s), connecting and disconnecting included."""
+
+    def __repr__(self) -> str:
+        plan = self.plan
+        simulated = ", simulated" if plan.simulated else ""
+        return (
+            f"<VibrationMap {plan.rig}: {len(self.points)} of {len(plan.points)} points, patches "
+            f"{', '.join(plan.patches)}{simulated}>"
+        )
 
     @classmethod
     def load(cls, path: str | Path) -> VibrationMap:

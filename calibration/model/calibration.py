@@ -18,13 +18,14 @@ from haploop.calibration.response import (
     measure_response,
 )
 from haploop.instruments import ConfigurationError, Rig, RigFile
+from haploop.instruments.notebook import InNotebook
 from haploop.instruments.progress import Progress, silent
 
 __all__ = ["Calibration", "calibrate"]
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(InNotebook):
     """Response, model and hysteresis of one patch at one point; `rate_hz` is the sample rate of drives.
 
     The model holds at the level of the excitation; the hysteresis describes the change with amplitude.
@@ -43,6 +44,13 @@ class Calibration:
     Measured with a multisine at the largest level. It limits what a drive reaches without learning; 0 if not
     measured.
     """
+
+    def __repr__(self) -> str:
+        r, simulated = self.response, ", simulated" if self.response.simulated else ""
+        return (
+            f"<Calibration patch {r.patch} at {r.point}: resonance {self.model.resonance_hz:.2f} Hz, "
+            f"{r.created}{simulated}>"
+        )
 
     @classmethod
     def of(cls, response: Response) -> Calibration:

@@ -20,10 +20,12 @@ if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
 
 __all__ = [
+    "ATTEMPTS",
     "COLUMNS",
     "JSON",
     "NOTES",
     "PATH",
+    "PATIENCE",
     "RIG",
     "SIMULATE",
     "WAIT",
@@ -74,6 +76,17 @@ WAIT = click.option(
     type=FiniteRange(0, 86_400),
     metavar="SECONDS",
     help="How long a session waits for a participant who is away, in all, before it ends.  [default: 600]",
+)
+PATIENCE = click.option(
+    "--patience",
+    type=FiniteRange(0, 600, min_open=True),
+    metavar="SECONDS",
+    help="How long each prompt has before it is repeated.  [default: 15]",
+)
+ATTEMPTS = click.option(
+    "--attempts",
+    type=click.IntRange(1, 100),
+    help="Attempts at one press before the session ends.  [default: 5]",
 )
 PATH = click.Path(path_type=Path)
 _Command = TypeVar("_Command", bound=Callable[..., Any])

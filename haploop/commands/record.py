@@ -9,9 +9,20 @@ import click
 
 import haploop
 from haploop import show as display
-from haploop.commands.options import JSON, NOTES, PATH, RIG, SIMULATE, WAIT, alone, opened_rig
+from haploop.commands.options import (
+    ATTEMPTS,
+    JSON,
+    NOTES,
+    PATH,
+    PATIENCE,
+    RIG,
+    SIMULATE,
+    WAIT,
+    alone,
+    opened_rig,
+)
 from haploop.exits import CommandState
-from haploop.progress import Steps, note
+from haploop.progress import note
 
 if TYPE_CHECKING:
     from haploop.instruments.driver import Mode
@@ -35,6 +46,8 @@ __all__ = ["record"]
 )
 @NOTES
 @WAIT
+@PATIENCE
+@ATTEMPTS
 @RIG
 @SIMULATE
 @JSON
@@ -47,6 +60,8 @@ def record(
     out: Path,
     notes: str,
     wait: float | None,
+    patience: float | None,
+    attempts: int | None,
     rig: str,
     simulate: Mode | None,
     as_json: bool,
@@ -59,14 +74,17 @@ def record(
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
-        Steps() as steps,
+        display.Meter(opened) as meter,
     ):
         state.recordings = out
         aside = haploop.set_aside(out / haploop.file_name(participant, button))
         if aside is not None:
             note(f"An interrupted recording without a press was renamed to {aside}.")
         protocol = haploop.Protocol(
-            wait=600.0 if wait is None else wait, segmentation=haploop.segmentation_for(button)
+            wait=600.0 if wait is None else wait,
+            patience=15.0 if patience is None else patience,
+            attempts=5 if attempts is None else attempts,
+            segmentation=haploop.segmentation_for(button),
         )
         recording = haploop.record(
             opened,
@@ -74,10 +92,11 @@ def record(
             participant,
             presses,
             out,
-            steps,
-            lambda press: None if press.accepted else note(display.rejection_line(press)),
+            meter.progress,
+            meter.on_verdict,
             protocol=protocol,
             notes=notes,
+            on_request=meter.on_request,
         )
     display.show_file(recording.path, as_json)
     return 0

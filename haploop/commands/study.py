@@ -12,7 +12,18 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, NOTES, PATH, SIMULATE, WAIT, alone, opened_rig, press_method
+from haploop.commands.options import (
+    ATTEMPTS,
+    JSON,
+    NOTES,
+    PATH,
+    PATIENCE,
+    SIMULATE,
+    WAIT,
+    alone,
+    opened_rig,
+    press_method,
+)
 from haploop.exits import CommandState
 from haploop.progress import print_line
 
@@ -42,7 +53,9 @@ rig = "simulated"                   # your rig file, beside this one
 buttons = ["latch", "toggle", "push"]
 participants = ["P01", "P02", "P03"] # pseudonyms only; add new ones at the end
 presses = 10                        # of each button by each participant
+patience = 15                       # s after which a prompt is repeated
 wait = 600                          # s that a session waits for a participant who is away, in all
+attempts = 5                        # at one press, before a session ends
 order = "counterbalanced"           # or "as-listed", or "random" with a seed
 consent = true                      # ask whether the consent form is signed, and store the answer
 method = "automatic"                # of representative presses; or "barycentre", "registration", "mean"
@@ -51,6 +64,11 @@ method = "automatic"                # of representative presses; or "barycentre"
 # consent = "Has {{participant}} signed the form KU-17?"
 # ready = "{{participant}}: index finger at the {{button}} button, {{presses}} presses. Ready?"
 # press = "Press {{button}} now ({{number}} of {{of}})."
+
+# [participant.P01]                 # what a paper reports of a participant: columns of your own
+# age = 31
+# sex = "f"
+# handedness = "right"
 
 # [button.latch]
 # presses = 20
@@ -84,6 +102,8 @@ def new(folder: Path) -> int:
 @click.option("--rig", "-r", metavar="FILE", help="Rig file instead of the study's own.")
 @NOTES
 @WAIT
+@PATIENCE
+@ATTEMPTS
 @SIMULATE
 @JSON
 @click.pass_obj
@@ -95,6 +115,8 @@ def run(
     rig: str | None,
     notes: str,
     wait: float | None,
+    patience: float | None,
+    attempts: int | None,
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
@@ -112,7 +134,17 @@ def run(
         entries, typed_at = opened.progress(), not instruments.simulated
         with display.Counters(opened.file.name, entries, typed_at) as counters:
             callbacks = (counters.progress, counters.on_verdict)
-            haploop.run_study(instruments, opened, participants, buttons, *callbacks, notes=notes, wait=wait)
+            haploop.run_study(
+                instruments,
+                opened,
+                participants,
+                buttons,
+                *callbacks,
+                notes=notes,
+                wait=wait,
+                patience=patience,
+                attempts=attempts,
+            )
     display.status(opened, opened.progress(), as_json)
     return 0
 

@@ -66,19 +66,19 @@ def png(figure: Figure, dpi: float = DPI) -> bytes:
 
 
 def _png(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
-    canvas.print_png(buffer, metadata={"Software": None})
+    canvas.print_png(buffer, metadata={"Software": None})  # type: ignore[no-untyped-call]
 
 
 def _pdf(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
     from matplotlib.backends.backend_pdf import FigureCanvasPdf  # noqa: PLC0415
 
-    FigureCanvasPdf(canvas.figure).print_pdf(buffer, metadata=_NO_DATE)
+    FigureCanvasPdf(canvas.figure).print_pdf(buffer, metadata=_NO_DATE)  # type: ignore[no-untyped-call]
 
 
 def _svg(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
     from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
 
-    FigureCanvasSVG(canvas.figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
+    FigureCanvasSVG(canvas.figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
 
 
 FORMATS: dict[str, Callable[[FigureCanvasAgg, io.BytesIO], None]] = {"png": _png, "pdf": _pdf, "svg": _svg}
@@ -136,5 +136,5 @@ def pdf_of(pages: Iterable[Figure]) -> bytes:
     with style(), PdfPages(buffer, metadata=_NO_DATE) as pdf:
         for page in pages:
             lay_out(page)
-            FigureCanvasPdf(page).print_pdf(pdf)
+            FigureCanvasPdf(page).print_pdf(pdf)  # type: ignore[no-untyped-call]
     return buffer.getvalue()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import mean, stdev
 from typing import Any
 
 from rich.table import Table
@@ -192,6 +194,7 @@ def _study(study: Study) -> Section:
         ("Participants", f"{len(study.file.participants)}: {', '.join(study.file.participants)}"),
         ("Buttons", f"{', '.join(study.file.buttons)}, in {study.file.order} order"),
         ("Presses", f"{done} of {of} accepted, in {len(recordings)} recordings"),
+        *_columns(recordings),
     ]
     return Section(
         name=study.file.name,
@@ -203,6 +206,26 @@ def _study(study: Study) -> Section:
         sources=[(recording.path.name, recording.content_hash) for recording in recordings],
         loaded=study,
     )
+
+
+def _columns(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
+    """Summarise what the recordings say of their participants; the latest of each participant counts."""
+    about = {recording.participant: recording.about for recording in recordings}
+    columns = dict.fromkeys(column for mine in about.values() for column in mine)
+    facts = []
+    for column in columns:
+        values = [mine[column] for mine in about.values() if column in mine]
+        numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+        if len(numbers) == len(values):
+            spread = f", standard deviation {stdev(numbers):.1f}" if len(numbers) > 1 else ""
+            told = (
+                f"{min(numbers):g} to {max(numbers):g}, mean {mean(numbers):.1f}{spread} (n = {len(values)})"
+            )
+        else:
+            counts = Counter("yes" if v is True else "no" if v is False else str(v) for v in values)
+            told = ", ".join(f"{value}: {count}" for value, count in sorted(counts.items()))
+        facts.append((column.capitalize(), told))
+    return facts
 
 
 def _asides(bad: int, rejected: int, interrupted: int) -> str:

@@ -3,6 +3,7 @@ from .demo import show_demo as show_demo
 from .examination import show_findings as show_findings
 from .feeling import feeling_values as feeling_values
 from .file import FileContents as FileContents
+from .file import contents_of as contents_of
 from .file import file_contents as file_contents
 from .file import show_file as show_file
 from .forces import Forces as Forces
@@ -13,6 +14,7 @@ from .history import difference as difference
 from .history import listing as listing
 from .history import simulated as simulated
 from .log import show_log as show_log
+from .meter import Meter as Meter
 from .recalibration import OUTCOME_TITLES as OUTCOME_TITLES
 from .recalibration import show_outcome as show_outcome
 from .study import Counters as Counters

@@ -26,7 +26,7 @@ from haploop.show.formatting import SIMULATED
 from haploop.show.map import map_contents
 from haploop.show.press import recording_contents, representative_contents
 
-__all__ = ["FileContents", "file_contents", "show_file"]
+__all__ = ["FileContents", "contents_of", "file_contents", "show_file"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class FileContents:
     """JSON values; `kind` and `simulated` are always present."""
     table: Table
     loaded: Any
-    """The recording, representative press, calibration, drive, check, digital button, vibration map or waveforms."""
+    """The recording, representative press, calibration, drive, check, digital button or vibration map."""
     draw: Callable[..., Figure]
     """Draws the contents, `columns` (1 or 2) wide. Raises DataError when there is nothing to draw."""
 
@@ -71,72 +71,47 @@ def file_contents(path: str | Path) -> FileContents:
     Raises DataError for a file that is missing, damaged, or of another kind.
     """
     path = Path(path)
-    if path.is_dir():
-        mapped = VibrationMap.load(path)
-        return FileContents(*map_contents(mapped), mapped, partial(figures.map_figure, mapped))
-    return _READERS[_kind(path)](path)
+    return contents_of(VibrationMap.load(path) if path.is_dir() else _LOADERS[_kind(path)](path))
 
 
-def _recording(path: Path) -> FileContents:
-    recording = Recording.open(path)
-    pressed = find_presses(recording)
-    counted = accepted_presses(recording, pressed)
-    return FileContents(
-        *recording_contents(recording, pressed, counted),
-        recording,
-        partial(figures.recording_figure, recording, counted),
-    )
+def contents_of(value: Any) -> FileContents:  # noqa: PLR0911 - one for each kind of value
+    """The contents of what a file holds. Raises DataError for damaged data, TypeError for anything else."""
+    match value:
+        case Recording():
+            pressed = find_presses(value)
+            counted = accepted_presses(value, pressed)
+            told = recording_contents(value, pressed, counted)
+            return FileContents(*told, value, partial(figures.recording_figure, value, counted))
+        case Representative():
+            draw = partial(figures.profiles, [figures.Profile.of(value)])
+            return FileContents(*representative_contents(value), value, draw)
+        case Calibration():
+            return FileContents(*calibration_contents(value), value, partial(figures.response, value))
+        case Drive():
+            return FileContents(*drive_contents(value), value, partial(figures.drives, [value]))
+        case Check():
+            return FileContents(*check_contents(value), value, partial(figures.check_figure, value))
+        case DigitalButton():
+            return FileContents(*button_contents(value), value, partial(figures.button_figure, value))
+        case VibrationMap():
+            return FileContents(*map_contents(value), value, partial(figures.map_figure, value))
+        case Waveforms():
+            return FileContents(*waveforms_contents(value), value, _no_figure)
+    raise TypeError(f"{type(value).__name__} is nothing that haploop shows.")
 
 
-def _representative(path: Path) -> FileContents:
-    press = Representative.load(path)
-    return FileContents(
-        *representative_contents(press),
-        press,
-        partial(figures.profiles, [figures.Profile.of(press)]),
-    )
+def _no_figure(columns: Columns = 2) -> Figure:
+    raise DataError("There is no plot of waveforms: plot the calibration that they belong to.")
 
 
-def _calibration(path: Path) -> FileContents:
-    calibration = Calibration.load(path)
-    return FileContents(
-        *calibration_contents(calibration),
-        calibration,
-        partial(figures.response, calibration),
-    )
-
-
-def _drive(path: Path) -> FileContents:
-    drive = Drive.load(path)
-    return FileContents(*drive_contents(drive), drive, partial(figures.drives, [drive]))
-
-
-def _waveforms(path: Path) -> FileContents:
-    def nothing(columns: Columns = 2) -> Figure:
-        raise DataError(f"There is no plot of waveforms: plot the calibration that {path} belongs to.")
-
-    waveforms = Waveforms.load(path)
-    return FileContents(*waveforms_contents(waveforms), waveforms, nothing)
-
-
-def _check(path: Path) -> FileContents:
-    check = Check.load(path)
-    return FileContents(*check_contents(check), check, partial(figures.check_figure, check))
-
-
-def _button(path: Path) -> FileContents:
-    button = DigitalButton.load(path)
-    return FileContents(*button_contents(button), button, partial(figures.button_figure, button))
-
-
-_READERS = {
-    "recording": _recording,
-    "representative": _representative,
-    "calibration": _calibration,
-    "waveforms": _waveforms,
-    "drive": _drive,
-    "check": _check,
-    "button": _button,
+_LOADERS: dict[str, Callable[[Path], Any]] = {
+    "recording": Recording.open,
+    "representative": Representative.load,
+    "calibration": Calibration.load,
+    "waveforms": Waveforms.load,
+    "drive": Drive.load,
+    "check": Check.load,
+    "button": DigitalButton.load,
 }
 """Functions that read each kind of file."""
 
@@ -144,6 +119,6 @@ _READERS = {
 def _kind(path: Path) -> str:
     """Kind of a file. Raises DataError for one that cannot be shown."""
     kind = hdf5.kind_of(path)
-    if kind not in _READERS:
+    if kind not in _LOADERS:
         raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
     return kind

@@ -37,6 +37,7 @@ def recording_contents(
         "study": recording.header.study,
         "session": recording.header.session,
         "notes": recording.header.notes,
+        "participant_columns": recording.about,
         "rate_hz": json_number(rate_hz),
         "duration_s": json_number(recording.duration),
         "channels": list(recording.channels),
@@ -75,6 +76,8 @@ def recording_contents(
     table.add_row("Button", f"{recording.button}, pressed by {recording.participant}")
     if recording.header.study:
         table.add_row("Study", Text(f"{recording.header.study}, session {recording.header.session}"))
+    for column, value in recording.about.items():
+        table.add_row(Text(column), Text(str(value)))
     if recording.header.notes:
         table.add_row("Notes", Text(recording.header.notes))
     table.add_row("Rig", recording.rig)

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from haploop.acquisition import PressVerdict, Study, StudyProgress
-from haploop.progress import Bars, print_json, print_line, print_table
+from haploop.progress import Bars, print_json, print_line, print_table, say
 
 __all__ = ["Counters", "rejection_line", "status"]
 
@@ -62,7 +62,7 @@ class Counters(Bars):
             self._say(Text(f"{participant}, {button}: {rejection_line(press)}", style="yellow"))
 
     def _say(self, line: Text) -> None:
-        self._console.print(line, highlight=False, soft_wrap=True)
+        say(self._console, line)
 
 
 def rejection_line(press: PressVerdict) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 from typing import Self
 
 from pydantic import BaseModel, ConfigDict
@@ -34,27 +36,52 @@ class Console(Operator):
 
     def tell(self, request: Request) -> None:
         """See `Operator.tell`."""
-        print(request, file=sys.stderr, flush=True)
+        print(_lines(f"{request}"), file=sys.stderr, flush=True)
 
     def rejects(self) -> bool:
         """See `Operator.rejects`: True when the operator has typed r and Enter."""
-        return _typed().strip().lower() == "r"
+        return "r" in _typed().strip().lower().split()
 
     def confirm(self, request: Request) -> bool:
         """See `Operator.confirm`. Raises InstrumentError when standard input has ended."""
-        print(f"{request} [Y/n] ", end="", file=sys.stderr, flush=True)
-        answer = sys.stdin.readline()
-        if not answer:
-            raise InstrumentError(f"Nobody is at the console to answer: {request}")
-        return answer.strip().lower() in ("", "y", "yes")
+        return _answer(request).strip().lower() in ("", "y", "yes")
+
+
+def _answer(request: Request) -> str:
+    if _in_notebook():
+        # Standard input of a notebook's process is empty; `input` asks in the cell.
+        return input(f"{request} [Y/n] ")
+    print(_lines(f"{request} [Y/n]"), end=" ", file=sys.stderr, flush=True)
+    answer = sys.stdin.readline()
+    if not answer:
+        raise InstrumentError(f"Nobody is at the console to answer: {request}")
+    return answer
+
+
+def _in_notebook() -> bool:
+    """True in a cell of a notebook: IPython with a kernel, whose front end answers `input`."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    return shell is not None and hasattr(shell, "kernel")
+
+
+def _lines(sentence: str) -> str:
+    """Break a sentence between words at the terminal's width; leave it whole for a file or a pipe."""
+    if not sys.stderr.isatty():
+        return sentence
+    width = shutil.get_terminal_size().columns - 1
+    return textwrap.fill(sentence, width, break_long_words=False, break_on_hyphens=False)
 
 
 if sys.platform == "win32":
     import msvcrt
 
     def _typed() -> str:
-        """Return a line that has been typed; "" without one. Does not wait."""
-        return sys.stdin.readline() if sys.stdin.isatty() and msvcrt.kbhit() else ""
+        """Return the keys that have been typed; "" without any. Does not wait."""
+        found = ""
+        while sys.stdin.isatty() and msvcrt.kbhit():
+            found += msvcrt.getwch()
+        return found
 
 else:
     import select

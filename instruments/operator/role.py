@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 __all__ = [
     "Aim",
@@ -32,6 +32,10 @@ class Press:
     """Reason for the repetition."""
     words: str = ""
     """Prompt that replaces this class's own."""
+    patience: float = field(default=0.0, compare=False)
+    """s: after this the request is repeated, and the session waits."""
+    wait: float = field(default=0.0, compare=False)
+    """s: how long it waits then, before it ends."""
 
     def __str__(self) -> str:
         again = " again" if self.attempt > 1 else ""

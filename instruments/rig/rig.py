@@ -19,6 +19,7 @@ from haploop.instruments.generator import Sweep
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.limits import Limits
 from haploop.instruments.live import Feed, Publisher, Run, Tap
+from haploop.instruments.notebook import InNotebook
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.rig.declared_settings import DeclaredSettings
 from haploop.instruments.rig.monitoring import Monitoring
@@ -40,7 +41,7 @@ from haploop.instruments.signals import at_console_close, ending_in_order, unint
 __all__ = ["Rig"]
 
 
-class Rig(Instruments):
+class Rig(Instruments, InNotebook):
     """Open instruments. Made by `open_rig`; a context whose exit reaches the safe state."""
 
     def __init__(
@@ -96,6 +97,16 @@ class Rig(Instruments):
         self._signals.enter_context(ending_in_order())
         self._signals.enter_context(at_console_close(self.make_safe))
         atexit.register(self.close)
+
+    def __repr__(self) -> str:
+        state = "closed" if self.is_closed else "open"
+        kind = f"simulated by its {self.mode}" if self.mode else "its hardware"
+        return f"<Rig {self.name}: {state}, {kind}; {', '.join(self.instruments)}>"
+
+    @property
+    def is_closed(self) -> bool:
+        """True once the rig was closed: it has given up its lock, and plays and reads no more."""
+        return self._closed
 
     @property
     def simulated(self) -> bool:

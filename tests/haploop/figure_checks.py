@@ -7,8 +7,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from matplotlib.collections import Collection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 
 from haploop.figures.encoding import lay_out
@@ -27,6 +29,9 @@ def drawn_texts(figure: Figure) -> list[Box]:
     with style():
         canvas = lay_out(figure)
         renderer = canvas.get_renderer()
+        # Once everything has its place, only the texts matter, and drawing the rest takes most of the time.
+        for artist in figure.findobj(lambda one: isinstance(one, Line2D | Collection | AxesImage)):
+            artist.set_visible(False)
         height = canvas.get_width_height(physical=True)[1]
         draw = renderer.draw_text
 
@@ -40,7 +45,6 @@ def drawn_texts(figure: Figure) -> list[Box]:
             )
             edges = (corners.real.min(), corners.imag.min(), corners.real.max(), corners.imag.max())
             found.append((s, *(float(edge) for edge in edges)))
-            draw(*told, **more)
 
         renderer.draw_text = noted  # type: ignore[method-assign]
         try:
@@ -50,9 +54,9 @@ def drawn_texts(figure: Figure) -> list[Box]:
     return found
 
 
-def overlaps(figure: Figure) -> list[str]:
-    """Name each pair of texts that overlap, and each text that leaves the canvas."""
-    texts = drawn_texts(figure)
+def overlaps(figure: Figure, texts: list[Box] | None = None) -> list[str]:
+    """Name each pair of texts that overlap, and each text that leaves the canvas. Spoils the figure."""
+    texts = texts or drawn_texts(figure)
     width, height = figure.get_size_inches() * figure.dpi
     wrong = [
         f"{text!r} leaves the canvas"

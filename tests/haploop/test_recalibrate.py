@@ -19,6 +19,7 @@ from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press
 from haploop.instruments.operator.unattended import Unattended
 from haploop.instruments.safety.lock import hold
 from tests.haploop.conftest import Demo, Run
+from tests.haploop.figure_checks import overlaps
 
 REASON = ("--reason", "for a test")
 
@@ -163,6 +164,7 @@ def test_the_trend_shows_every_look_and_what_was_active(folder: Path, run: Run, 
     assert out.read_bytes().startswith(b"\x89PNG")
     assert run("calibrations", "plot", out, "--calibrations", folder).exit_code == 2
     figure = trend(History(folder))
+    assert overlaps(figure) == overlaps(trend(History(folder), 1)) == []
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == ["Resonance (Hz)", "Damping ratio (%)", "Gain (m/s² per V)", "Coherence"]
     drawn = [y for line in figure.axes[0].lines for y in line.get_ydata()]

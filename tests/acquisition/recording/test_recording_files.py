@@ -101,6 +101,7 @@ def test_the_hash_is_the_one_that_the_format_describes(finished):
     with h5py.File(finished[0].path) as file:
         a = file.attrs
         essential = {
+            "about": file["about"].asstr()[()],
             "button": a["button"],
             "channels": list(a["channels"]),
             "delays": a["delays"].tolist(),

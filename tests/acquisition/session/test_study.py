@@ -77,6 +77,19 @@ def small(tmp_path_factory):
     return study, requests
 
 
+def test_columns_of_a_participant_are_kept_and_never_told(tmp_path):
+    study = study_in(tmp_path, buttons=["toggle"], participants=["P01"], presses=1)
+    with study.path.open("a", encoding="utf-8") as file:
+        file.write('[participant.P01]\nage = 31\nhandedness = "ambidextrous"\n')
+    study = load_study(tmp_path)
+    with twin(seed=3) as rig:
+        requests = told_of(rig)
+        assert run_study(rig, study)
+    (recording,) = study.recordings("toggle")
+    assert recording.about == {"age": 31, "handedness": "ambidextrous"}
+    assert requests and not any("31" in repr(one) or "ambidextrous" in repr(one) for one in requests)
+
+
 def copied(study, folder: Path):
     """The same study elsewhere."""
     (folder / "recordings").mkdir(parents=True)

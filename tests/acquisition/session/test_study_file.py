@@ -129,7 +129,28 @@ segmentation = { quiet = 0.2 }
     assert file.prompt_for("push") == "{button}!"
     assert file.protocol_for("latch").force == (3, 15)
     assert file.protocol_for("latch").segmentation == replace(segmentation_for("latch"), quiet=0.2)
-    assert file.protocol_for("push") == Protocol(segmentation=segmentation_for("push"))
+    assert file.protocol_for("push") == Protocol(wait=600, segmentation=segmentation_for("push"))
+
+
+def test_patience_and_attempts_are_the_study_s(tmp_path):
+    file = loaded(tmp_path, f"{GOOD}patience = 20\nattempts = 2\nwait = 5\n")
+    protocol = file.protocol_for("push")
+    assert (protocol.patience, protocol.attempts, protocol.wait) == (20, 2, 5)
+
+
+def test_participants_have_the_same_columns_and_no_prompt_holds_one(tmp_path):
+    described = '[participant.P01]\nage = 31\nsex = "f"\n'
+    file = loaded(tmp_path, f"{GOOD}{described}")
+    assert file.participant == {"P01": {"age": 31, "sex": "f"}}
+    for more, expected in (
+        ("[participant.P02]\nage = 20\n", "P02 has no 'sex', which others have"),
+        ('[participant.P02]\nage = 2\nsex = "f"\nglases = true\n', "P02 has 'glases', which others do not"),
+        ("[participant.P09]\nage = 2\n", "there is no 'P09' in participants (P01, P02, P03)"),
+        ("[participant.P02]\nage = nan\nsex = 'f'\n", "is a text, a finite number, true or false"),
+        ("[participant.P02]\nage = [2]\nsex = 'f'\n", "is a text, a finite number, true or false"),
+    ):
+        assert expected in refused(tmp_path, f"{GOOD}{described}{more}")
+    assert "{participant}" in refused(tmp_path, f'{GOOD}[prompts]\nready = "{{age}}"\n')
 
 
 def test_what_the_guide_and_a_new_study_show_can_be_loaded(tmp_path):

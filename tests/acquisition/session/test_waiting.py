@@ -127,9 +127,11 @@ def test_a_session_waits_for_somebody_who_is_away_and_asks_again(tmp_path: Path)
     assert recording.complete
     prompts = [request for request in rig.operator.requests if isinstance(request, Press)]
     # At 0, 15, 30 and 60 s; then the second press.
+    said = "Still waiting; without a press, the session ends in"
     assert [(one.number, one.because) for one in prompts] == [
-        (1, ""), (1, "Still waiting."), (1, "Still waiting."), (1, "Still waiting."), (2, "")
+        (1, ""), (1, f"{said} 10 min 0 s."), (1, f"{said} 9 min 45 s."), (1, f"{said} 9 min 15 s."), (2, "")
     ]  # fmt: skip
+    assert [round(one.wait) for one in prompts] == [600, 600, 585, 555, 555]
     assert 60 < recording.duration < 75
 
 

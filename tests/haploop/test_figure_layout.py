@@ -1,0 +1,158 @@
+"""Every figure, one and two columns wide: no text overlaps, and every curve is told apart in grey."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from haploop import figures, plot
+from haploop.acquisition import Recording, Representative, accepted_presses
+from haploop.calibration import Calibration, Check, VibrationMap, check_feeling, map_plan
+from haploop.calibration.response.modes import Modes, columns_of
+from haploop.figures.plotting import colour, legend_under, letter, new_figure, style
+from haploop.instruments import ConfigurationError, open_rig
+from haploop.show import forces_in
+from tests.haploop.conftest import Demo, Run
+from tests.haploop.figure_checks import alike, drawn_texts, overlaps
+
+BUTTONS = ("latch", "toggle", "push")
+NAMES = (
+    "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives", "drive",
+    "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button", "map",
+    "map of a row", "before and after", "responses",
+)  # fmt: skip
+Draw = Callable[..., Figure]
+
+
+def vibration_map(points: range) -> VibrationMap:
+    """A map of smooth modes, without a measurement."""
+    with open_rig("simulated", simulate="twin") as rig:
+        plan = map_plan(rig, points=points)
+    hz, rows, columns = np.array([66.0, 135.0, 263.5, 410.0, 520.0]), plan.rows, plan.columns
+    poles = -0.01 * 2 * np.pi * hz + 2j * np.pi * hz
+    row, column = np.divmod(np.array(points), columns)
+    shapes = np.array(
+        [np.sin(m * np.pi * (row + 0.5) / rows) * np.sin(n * np.pi * (column + 0.5) / columns)
+         for m, n in ((1, 1), (1, 2), (2, 2), (1, 4), (3, 2))]
+    )  # fmt: skip
+    unknowns = columns_of(poles, hz)[0].shape[1]
+    shares = np.zeros((len(plan.patches), len(points), unknowns))
+    shares[:, :, : len(hz)] = 1e-3 * shapes.T * np.array([1, 0.5, 0.3, 0.2])[: len(plan.patches), None, None]
+    return VibrationMap(
+        plan, tuple(map(str, points)), (), Modes(poles, np.ones((len(plan.patches), 1))), shares,
+        np.ones(len(plan.patches), complex), np.zeros(len(points)), (), np.zeros(1), 60.0,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def gallery(demo: Demo) -> Mapping[str, Draw]:
+    presses = [Representative.load(demo.folder / "presses" / f"{name}.h5") for name in BUTTONS]
+    checks = [Check.load(demo.folder / "checks" / f"{name}.h5") for name in BUTTONS]
+    table = Calibration.load(demo.folder / "calibration.h5")
+    recordings = [Recording.open(path) for path in sorted((demo.folder / "recordings").glob("*.h5"))]
+    rng = np.random.default_rng(3)
+    twelve = {
+        b: {f"P{k:02d}": rng.normal(m, 0.2, 10) for k in range(1, 13)}
+        for b, m in (("latch", 7.0), ("toggle", 2.0), ("push", 4.0))
+    }
+    tried = [
+        SimpleNamespace(nrmse=error, floor=0.01, kept=kept)
+        for error, kept in ((0.05, True), (0.03, True), (0.04, False))
+    ]
+    button: Any = SimpleNamespace(
+        press=presses[2], check=checks[2], learning=SimpleNamespace(iterations=tried)
+    )
+    felt = [(p.button, check_feeling(c, p)) for p, c in zip(presses, checks, strict=True)]
+    truth = table.model.velocity(table.response.frequencies) * 1.05
+    rows = list(zip(presses, checks, strict=True))
+    whole, part = vibration_map(range(84)), vibration_map(range(12))
+    by_name = dict(zip(BUTTONS, checks, strict=True))
+    return {
+        "profiles": lambda c: figures.profiles([figures.Profile.of(p) for p in presses], c),
+        "profile": lambda c: figures.profiles([figures.Profile.of(presses[0])], c),
+        "recording": lambda c: figures.recording_figure(recordings[0], accepted_presses(recordings[0]), c),
+        "forces": lambda c: figures.activation_forces(forces_in(recordings), None, c),
+        "forces of twelve": lambda c: figures.activation_forces(twelve, {"latch": 7.0, "push": 4.0}, c),
+        "forces of one": lambda c: figures.activation_forces({"a $x_1$": {"P01": np.array([7.0])}}, None, c),
+        "drives": lambda c: figures.drives([check.drive for check in checks], (-50, 50), c),
+        "drive": lambda c: figures.drives([checks[0].drive], None, c),
+        "comparison": lambda c: figures.comparison(rows, c),
+        "comparison of one": lambda c: figures.comparison(rows[:1], c),
+        "response": lambda c: figures.response(table, None, c),
+        "response and truth": lambda c: figures.response(table, truth, c),
+        "feeling": lambda c: figures.feeling_figure(felt, c),
+        "check": lambda c: figures.check_figure(checks[0], c),
+        "button": lambda c: figures.button_figure(button, c),
+        "map": lambda c: figures.map_figure(whole, c),
+        "map of a row": lambda c: figures.map_figure(part, c),
+        "before and after": lambda _: figures.before_and_after(by_name, {"latch": checks[0]}),
+        "responses": lambda _: figures.responses([table], [table]),
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_text_overlaps_another_or_leaves_the_canvas(gallery: Mapping[str, Draw], name: str) -> None:
+    for columns in (1, 2):
+        figure = gallery[name](columns)
+        figures.mark_simulated(figure)
+        texts = drawn_texts(figure)
+        assert overlaps(figure, texts) == [], columns
+        assert alike(figure) == []
+        assert "simulated" in [text for text, *_ in texts]
+
+
+def test_every_figure_is_among_them(gallery: Mapping[str, Draw]) -> None:
+    assert tuple(gallery) == NAMES
+
+
+def test_a_text_over_another_and_off_the_canvas_is_found() -> None:
+    with style():
+        figure = new_figure(1.5)
+        axes = figure.add_subplot()
+        axes.plot([0, 1], label="one", color=colour(1))
+        axes.plot([1, 0], label="other", color=colour(4))
+        letter(axes, 0, "A title without room for the legend", legend_rows=0)
+        legend_under(axes, 1)
+        figure.text(0.99, 0.5, "beyond the edge")
+    found = " ".join(overlaps(figure))
+    assert "overlaps 'other'" in found and "'beyond the edge' leaves the canvas" in found
+    assert alike(figure) == ["'one' looks like 'other' in grey"]
+
+
+def test_a_plot_is_a_new_file_in_three_formats_at_two_widths(demo: Demo, run: Run, tmp_path: Path) -> None:
+    drive = demo.folder / "drives" / "latch.h5"
+    sizes = {}
+    for kind, begins in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
+        for columns in (1, 2):
+            once, again = (tmp_path / f"{n}-{columns}.{kind}" for n in ("once", "again"))
+            for out in (once, again):
+                result = run("show", drive, "--plot", out, "--columns", columns)
+                assert result.exit_code == 0, result.output
+            assert once.read_bytes() == again.read_bytes()
+            assert once.read_bytes().startswith(begins)
+            sizes[kind, columns] = once.read_bytes()
+    assert b'width="249' in sizes["svg", 1] and b'width="511' in sizes["svg", 2]  # points: 88 and 180 mm
+    wrong = run("show", drive, "--plot", tmp_path / "a.jpg")
+    assert wrong.exit_code == 2 and ".png or .pdf or .svg" in wrong.stderr
+
+
+def test_plots_of_a_script_are_marked_and_saved_once(demo: Demo, tmp_path: Path) -> None:
+    press = Representative.load(demo.folder / "presses" / "latch.h5")
+    figure = plot.press(press, columns=1)
+    assert [text.get_text() for text in figure.texts] == ["simulated"]
+    plot.save(figure, tmp_path / "press.svg")
+    with pytest.raises(ConfigurationError, match="exists"):
+        plot.save(figure, tmp_path / "press.svg")
+    for made in (
+        plot.check(Check.load(demo.folder / "checks" / "push.h5")),
+        plot.response(Calibration.load(demo.folder / "calibration.h5")),
+        plot.forces([Recording.open(demo.folder / "recordings" / "P01-latch.h5")]),
+        plot.vibration_map(vibration_map(range(12))),
+    ):
+        assert "simulated" in [text.get_text() for text in made.texts]

@@ -1,0 +1,103 @@
+"""What an operator sees at a terminal of 80 columns, and in a notebook."""
+
+from __future__ import annotations
+
+import builtins
+import io
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console as Screen
+
+from haploop import progress
+from haploop.acquisition import Protocol, Recording, Representative, record
+from haploop.calibration import Calibration, Check, Drive
+from haploop.instruments import Consent, InstrumentError, open_rig
+from haploop.instruments.operator import console
+from haploop.show import Meter
+from tests.haploop.conftest import Demo
+
+SENTENCE = "The button did not switch, and the force was beyond what the sensor can take; it is repeated now."
+
+
+def screen(**more: object) -> Screen:
+    return Screen(file=io.StringIO(), width=80, height=24, **more)  # type: ignore[arg-type]
+
+
+def test_a_sentence_stands_above_what_is_shown_and_is_broken_between_words() -> None:
+    shown = screen(force_terminal=True, color_system=None)
+    with progress.shown(shown):
+        progress.note(SENTENCE)
+    lines = shown.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert len(lines) == 2 and " ".join(line.strip() for line in lines) == SENTENCE
+    progress.note(SENTENCE)  # elsewhere, once nothing is shown
+    assert len(shown.file.getvalue().splitlines()) == 2  # type: ignore[attr-defined]
+
+
+def test_a_meter_counts_measures_and_counts_down(tmp_path: Path) -> None:
+    shown = screen(force_terminal=True, color_system=None)
+    seen: list[str] = []
+    with open_rig("simulated", simulate="twin") as rig:
+        meter = Meter(rig, shown)
+
+        def look(*_told: object) -> None:
+            with shown.capture() as captured:
+                shown.print(meter.lines())
+            seen.append(captured.get())
+
+        tell = rig.operator.tell
+        rig.operator.tell = lambda request: (tell(request), look())[0]  # type: ignore[assignment, func-returns-value]
+        record(
+            rig, "latch", "P01", 2, tmp_path, lambda *p: (meter.progress(*p), look()),
+            lambda press: (meter.on_verdict(press), look()),
+            protocol=Protocol(wait=60), on_request=meter.on_request,
+        )  # fmt: skip
+        meter.lines()
+        look()
+    text = "\n".join(seen)
+    assert "0 of 2" in text and "2 of 2" in text and "Done." in seen[-1]
+    forces = [float(line.split(" N")[0].split()[-1]) for line in text.splitlines() if " N " in line]
+    assert max(forces) > 5  # the latch: 7.5 N at its activation
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path: Path) -> None:
+    shown = screen()
+    with open_rig("simulated", simulate="twin") as rig, Meter(rig, shown) as meter:
+        record(rig, "push", "P01", 2, tmp_path, meter.progress, meter.on_verdict)
+    said = shown.file.getvalue()  # type: ignore[attr-defined]
+    assert said == "Record the push button: 0 of 2 presses.\n1 of 2 presses.\n2 of 2 presses.\n"
+
+
+def test_a_question_is_asked_in_a_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    operator = console.Console()
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    with pytest.raises(InstrumentError, match="Nobody is at the console"):
+        operator.confirm(Consent("P01"))
+    shell = SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))  # type: ignore[arg-type]
+    monkeypatch.setattr(builtins, "input", lambda prompt: asked.append(prompt) or "n")
+    assert not operator.confirm(Consent("P01"))
+    assert asked == ["Has P01 read and signed the consent form? [Y/n] "]
+
+
+def test_values_are_short_and_a_notebook_shows_a_picture(demo: Demo) -> None:
+    folder = demo.folder
+    values = (
+        Recording.open(folder / "recordings" / "P01-latch.h5"),
+        Representative.load(folder / "presses" / "latch.h5"),
+        Calibration.load(folder / "calibration.h5"),
+        Drive.load(folder / "drives" / "latch.h5"),
+        Check.load(folder / "checks" / "latch.h5"),
+    )
+    for value in values:
+        assert len(repr(value)) < 120 and "simulated" in repr(value)
+        html = value._repr_html_()
+        assert html.count('src="data:image/png;base64,') == 1 and "<table>" in html
+    with open_rig("simulated", simulate="twin") as rig:
+        assert "open, simulated by its twin; daq" in repr(rig)
+        html = rig._repr_html_()
+    assert "vibrometer" in html and "simulated" in html and "<svg" in html
