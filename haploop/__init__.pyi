@@ -63,6 +63,11 @@ from .calibration import recalibrate as recalibrate
 from .calibration import write_uff as write_uff
 from .demo import claim_folder as claim_folder
 from .demo import run_demo as run_demo
+from .experiments import analyse_identification as analyse_identification
+from .experiments import analyse_ratings as analyse_ratings
+from .experiments import load_power_plan as load_power_plan
+from .experiments import power_of as power_of
+from .experiments import read_rows as read_rows
 from .figures import animate_map as animate_map
 from .figures import trend as trend
 from .instruments import Clock as Clock

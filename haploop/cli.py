@@ -10,6 +10,7 @@ import sys
 
 import click
 
+from haploop.commands.analyse import analyse
 from haploop.commands.button import button
 from haploop.commands.calibrations import calibrations
 from haploop.commands.demo import demo
@@ -53,6 +54,7 @@ for command in (
     check,
     map_command,
     button,
+    analyse,
     recalibrate,
     calibrations,
     export,
