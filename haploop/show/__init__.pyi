@@ -4,6 +4,7 @@ from .analysis import show_ratings as show_ratings
 from .check import show_check as show_check
 from .demo import show_demo as show_demo
 from .examination import show_findings as show_findings
+from .experiment import show_experiment as show_experiment
 from .feeling import feeling_values as feeling_values
 from .file import FileContents as FileContents
 from .file import file_contents as file_contents
