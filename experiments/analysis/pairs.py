@@ -33,8 +33,13 @@ class Comparison:
     p_bonferroni: float
     d: float
     """Standardised by the standard deviation of people's differences (Cohen's d_z)."""
-    d_interval: tuple[float, float]
-    """95 %."""
+    weight: float
+    """Number of people whose mean difference would be known as well: less if groups differ in size."""
+
+    @property
+    def d_interval(self) -> tuple[float, float]:
+        """Interval of 95 % of `d`."""
+        return cohen_interval(self.t, self.df, self.weight)
 
 
 def paired(first: str, second: str, differences: FloatArray, groups: Sequence[int] = ()) -> Comparison:
@@ -67,7 +72,7 @@ def paired(first: str, second: str, differences: FloatArray, groups: Sequence[in
         p,
         p,
         t / math.sqrt(weight),
-        cohen_interval(t, df, weight),
+        weight,
     )
 
 

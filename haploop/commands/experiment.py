@@ -79,6 +79,7 @@ def run(
     store = _store(file, data)
     if model and not simulated:
         raise click.UsageError("--model is the model of a simulated participant: add --simulated.")
+    loaded = _model(model)
     ask = partial(_consent, participant, simulated)
     with haploop.open_session(
         store, participant, haploop.RealClock(), session, simulated=simulated, consent=ask
@@ -86,8 +87,8 @@ def run(
         if simulated:
             note("A simulated participant answers.")
         number = opened.assignment.session
-        who = _simulated(model, participant, number) if simulated else _AtTerminal()
-        haploop.run_session(opened, who)
+        answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else _AtTerminal()
+        haploop.run_session(opened, answers)
     display.show_experiment(store, as_json)
     return 0
 
@@ -102,14 +103,14 @@ def run(
 @JSON
 def simulate(file: str, participants: int, model: Path | None, data: Path | None, as_json: bool) -> int:
     """Run every session of simulated participants, P01 and so on, that is not complete."""
-    store = _store(file, data)
+    store, loaded = _store(file, data), _model(model)
     names = [f"P{number:02}" for number in range(1, participants + 1)]
     clock = haploop.RealClock()
     with Steps() as steps:
         for done, name in enumerate(names):
             while (number := store.next_session(name)) is not None:
                 with haploop.open_session(store, name, clock, number, simulated=True) as opened:
-                    haploop.run_session(opened, _simulated(model, name, number))
+                    haploop.run_session(opened, haploop.SimulatedParticipant(loaded, name, number))
             steps("Simulated participants", done + 1, len(names), "")
     display.show_experiment(store, as_json)
     return 0
@@ -228,6 +229,5 @@ def _consent(participant: str, simulated: bool) -> bool:
     )
 
 
-def _simulated(model: Path | None, participant: str, session: int) -> haploop.SimulatedParticipant:
-    loaded = haploop.load_participant_model(model) if model else haploop.ParticipantModel()
-    return haploop.SimulatedParticipant(loaded, participant, session)
+def _model(path: Path | None) -> haploop.ParticipantModel:
+    return haploop.load_participant_model(path) if path else haploop.ParticipantModel()
