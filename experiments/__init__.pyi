@@ -11,8 +11,10 @@ from .analysis import PowerPlan as PowerPlan
 from .analysis import Ratings as Ratings
 from .analysis import Rows as Rows
 from .analysis import Sphericity as Sphericity
+from .analysis import Threshold as Threshold
 from .analysis import analyse_identification as analyse_identification
 from .analysis import analyse_ratings as analyse_ratings
+from .analysis import analyse_thresholds as analyse_thresholds
 from .analysis import anova as anova
 from .analysis import clustered_interval as clustered_interval
 from .analysis import compare_levels as compare_levels
@@ -42,6 +44,7 @@ from .contact import learn_background as learn_background
 from .contact import run_button as run_button
 from .contact import verify_button as verify_button
 from .contact import watch_touch as watch_touch
+from .contact import without_lead_in as without_lead_in
 from .protocol import Answer as Answer
 from .protocol import Assignment as Assignment
 from .protocol import Course as Course

@@ -67,6 +67,7 @@ from .experiments import Session as Session
 from .experiments import Store as Store
 from .experiments import analyse_identification as analyse_identification
 from .experiments import analyse_ratings as analyse_ratings
+from .experiments import analyse_thresholds as analyse_thresholds
 from .experiments import example_names as example_names
 from .experiments import export_answers as export_answers
 from .experiments import load_experiment as load_experiment

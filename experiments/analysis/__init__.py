@@ -9,6 +9,7 @@ from haploop.experiments.analysis.power import Power, PowerPlan, load_power_plan
 from haploop.experiments.analysis.proportions import clustered_interval, wilson_interval
 from haploop.experiments.analysis.ratings import PairRatings, Ratings, analyse_ratings, normalise
 from haploop.experiments.analysis.table import Rows, read_rows
+from haploop.experiments.analysis.threshold import Threshold, analyse_thresholds
 
 __all__ = [
     "METRICS",
@@ -24,8 +25,10 @@ __all__ = [
     "Ratings",
     "Rows",
     "Sphericity",
+    "Threshold",
     "analyse_identification",
     "analyse_ratings",
+    "analyse_thresholds",
     "anova",
     "clustered_interval",
     "compare_levels",

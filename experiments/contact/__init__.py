@@ -16,6 +16,7 @@ from haploop.experiments.contact.button import (
     latency_of,
     run_button,
     verify_button,
+    without_lead_in,
 )
 from haploop.experiments.contact.finger import (
     FingerCalibration,
@@ -42,4 +43,5 @@ __all__ = [
     "run_button",
     "verify_button",
     "watch_touch",
+    "without_lead_in",
 ]

@@ -22,6 +22,8 @@ _DETECTED = 6.0
 """Brightness over the noise of the smoothed image above which a pixel belongs to a finger."""
 _SMOOTHED = 3
 """Side of the square (pixels) over which the image is averaged."""
+_EDGE = 4
+"""Width of the border (pixels) that shows the light without a finger."""
 _SMALLEST = 60
 """Smallest blob (pixels) that counts as a finger."""
 _BLURRED = 5.0
@@ -96,8 +98,8 @@ def learn_background(camera: Camera, frames: int = 30) -> Background:
     """
     seen = np.array([camera.read().pixels for _ in range(frames)], dtype=float)
     mean = seen.mean(axis=0)
-    deviation = seen.std(axis=0, ddof=1)
-    noise = float(np.median(deviation))
+    # From successive frames, so that a change of the light is not taken for noise.
+    noise = float(np.median(np.abs(np.diff(seen, axis=0)))) / 0.954
     if float(np.percentile(mean, 99)) > 200:
         raise DataError("The image without a finger is too bright: lower the exposure, or shade the table.")
     if noise == 0 and float(mean.max()) == 0:
@@ -150,7 +152,10 @@ def _raised(frame: Frame, background: Background) -> tuple[FloatArray, float]:
             "learn it anew."
         )
     difference = ndimage.uniform_filter(frame.pixels - background.mean, _SMOOTHED)
-    light = float(np.median(difference))
+    # At the border, because a firm finger may cover half of a small image.
+    edge = np.concatenate([difference[:_EDGE].ravel(), difference[-_EDGE:].ravel()])
+    sides = np.concatenate([difference[:, :_EDGE].ravel(), difference[:, -_EDGE:].ravel()])
+    light = float(np.median(np.concatenate([edge, sides])))
     return difference - light, light
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Literal
 
 import numpy as np
 
-from haploop.calibration import Check, DigitalButton, play_button
+from haploop.calibration import Check, DigitalButton, Drive, check
 from haploop.experiments.contact.area import Contact, ContactMeter
 from haploop.instruments import Camera, ConfigurationError, DataError, Rig
 from haploop.instruments.arrays import FloatArray
@@ -24,13 +24,16 @@ __all__ = [
     "latency_of",
     "run_button",
     "verify_button",
+    "without_lead_in",
 ]
 
 BUDGET = 0.054
 """s: asynchrony of a haptic and an acoustic attack that people notice (arXiv 1906.11571), our budget for
 frame to drive. For a finger that feels its own press there may be less."""
+_RISE = 5e-3
+"""Time in which a drive without its lead-in rises (s)."""
 _ONSET = 0.1
-"""Share of the drive's peak at which it counts as begun to be felt."""
+"""Share of the target's peak at which it counts as begun to be felt."""
 
 
 class Activator:
@@ -77,6 +80,8 @@ class VerifiedButton:
     rig: Rig
     date: str
     """Local date of the check."""
+    left_out: float
+    """Share of the target's energy in the lead-in that is not played, and was not in the check."""
 
     def refuse_stale(self, rig: Rig) -> None:
         """Raise ConfigurationError unless the check holds on this rig today."""
@@ -97,7 +102,7 @@ class Played:
     latency: float
     """s from the middle of the frame's exposure to the first sample of the drive, at most."""
     onset: float
-    """s from there to where the drive reaches a tenth of its peak."""
+    """s from the middle of the exposure to where the target motion reaches a tenth of its peak."""
 
 
 @dataclass(frozen=True)
@@ -125,18 +130,49 @@ class _Timer:
             self.begun = min(self.begun, self.rig.clock.now() - done)
 
 
-def verify_button(rig: Rig, button: DigitalButton, progress: Progress = silent) -> VerifiedButton:
-    """Play and measure a button, as `haploop button check` does; it may then be used on this rig today.
+def verify_button(
+    rig: Rig, button: DigitalButton, left_out: float = 5e-3, progress: Progress = silent
+) -> VerifiedButton:
+    """Play and measure a button without its lead-in; it may then be used on this rig today.
 
-    Raises DataError when the check does not pass, and what `play_button` raises.
+    A recorded press begins some tenths of a second before the button activates. At run time the finger has
+    pressed already, so that the drive begins where the target has had the share `left_out` of its energy. The
+    check is of exactly what will be played. Raises DataError when it does not pass, ConfigurationError for a
+    button of another world, and what `haploop.check` raises.
     """
-    check = play_button(rig, button, progress=progress)
-    if not check.passed:
+    if button.simulated != rig.simulated:
+        kinds = {True: "simulated", False: "real"}
+        raise ConfigurationError(
+            f"The digital {button.press.button} is of a {kinds[button.simulated]} table and the rig "
+            f"{rig.name!r} "
+            f"is {kinds[rig.simulated]}: make a button on this rig."
+        )
+    drive, left_out = without_lead_in(button.drive, left_out)
+    result = check(rig, drive, button.press, progress=progress)
+    if not result.passed:
         raise DataError(
-            f"The digital {button.press.button} is not verified today ({' '.join(check.reasons)}): "
+            f"The digital {button.press.button} is not verified today ({' '.join(result.reasons)}): "
             "make it again."
         )
-    return VerifiedButton(button, check, rig, _today())
+    return VerifiedButton(button, result, rig, _today(), left_out)
+
+
+def without_lead_in(drive: Drive, left_out: float = 5e-3) -> tuple[Drive, float]:
+    """Cut a drive where its target has had the share `left_out` of its energy; return it, and what was cut.
+
+    The volts rise from zero over 5 ms, so that the drive begins without a step. Raises ConfigurationError
+    for a share below 0 or above 1 %: more than that would no longer be the press.
+    """
+    if not 0 <= left_out <= 0.01:
+        raise ConfigurationError(f"The lead-in to leave out is {left_out:g} of the energy: use 0 to 0.01.")
+    energy = np.cumsum(drive.target**2) / float(np.sum(drive.target**2))
+    rise = round(_RISE * drive.rate_hz)
+    begin = max(0, int(np.argmax(energy > left_out)) - rise)
+    if begin == 0:
+        return drive, 0.0
+    volts = drive.volts[begin:].copy()
+    volts[:rise] *= np.sin(np.pi / 2 * np.arange(rise) / rise) ** 2
+    return replace(drive, volts=volts, target=drive.target[begin:]), float(energy[begin - 1])
 
 
 def run_button(
@@ -174,7 +210,7 @@ def run_button(
         timer = _Timer(rig)
         rig.excite(drive.volts, (drive.patch,), (rig.monitor(drive.patch),), progress=timer)
         latency = timer.begun - contact.time
-        found.append(Played(kind, contact, latency, latency + _onset(drive.volts) / drive.rate_hz))
+        found.append(Played(kind, contact, latency, latency + _onset(drive.target) / drive.rate_hz))
         since = rig.clock.now()
     return tuple(found)
 
@@ -194,9 +230,8 @@ def latency_of(played: Sequence[Played], budget: float = BUDGET) -> Latency:
     )
 
 
-def _onset(volts: FloatArray) -> int:
-    peak = float(np.abs(volts).max())
-    return int(np.argmax(np.abs(volts) >= _ONSET * peak)) if peak > 0 else 0
+def _onset(target: FloatArray) -> int:
+    return int(np.argmax(np.abs(target) >= _ONSET * np.abs(target).max()))
 
 
 def _today() -> str:

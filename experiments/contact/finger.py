@@ -73,12 +73,13 @@ def calibrate_finger(
     meter: ContactMeter,
     participant: str,
     presses: int = 5,
+    timeout: float = _TIMEOUT,
     on_press: Callable[[str, int, float], None] = lambda _pressure, _number, _area: None,
 ) -> FingerCalibration:
     """Ask for light presses and then for as many firm ones, and measure the largest area of each.
 
     `camera` was started. `on_press(pressure, number, area)` is called after each. Raises DataError: a press
-    whose images are not usable, none within 10 s, or a calibration that is not usable. Raises
+    whose images are not usable, none within `timeout` (s), or a calibration that is not usable. Raises
     InstrumentError.
     """
     areas: dict[str, list[float]] = {"light": [], "firm": []}
@@ -86,7 +87,7 @@ def calibrate_finger(
     for pressure in pressures:
         for number in range(1, presses + 1):
             rig.operator.tell(Touch(participant, pressure, number, presses))
-            contacts = watch_touch(camera, meter)
+            contacts = watch_touch(camera, meter, timeout)
             for contact in contacts:
                 if contact.problem:
                     raise DataError(
@@ -102,8 +103,8 @@ def calibrate_finger(
     return found
 
 
-def watch_touch(camera: Camera, meter: ContactMeter) -> list[Contact]:
-    """Contacts of the next press, from its first frame to its last. Raises DataError without one in 10 s."""
+def watch_touch(camera: Camera, meter: ContactMeter, timeout: float = _TIMEOUT) -> list[Contact]:
+    """Contacts of the next press, first frame to last. Raises DataError without one in `timeout` (s)."""
     contacts: list[Contact] = []
     first = None
     while True:
@@ -113,9 +114,10 @@ def watch_touch(camera: Camera, meter: ContactMeter) -> list[Contact]:
             contacts.append(contact)
         elif contacts:
             return contacts
-        if contact.time - first > _TIMEOUT:
+        if contact.time - first > timeout:
             what = "did not end" if contacts else "did not come"
-            raise DataError(f"A press {what} within {_TIMEOUT:g} s: ask the participant again.")
+            problem = next((one.problem for one in contacts if one.problem), "")
+            raise DataError(f"A press {what} within {timeout:g} s. {problem or 'Ask the participant again.'}")
 
 
 def activation_areas(calibration: FingerCalibration, forces: Mapping[str, float]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -75,6 +76,22 @@ def ratings(
     if plot:
         outputs.save_picture(figures.ratings_figure(result), plot, rows.simulated)
     display.show_ratings(result, rows.simulated, as_json)
+    return 0
+
+
+@analyse.command()
+@click.argument("file", type=PATH)
+@click.option("--by", multiple=True, metavar="COLUMN", help="Further column that tells functions apart.")
+@JSON
+def thresholds(file: Path, by: Sequence[str], as_json: bool) -> int:
+    """Psychometric functions of two-interval forced choice or staircases, one for each participant.
+
+    FILE is a CSV with the columns comparison and correct (and participant). Needs psignifit.
+    """
+    rows = haploop.read_rows(file)
+    found = haploop.analyse_thresholds(rows, tuple(by))
+    columns = [column for column in ("participant", *by) if column in rows.columns]
+    display.show_thresholds(found, columns, rows.simulated, as_json)
     return 0
 
 

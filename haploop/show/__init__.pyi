@@ -1,6 +1,7 @@
 from .analysis import show_identification as show_identification
 from .analysis import show_power as show_power
 from .analysis import show_ratings as show_ratings
+from .analysis import show_thresholds as show_thresholds
 from .check import show_check as show_check
 from .demo import show_demo as show_demo
 from .examination import show_findings as show_findings

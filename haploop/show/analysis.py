@@ -17,11 +17,12 @@ from haploop.experiments import (
     MultivariateEffect,
     Power,
     Ratings,
+    Threshold,
 )
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.formatting import interval, json_number, percent
 
-__all__ = ["show_identification", "show_power", "show_ratings"]
+__all__ = ["show_identification", "show_power", "show_ratings", "show_thresholds"]
 
 _SIMULATED = "Simulated participants answered: no person did."
 
@@ -111,6 +112,36 @@ def show_power(found: Sequence[Power], as_json: bool) -> None:
         table.add_row(str(one.people), one.effect, percent(one.power), interval(one.interval))
     print_table(table)
     print_line(f"{found[0].runs} simulated experiments each, with answers as the plan assumes them.")
+
+
+def show_thresholds(
+    found: Sequence[Threshold], columns: Sequence[str], simulated: bool, as_json: bool
+) -> None:
+    """Show thresholds; `columns` name what tells them apart."""
+    if as_json:
+        values = [
+            {
+                **dict(zip(columns, one.who, strict=True)),
+                "threshold": one.threshold,
+                "interval": list(one.interval),
+                "width": one.width,
+                "lapse": one.lapse,
+                "trials": one.trials,
+            }
+            for one in found
+        ]
+        print_json({"simulated": simulated, "thresholds": values})
+        return
+    title = "Thresholds (75 % right, but for lapses)"
+    table = _table(title, *columns, "Threshold", "95 %", "Width", "Lapse", "Trials")
+    for one in found:
+        low, high = one.interval
+        edges = f"{low:.4g} to {high:.4g}"
+        numbers = (f"{one.threshold:.4g}", edges, f"{one.width:.3g}", f"{one.lapse:.3f}")
+        table.add_row(*one.who, *numbers, str(one.trials))
+    print_table(table)
+    if simulated:
+        print_line(_SIMULATED)
 
 
 def _table(title: str, *columns: str) -> Table:

@@ -100,7 +100,7 @@ class CameraTwin(Camera):
         if self.target is not None:
             light = np.maximum(light, self._ellipse(self.target, blur, 0.0, 0.0, aspect=1.0))
         if others:
-            light = np.maximum(light, self._ellipse(others, blur, 0.30 * self.shape[1], 0.2 * self.shape[0]))
+            light = np.maximum(light, self._ellipse(others, blur, 0.36 * self.shape[1], 0.36 * self.shape[0]))
         image = lamp * self._unevenness + _FINGER * light + _NOISE * self._rng.normal(size=self.shape)
         return np.asarray(np.clip(np.round(image), 0, 255), dtype=np.uint8)
 
@@ -109,7 +109,7 @@ class CameraTwin(Camera):
         if area <= 0:
             return np.zeros(self.shape)
         width = math.sqrt(area / (math.pi * aspect)) * PIXELS_PER_METRE
-        height = width * aspect
-        inside = 1 - np.hypot((self._x - x) / width, (self._y - y) / height)
-        distance = inside * math.sqrt(width * height)
+        length = width * aspect
+        inside = 1 - np.hypot((self._x - x) / length, (self._y - y) / width)
+        distance = inside * math.sqrt(width * length)
         return np.asarray(ndtr(distance / max(blur, 1e-3)))

@@ -61,3 +61,28 @@ def test_a_file_that_is_not_one_is_refused(run: Run, tmp_path: Path, command: st
         result = run("analyse", command, path, "--json")
         assert result.exit_code == 2 and result.stdout == "", path
         assert len(result.stderr.splitlines()) == 1
+
+
+def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
+    """The model's: Weibull with 0.2 and slope 2, so that half of the way is at 0.2 ln(2)^(1/2) = 0.167."""
+    pytest.importorskip("psignifit")
+    data, table = tmp_path / "answers", tmp_path / "out.csv"
+    assert run("experiment", "simulate", "two-interval", "-n", 1, "-d", data).exit_code == 0
+    assert run("experiment", "export", "two-interval", table, "-d", data).exit_code == 0
+    result = run("analyse", "thresholds", table, "--json")
+    assert result.exit_code == 0
+    one = json.loads(result.stdout)["thresholds"][0]
+    assert one["participant"] == "P01" and one["trials"] == 120
+    assert one["interval"][0] < 1.167 < one["interval"][1] and 1.05 < one["threshold"] < 1.3
+    short = table.with_name("short.csv")
+    short.write_text("\n".join(table.read_text(encoding="utf-8").splitlines()[:15]), encoding="utf-8")
+    assert "a threshold needs 20 trials" in run("analyse", "thresholds", short).stderr
+
+
+def test_without_psignifit_the_extra_is_named(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "psignifit", None)
+    path = written(tmp_path, "comparison,correct\n0.1,true\n")
+    result = run("analyse", "thresholds", path)
+    assert result.exit_code == 2 and 'pip install "haploop[psychometrics]"' in result.stderr

@@ -39,6 +39,7 @@ WORK = {
     "experiment withdraw": ["Store"],
     "analyse confusion": ["read_rows", "analyse_identification"],
     "analyse ratings": ["read_rows", "analyse_ratings"],
+    "analyse thresholds": ["read_rows", "analyse_thresholds"],
     "analyse power": ["load_power_plan", "power_of"],
     "recalibrate": ["History", "recalibrate", "Unattended", "write_recalibration"],
     "calibrations adopt": ["History", "DigitalButton", "adopt"],
