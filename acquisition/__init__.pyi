@@ -26,3 +26,4 @@ from .session import StudyProgress as StudyProgress
 from .session import load_study as load_study
 from .session import record as record
 from .session import run_study as run_study
+from .session import williams_row as williams_row

@@ -10,9 +10,11 @@ import sys
 
 import click
 
+from haploop.commands.analyse import analyse
 from haploop.commands.button import button
 from haploop.commands.calibrations import calibrations
 from haploop.commands.demo import demo
+from haploop.commands.experiment import experiment
 from haploop.commands.export import export, import_
 from haploop.commands.files import recover, show, verify
 from haploop.commands.live import live
@@ -53,6 +55,8 @@ for command in (
     check,
     map_command,
     button,
+    experiment,
+    analyse,
     recalibrate,
     calibrations,
     export,

@@ -1,4 +1,6 @@
 from .amplifier import Amplifier as Amplifier
+from .camera import Camera as Camera
+from .camera import Frame as Frame
 from .clock import Clock as Clock
 from .clock import RealClock as RealClock
 from .config import RigFile as RigFile
@@ -29,6 +31,7 @@ from .operator import Ready as Ready
 from .operator import Remove as Remove
 from .operator import Request as Request
 from .operator import Rest as Rest
+from .operator import Touch as Touch
 from .operator import Unattended as Unattended
 from .player import Player as Player
 from .progress import Progress as Progress

@@ -2,5 +2,6 @@
 
 from haploop.acquisition.session.recorder import record
 from haploop.acquisition.session.study import Study, StudyProgress, load_study, run_study
+from haploop.acquisition.session.study_file import williams_row
 
-__all__ = ["Study", "StudyProgress", "load_study", "record", "run_study"]
+__all__ = ["Study", "StudyProgress", "load_study", "record", "run_study", "williams_row"]

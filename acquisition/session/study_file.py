@@ -17,7 +17,7 @@ from haploop.acquisition.recording import file_name
 from haploop.instruments import ConfigurationError
 from haploop.instruments.config import key_lines, parse_toml, place, validate
 
-__all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file"]
+__all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file", "williams_row"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1, le=1000)]
@@ -192,7 +192,7 @@ class StudyFile(_Section):
             rng = np.random.default_rng([self.seed or 0, zlib.crc32(participant.encode())])
             places = [int(place) for place in rng.permutation(count)]
         else:
-            places = _williams_row(count, self.participants.index(participant))
+            places = williams_row(count, self.participants.index(participant))
         return tuple(self.buttons[place] for place in places)
 
     def presses_of(self, button: str) -> int:
@@ -263,7 +263,7 @@ def _different(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-def _williams_row(count: int, index: int) -> list[int]:
+def williams_row(count: int, index: int) -> list[int]:
     """Row of Williams' design: 0, 1, n-1, 2, n-2, ... shifted by one a row; then reversed rows for odd n."""
     first = [(place + 1) // 2 if place % 2 else (count - place // 2) % count for place in range(count)]
     rows = count if count % 2 == 0 else 2 * count

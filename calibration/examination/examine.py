@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
+from haploop.calibration.examination.camera_check import check_camera
 from haploop.calibration.examination.finding import Finding, Status
 from haploop.calibration.examination.patch_check import check_patches
 from haploop.calibration.examination.sensor_check import (
@@ -37,6 +38,7 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
         ("Noise floor", "daq", True, lambda: check_noise(rig)),
         ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),
         ("Accelerometer", "acceleration", rig.sensors.acceleration is not None, lambda: check_gravity(rig)),
+        ("Camera", "camera", rig.has("camera"), lambda: check_camera(rig)),
         ("Two cards, one clock", "daq", len(cards(rig)) > 1, lambda: check_clock(rig)),
         ("Relay", "relay", rig.file.relay is not None, lambda: _relay(rig)),
         ("Patches", "table", _has_table(rig), lambda: check_patches(rig)),

@@ -7,6 +7,8 @@ from .encoding import on_page as on_page
 from .encoding import pdf_of as pdf_of
 from .encoding import png as png
 from .encoding import text_page as text_page
+from .experiments import confusion_figure as confusion_figure
+from .experiments import ratings_figure as ratings_figure
 from .feeling import feeling_figure as feeling_figure
 from .history import before_and_after as before_and_after
 from .history import responses as responses

@@ -1,6 +1,11 @@
+from .analysis import show_identification as show_identification
+from .analysis import show_power as show_power
+from .analysis import show_ratings as show_ratings
+from .analysis import show_thresholds as show_thresholds
 from .check import show_check as show_check
 from .demo import show_demo as show_demo
 from .examination import show_findings as show_findings
+from .experiment import show_experiment as show_experiment
 from .feeling import feeling_values as feeling_values
 from .file import FileContents as FileContents
 from .file import contents_of as contents_of

@@ -13,6 +13,7 @@ docs/adding-an-instrument.md has a complete example. Only tests import this pack
 """
 
 from haploop.instruments.conformance.amplifier import AmplifierConformance
+from haploop.instruments.conformance.camera import CameraConformance
 from haploop.instruments.conformance.daq import DaqConformance
 from haploop.instruments.conformance.generator import GeneratorConformance
 from haploop.instruments.conformance.operator import OperatorConformance
@@ -23,6 +24,7 @@ from haploop.instruments.conformance.vibrometer import VibrometerConformance
 
 __all__ = [
     "AmplifierConformance",
+    "CameraConformance",
     "Conformance",
     "DaqConformance",
     "Fired",

@@ -11,6 +11,7 @@ from haploop.instruments.operator.role import (
     Remove,
     Request,
     Rest,
+    Touch,
 )
 from haploop.instruments.operator.unattended import Unattended
 
@@ -25,5 +26,6 @@ __all__ = [
     "Remove",
     "Request",
     "Rest",
+    "Touch",
     "Unattended",
 ]

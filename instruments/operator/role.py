@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import Literal
 
 __all__ = [
     "Aim",
@@ -16,6 +17,7 @@ __all__ = [
     "Remove",
     "Request",
     "Rest",
+    "Touch",
 ]
 
 
@@ -120,7 +122,21 @@ class Remove:
         return "Take the mass off the force sensor."
 
 
-Request = Press | Rest | Consent | Ready | Aim | ConfirmSettings | Place | Remove
+@dataclass(frozen=True)
+class Touch:
+    """Press the touch surface once, with the finger that the camera sees: touch `number` of `of`."""
+
+    participant: str
+    pressure: Literal["light", "firm", "as a button"]
+    number: int
+    of: int
+
+    def __str__(self) -> str:
+        how = {"light": "lightly", "firm": "firmly", "as a button": "as you would press a button"}
+        return f"Press the touch surface {how[self.pressure]}, and lift ({self.number} of {self.of})."
+
+
+Request = Touch | Press | Rest | Consent | Ready | Aim | ConfirmSettings | Place | Remove
 
 
 class Operator(ABC):

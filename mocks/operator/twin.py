@@ -15,6 +15,7 @@ from haploop.instruments.operator import (
     Remove,
     Request,
     Rest,
+    Touch,
 )
 from haploop.mocks.plant import Plant
 
@@ -36,6 +37,8 @@ class OperatorTwin(Operator):
         match request:
             case Press():
                 self._plant.press(request)
+            case Touch():
+                self._plant.touch(request)
             case Aim():
                 self._plant.aim(request.point)
             case Place():

@@ -38,6 +38,7 @@ from haploop.mocks.plant.surface import (
     table_of,
 )
 from haploop.mocks.plant.table import TouchTable
+from haploop.mocks.plant.touches import SimulatedTouch
 from haploop.mocks.plant.truth import Truth
 
 __all__ = [
@@ -69,6 +70,7 @@ __all__ = [
     "Run",
     "SamplesLost",
     "ScheduledFault",
+    "SimulatedTouch",
     "Source",
     "Surface",
     "Switched",

@@ -185,6 +185,24 @@ class Fault:
         """
         return velocity
 
+    # Hooks: the camera under the surface
+
+    def lamp(self, level: float, time: float) -> float:
+        """Return the light that reaches the camera without a finger, in grey levels at the image's centre."""
+        return level
+
+    def blur(self, pixels: float, time: float) -> float:
+        """Return the standard deviation of the camera's blur (pixels)."""
+        return pixels
+
+    def other_finger(self, time: float) -> float:
+        """Return the contact area of another finger on the surface (m^2); 0 for none."""
+        return 0.0
+
+    def frame_lost(self, time: float) -> bool:
+        """Return True when the frame of this time is lost; called for each frame."""
+        return False
+
     # Hooks: the lines to instruments
 
     @property

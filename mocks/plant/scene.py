@@ -13,13 +13,14 @@ import numpy as np
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 from haploop.instruments.config import RigFile
-from haploop.instruments.operator import Press
+from haploop.instruments.operator import Press, Touch
 from haploop.mocks.plant.buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
 from haploop.mocks.plant.fault_kinds import Faults
 from haploop.mocks.plant.nodes import LaserHead
 from haploop.mocks.plant.patches import Patches
 from haploop.mocks.plant.plant_kinds import asked, plant_source, surface_and_laws
 from haploop.mocks.plant.surface import PlantSource, place_of, table_of
+from haploop.mocks.plant.touches import SimulatedTouch, skin_of, touch_surface
 
 __all__ = ["GRAVITY", "AmplifierOutput", "Scene"]
 
@@ -52,6 +53,7 @@ class Scene(ABC):
         self.section = table_of(file)
         self.faults = Faults.of_file(file)
         self.presses = Presses()
+        self.touches: list[SimulatedTouch] = []
         self.loads: list[tuple[float, float]] = []
         """Additional weights on the force sensor: the time from which each applies (s), and its force (N)."""
         self.aimed = "button"
@@ -112,6 +114,24 @@ class Scene(ABC):
             if flaw == "double":
                 again = press.stop + float(rng.uniform(0.03, 0.2))
                 self.presses.add(press_button(button, finger, request, again, rng, flaw))
+
+    def touch(self, request: Touch) -> None:
+        """Schedule a participant's press of the touch surface, after the reaction time."""
+        with self._lock:
+            finger = Finger.of(self.rng(f"finger of {request.participant}"))
+            skin = skin_of(self.rng(f"skin of {request.participant}"))
+            name = f"{request.participant} touches, {request.pressure}, {request.number}"
+            rng = self.rng(f"{name} after {len(self.touches)}")
+            start = self.clock.now() + finger.reaction * float(rng.uniform(0.8, 1.25))
+            self.touches.append(touch_surface(request, skin, start, rng))
+
+    def contact_area(self, times: FloatArray) -> FloatArray:
+        """Return the contact area of the finger on the touch surface, (times,) m^2."""
+        with self._lock:
+            areas = np.zeros(len(times))
+            for touch in self.touches:
+                areas = np.maximum(areas, touch.area(times))
+            return areas
 
     def _flaw(self, press: str, attempt: int) -> Flaw:
         """Return the flaw of an attempt at a press, or "". From the third attempt on there is none."""

@@ -10,6 +10,7 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.mocks.plant.buttons import SimulatedPress
 from haploop.mocks.plant.scene import AmplifierOutput, Scene
 from haploop.mocks.plant.surface import Surface
+from haploop.mocks.plant.touches import SimulatedTouch
 
 __all__ = ["Truth"]
 
@@ -24,6 +25,15 @@ class Truth:
     def presses(self) -> tuple[SimulatedPress, ...]:
         """All presses so far, in order."""
         return tuple(self._scene.presses.all)
+
+    @property
+    def touches(self) -> tuple[SimulatedTouch, ...]:
+        """All presses of the touch surface so far, in order."""
+        return tuple(self._scene.touches)
+
+    def contact_area(self, times: FloatArray) -> FloatArray:
+        """Return the finger's contact area on the touch surface, (times,) m^2."""
+        return self._scene.contact_area(np.asarray(times, dtype=np.float64))
 
     @property
     def resonance_hz(self) -> float:

@@ -1,1 +1,1 @@
-"""Two roles for haploop: a thermometer and a camera, both recorded along with presses."""
+"""Two roles for haploop: a thermometer and a microscope, both recorded along with presses."""

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from haploop.mocks.plant.plant import Plant
 from haploop.mocks.transport.line_server import DirectLine, LineServer
-from haploop_acme_thermometer.camera import AcmeC1
+from haploop_acme_thermometer.microscope import AcmeC1
 from haploop_acme_thermometer.thermometer import AcmeT1
 
 
@@ -23,6 +23,6 @@ def thermometer_wire(settings: AcmeT1.Settings, plant: Plant) -> Iterator[dict[s
         yield {"port": f"socket://{server.address}"}
 
 
-def camera(settings: AcmeC1.Settings, plant: Plant) -> AcmeC1:
-    noise = plant.rng("acme camera")
+def microscope(settings: AcmeC1.Settings, plant: Plant) -> AcmeC1:
+    noise = plant.rng("acme microscope")
     return AcmeC1(lambda: b"P5 8 8 255\n" + noise.bytes(64))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from haploop_acme_thermometer.camera import Camera
+from haploop_acme_thermometer.microscope import Microscope
 from haploop_acme_thermometer.thermometer import AcmeT1, Thermometer
 
 import haploop
@@ -21,10 +21,10 @@ from haploop.instruments.rig import rig_schema
 from haploop.mocks.transport.line_server import DirectLine
 
 
-@pytest.mark.requires("thermometer", "camera")
+@pytest.mark.requires("thermometer", "microscope")
 def test_the_rig_has_both_and_they_are_typed(rig: Rig) -> None:
     assert rig.role(Thermometer).temperature() == pytest.approx(21, abs=1)
-    assert isinstance(rig.role(Camera), RecordedAlong)
+    assert isinstance(rig.role(Microscope), RecordedAlong)
 
 
 @pytest.mark.requires("simulation")
@@ -61,18 +61,18 @@ def test_the_same_seed_gives_the_same_recording(open_rig, tmp_path: Path) -> Non
 
 
 @pytest.mark.requires("simulation")
-def test_a_camera_that_fails_is_an_event_and_costs_no_sample(
+def test_a_microscope_that_fails_is_an_event_and_costs_no_sample(
     rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    camera, taken = rig.role(Camera), []
+    microscope, taken = rig.role(Microscope), []
 
     def fails_at_times() -> bytes:
         taken.append(len(taken))
         if 2 <= len(taken) <= 4:
-            raise InstrumentError("The camera lost its cable.")
+            raise InstrumentError("The microscope lost its cable.")
         return b"P5 1 1 255\n0"
 
-    monkeypatch.setattr(camera, "grab", fails_at_times)
+    monkeypatch.setattr(microscope, "grab", fails_at_times)
     recording = haploop.record(rig, button="push", participant="P01", presses=1, out=tmp_path)
     (failure,) = [e for e in recording.events if e.kind == "along-error"]
     assert "lost its cable" in failure.text
@@ -100,7 +100,7 @@ def told(*arguments: str) -> Any:
 def test_the_schema_knows_both() -> None:
     properties = rig_schema()["properties"]
     assert properties["thermometer"]["properties"]["driver"]["enum"] == ["acme-t1"]
-    assert "camera" in properties
+    assert "microscope" in properties
 
 
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
@@ -109,7 +109,7 @@ def test_doctor_says_that_they_are_there(simulate: str) -> None:
     findings = told("doctor", "--rig", str(rig), "--simulate", simulate)["findings"]
     sentences = {finding["instrument"]: finding["sentence"] for finding in findings}
     assert sentences["thermometer"] == "ACME T1 (twin) responds."
-    assert sentences["camera"] == "ACME C1 responds."
+    assert sentences["microscope"] == "ACME C1 responds."
 
 
 @pytest.mark.parametrize("answer", ["", "warm"])

@@ -1,4 +1,4 @@
-"""The role camera, and the ACME C1: a stub driver that records frames as files along with presses."""
+"""The role microscope, and the ACME C1: a stub driver that records frames as files along with presses."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from haploop.instruments import Clock, InstrumentError, NewFile
 
 
-class Camera(ABC):
+class Microscope(ABC):
     """A source of frames, recorded along with presses: `P01-latch-frame0001.pgm` beside `P01-latch.h5`."""
 
     identity: str
@@ -25,7 +25,7 @@ class Camera(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the camera. May be called again."""
+        """Close the microscope. May be called again."""
 
     def start(self, stem: Path, clock: Clock) -> None:
         self._stem = stem
@@ -44,7 +44,7 @@ class Camera(ABC):
         """Do nothing: every frame's file is complete."""
 
 
-class AcmeC1(Camera):
+class AcmeC1(Microscope):
     class Settings(BaseModel):
         model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -55,7 +55,7 @@ class AcmeC1(Camera):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         raise InstrumentError(
-            "The ACME C1 does not exist: use --simulate, or write a driver for your camera."
+            "The ACME C1 does not exist: use --simulate, or write a driver for your microscope."
         )
 
     def grab(self) -> bytes:

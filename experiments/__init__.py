@@ -1,0 +1,8 @@
+"""People: experiments as files, contact area of a finger, digital buttons at run time, and statistics.
+
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

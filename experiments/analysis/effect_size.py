@@ -1,0 +1,59 @@
+"""Intervals of effect sizes, from noncentral distributions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from scipy import optimize, stats
+
+__all__ = ["cohen_interval", "eta_squared_interval"]
+
+
+def eta_squared_interval(f: float, df: float, error_df: float, level: float = 0.90) -> tuple[float, float]:
+    """Interval of partial eta squared from an F value: noncentral F, Steiger (2004).
+
+    Noncentrality lambda becomes lambda / (lambda + df + error_df + 1). For repeated measures it holds under
+    sphericity.
+    """
+    if not math.isfinite(f):
+        return (math.nan, math.nan) if math.isnan(f) else (1.0, 1.0)
+    tail = (1 - level) / 2
+
+    def bound(share: float) -> float:
+        def miss(noncentrality: float) -> float:
+            return float(stats.ncf.sf(f, df, error_df, noncentrality)) - share
+
+        if float(stats.f.sf(f, df, error_df)) >= share:
+            return 0.0
+        return _root(miss, 0.0, max(10.0, f * df))
+
+    low, high = (bound(share) for share in (tail, 1 - tail))
+    total = df + error_df + 1
+    return low / (low + total), high / (high + total)
+
+
+def cohen_interval(t: float, df: float, people: float, level: float = 0.95) -> tuple[float, float]:
+    """Interval of the standardised mean t / sqrt(people), from a t value: noncentral t.
+
+    For two groups `people` is n1 n2 / (n1 + n2).
+    """
+    if not math.isfinite(t):
+        return t, t
+    tail = (1 - level) / 2
+
+    def bound(share: float) -> float:
+        def miss(noncentrality: float) -> float:
+            return float(stats.nct.sf(t, df, noncentrality)) - share
+
+        reach = abs(t) + 5 + abs(t) * 5 / math.sqrt(df)
+        return float(optimize.brentq(miss, -reach, reach))
+
+    return bound(tail) / math.sqrt(people), bound(1 - tail) / math.sqrt(people)
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Root of a rising function that is negative at `low`."""
+    while function(high) < 0:
+        low, high = high, 2 * high
+    return float(optimize.brentq(function, low, high))

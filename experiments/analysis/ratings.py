@@ -1,0 +1,151 @@
+"""Analysis of ratings: normalisation, all adjective pairs together, and each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from haploop.experiments.analysis.anova import Effect, anova
+from haploop.experiments.analysis.cells import cells_of
+from haploop.experiments.analysis.manova import MultivariateEffect, manova_independent, manova_repeated
+from haploop.experiments.analysis.pairs import Comparison, bonferroni, compare_levels, paired
+from haploop.experiments.analysis.table import Rows
+from haploop.instruments import DataError
+from haploop.instruments.arrays import FloatArray
+
+__all__ = ["PairRatings", "Ratings", "analyse_ratings", "normalise"]
+
+
+@dataclass(frozen=True, eq=False)
+class PairRatings:
+    """One adjective pair."""
+
+    pair: str
+    mean: FloatArray
+    """(levels of the first factor, of the second): mean of the (normalised) ratings."""
+    deviation: FloatArray
+    """Their standard deviation over people."""
+    effects: tuple[Effect, ...]
+    comparisons: Mapping[str, tuple[Comparison, ...]]
+    """Pairs of levels of each factor, corrected by Bonferroni."""
+    simple: Mapping[str, tuple[Comparison, ...]]
+    """Pairs of levels of the first factor at each level of the second (physical and digital of each button),
+    corrected by Bonferroni over all of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ratings:
+    """Result of `analyse_ratings`."""
+
+    factors: tuple[str, str]
+    levels: tuple[tuple[str, ...], tuple[str, ...]]
+    people: tuple[str, ...]
+    left_out: tuple[str, ...]
+    between: str
+    normalised: bool
+    pairs: tuple[PairRatings, ...]
+    independent: tuple[MultivariateEffect | None, ...]
+    """As the paper computed it; see `manova_independent`."""
+    repeated: tuple[MultivariateEffect | None, ...]
+    """By person; see `manova_repeated`."""
+    notes: tuple[str, ...]
+
+
+def analyse_ratings(
+    rows: Rows,
+    factors: tuple[str, str] = ("category", "button"),
+    between: str = "",
+    normalised: bool = True,
+) -> Ratings:
+    """Analyse lines of `participant`, two within factors, `pair` (of adjectives) and `rating`.
+
+    `between` names a column that differs between people; by default `group`, if there is one. Raises
+    DataError: a missing column, nobody complete, a rating that cannot be normalised.
+    """
+    between = between or ("group" if "group" in rows.columns else "")
+    cells = cells_of(rows, [*factors, "pair"], ["rating"], between)
+    values = cells.values[..., 0]
+    if normalised:
+        values = normalise(values, cells.people)
+    groups = cells.groups if len(cells.group_names) > 1 else ()
+    between = between if groups else ""
+    first, second, pairs = cells.levels
+    levels = (first, second)
+    notes = [
+        f"With rows taken as independent, the {values.shape[0]} participants count as "
+        f"{values.shape[0] * len(first) * len(second)}, one for each cell. Ratings of one person are alike, "
+        "so that this error has too many degrees of freedom, and differences between people are in it: the "
+        "form by person is the one to report. Groups enter that form only."
+    ]
+    repeated = manova_repeated(values, factors, groups, between) if len(pairs) > 1 else ()
+    independent = manova_independent(values, factors) if len(pairs) > 1 else ()
+    if None in repeated:
+        notes.append(
+            "An effect on all pairs together has as many contrasts as pairs times degrees of freedom, and "
+            "needs more people than that: where it is missing, there are too few."
+        )
+    return Ratings(
+        factors,
+        levels,
+        cells.people,
+        cells.incomplete,
+        between,
+        normalised,
+        tuple(
+            _pair(name, values[..., index], factors, levels, groups, between)
+            for index, name in enumerate(pairs)
+        ),
+        independent,
+        repeated,
+        tuple(notes),
+    )
+
+
+def normalise(values: FloatArray, people: Sequence[str] = ()) -> FloatArray:
+    """Multiply each person's ratings by the grand geometric mean over the person's (Murray et al., 2003).
+
+    `values`: (people, ...). Raises DataError for a rating that is not positive: its geometric mean would be
+    zero, or not a number, so that the scale must begin above zero.
+    """
+    low = values.reshape(len(values), -1).min(axis=1)
+    if np.any(low <= 0):
+        who = int(np.argmin(low))
+        name = people[who] if people else f"person {who + 1}"
+        raise DataError(
+            f"A rating of {name} is {low[who]:g}, and a geometric mean needs positive ratings: use a scale "
+            "that begins above zero, or analyse the ratings as they are (--as-rated)."
+        )
+    logs = np.log(values)
+    own = logs.reshape(len(values), -1).mean(axis=1)
+    shift = (logs.mean() - own).reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(np.exp(logs + shift))
+
+
+def _pair(
+    name: str,
+    values: FloatArray,
+    factors: tuple[str, str],
+    levels: tuple[tuple[str, ...], tuple[str, ...]],
+    groups: tuple[int, ...],
+    between: str,
+) -> PairRatings:
+    simple = {}
+    found: list[Comparison] = []
+    for column, label in enumerate(levels[1]):
+        simple[label] = [
+            paired(levels[0][i], levels[0][j], values[:, i, column] - values[:, j, column], groups)
+            for i in range(len(levels[0]))
+            for j in range(i + 1, len(levels[0]))
+        ]
+        found += simple[label]
+    corrected = iter(bonferroni(found))
+    return PairRatings(
+        name,
+        values.mean(axis=0),
+        values.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1:]),
+        anova(values, factors, groups, between),
+        {factor: compare_levels(values, i, levels[i], groups) for i, factor in enumerate(factors)},
+        {label: tuple(next(corrected) for _ in some) for label, some in simple.items()},
+    )

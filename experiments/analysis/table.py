@@ -1,0 +1,108 @@
+"""Tidy tables: one CSV line an observation, with the names of its columns in the first line."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from haploop.instruments import DataError
+
+__all__ = ["Rows", "read_rows"]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Lines of a CSV file, as text, by the names of the columns."""
+
+    name: str
+    """What messages call the file."""
+    columns: tuple[str, ...]
+    lines: tuple[tuple[int, dict[str, str]], ...]
+    """Number of the line in the file, and its cells."""
+
+    def require(self, *columns: str) -> None:
+        """Raise DataError when a column is missing."""
+        for column in columns:
+            if column not in self.columns:
+                raise DataError(
+                    f"{self.name} has no column {column!r}, only {', '.join(self.columns)}: the first line "
+                    f"must name the columns {', '.join(columns)}."
+                )
+
+    def text(self, column: str) -> list[str]:
+        """Cells of a column. Raises DataError for an empty one."""
+        for number, line in self.lines:
+            if not line[column]:
+                raise DataError(f"{self.name}, line {number}: the column {column!r} is empty.")
+        return [line[column] for _, line in self.lines]
+
+    def numbers(self, column: str) -> list[float]:
+        """Cells of a column as finite numbers. Raises DataError, with the line, for another cell."""
+        found = []
+        for (number, _), cell in zip(self.lines, self.text(column), strict=True):
+            try:
+                value = float(cell)
+            except ValueError:
+                value = math.nan
+            if not math.isfinite(value):
+                raise DataError(f"{self.name}, line {number}: {column} is {cell!r}, which is not a number.")
+            found.append(value)
+        return found
+
+    @property
+    def simulated(self) -> bool:
+        """True when a column `simulated` says of any line that no person answered."""
+        return "simulated" in self.columns and any(line["simulated"] == "true" for _, line in self.lines)
+
+    def only(self, column: str, value: str) -> Rows:
+        """The lines with one value in a column."""
+        kept = tuple((number, line) for number, line in self.lines if line[column] == value)
+        return Rows(self.name, self.columns, kept)
+
+    def levels(self, column: str) -> tuple[str, ...]:
+        """Different values of a column, in the order of the file."""
+        return tuple(dict.fromkeys(self.text(column)))
+
+
+def read_rows(path: str | Path) -> Rows:
+    """Read a CSV file with a header line; a line that starts with # is a comment.
+
+    Raises DataError: no file, no text in UTF-8, no line of data, a line with too many or too few cells.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise DataError(f"There is no file {path}: name a CSV file.") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path} is not a text file in UTF-8: save the table as CSV (UTF-8).") from None
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}.") from None
+    return _rows(str(path), text.splitlines())
+
+
+def _rows(name: str, lines: Iterable[str]) -> Rows:
+    kept = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+    if not kept:
+        raise DataError(f"{name} is empty: the first line names the columns, each further line is one row.")
+    header = kept[0][1]
+    # A spreadsheet in a country with a decimal comma separates the cells of a CSV by semicolons.
+    separator = max(",;\t", key=header.count)
+    columns = tuple(cell.strip() for cell in next(csv.reader([header], delimiter=separator)))
+    if len(set(columns)) < len(columns) or "" in columns:
+        raise DataError(f"{name}: the first line must name each column once, and is {header.strip()!r}.")
+    rows = []
+    for number, line in kept[1:]:
+        cells = next(csv.reader([line], delimiter=separator))
+        if len(cells) != len(columns):
+            raise DataError(
+                f"{name}, line {number} has {len(cells)} cells, and the first line names "
+                f"{len(columns)} columns."
+            )
+        rows.append((number, {column: cell.strip() for column, cell in zip(columns, cells, strict=True)}))
+    if not rows:
+        raise DataError(f"{name} has no line below its header.")
+    return Rows(name, columns, tuple(rows))

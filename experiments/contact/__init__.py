@@ -1,0 +1,47 @@
+"""The finger's contact area, and the digital buttons that it activates."""
+
+from haploop.experiments.contact.area import (
+    Background,
+    Contact,
+    ContactMeter,
+    calibrate_meter,
+    learn_background,
+)
+from haploop.experiments.contact.button import (
+    BUDGET,
+    Activator,
+    Latency,
+    Played,
+    VerifiedButton,
+    latency_of,
+    run_button,
+    verify_button,
+    without_lead_in,
+)
+from haploop.experiments.contact.finger import (
+    FingerCalibration,
+    activation_areas,
+    calibrate_finger,
+    watch_touch,
+)
+
+__all__ = [
+    "BUDGET",
+    "Activator",
+    "Background",
+    "Contact",
+    "ContactMeter",
+    "FingerCalibration",
+    "Latency",
+    "Played",
+    "VerifiedButton",
+    "activation_areas",
+    "calibrate_finger",
+    "calibrate_meter",
+    "latency_of",
+    "learn_background",
+    "run_button",
+    "verify_button",
+    "watch_touch",
+    "without_lead_in",
+]

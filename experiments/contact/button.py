@@ -1,0 +1,238 @@
+"""A digital button at run time: the finger's contact area activates it, and its verified drive is played."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from typing import Literal
+
+import numpy as np
+
+from haploop.calibration import Check, DigitalButton, Drive, check
+from haploop.experiments.contact.area import Contact, ContactMeter
+from haploop.instruments import Camera, ConfigurationError, DataError, Rig
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.progress import Progress, silent
+
+__all__ = [
+    "BUDGET",
+    "Activator",
+    "Latency",
+    "Played",
+    "VerifiedButton",
+    "latency_of",
+    "run_button",
+    "verify_button",
+    "without_lead_in",
+]
+
+BUDGET = 0.054
+"""s: asynchrony of a haptic and an acoustic attack that people notice (arXiv 1906.11571), our budget for
+frame to drive. For a finger that feels its own press there may be less."""
+_RISE = 5e-3
+"""Time in which a drive without its lead-in rises (s)."""
+_ONSET = 0.1
+"""Share of the target's peak at which it counts as begun to be felt."""
+
+
+class Activator:
+    """Turns contact areas into at most one press, and one release, for each touch of the surface.
+
+    It activates when the area exceeds `area`, and is armed again only when the finger has left the surface,
+    or nearly: when the area falls below `lifted`. A finger that trembles at the threshold, however much, is
+    one press. A release, for buttons that render it, is when the area first falls below `release` afterwards.
+    """
+
+    def __init__(self, area: float, lifted: float, release: float | None = None) -> None:
+        if not 0 < lifted < area or (release is not None and not lifted <= release < area):
+            raise ConfigurationError(
+                f"A button needs areas 0 < lifted <= release < activation, and has {lifted:g}, "
+                f"{release}, {area:g}."
+            )
+        self._area, self._lifted, self._release = area, lifted, release
+        # Armed only once the surface was seen free: a finger that rests there from the beginning is no press.
+        self._state: Literal["waiting", "armed", "pressed", "released"] = "waiting"
+
+    def see(self, contact: Contact) -> Literal["press", "release"] | None:
+        """What this frame brings about. A frame whose area is not to be trusted brings nothing about."""
+        if contact.problem:
+            return None
+        area = contact.area
+        if area < self._lifted:
+            was, self._state = self._state, "armed"
+            return "release" if was == "pressed" and self._release is not None else None
+        if self._state == "armed" and area > self._area:
+            self._state = "pressed"
+            return "press"
+        if self._state == "pressed" and self._release is not None and area < self._release:
+            self._state = "released"
+            return "release"
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedButton:
+    """A digital button whose check passed today, on this very rig. Made by `verify_button`."""
+
+    button: DigitalButton
+    check: Check
+    rig: Rig
+    date: str
+    """Local date of the check."""
+    left_out: float
+    """Share of the target's energy in the lead-in that is not played, and was not in the check."""
+
+    def refuse_stale(self, rig: Rig) -> None:
+        """Raise ConfigurationError unless the check holds on this rig today."""
+        if rig is not self.rig or self.date != _today():
+            raise ConfigurationError(
+                f"The digital {self.button.press.button} was verified on {self.rig.name!r}, opened "
+                "before, on "
+                f"{self.date}: verify it again on this rig today."
+            )
+
+
+@dataclass(frozen=True)
+class Played:
+    """One activation, and when its drive began."""
+
+    kind: Literal["press", "release"]
+    contact: Contact
+    latency: float
+    """s from the middle of the frame's exposure to the first sample of the drive, at most."""
+    onset: float
+    """s from the middle of the exposure to where the target motion reaches a tenth of its peak."""
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Distribution of latencies (s) against the budget."""
+
+    count: int
+    median: float
+    p95: float
+    worst: float
+    budget: float
+    within: float
+    """Share of the activations within the budget."""
+
+
+@dataclass
+class _Timer:
+    """Latest time at which a play can have begun, from its progress."""
+
+    rig: Rig
+    begun: float = field(default=np.inf)
+
+    def __call__(self, _doing: str, done: float, _total: float, unit: str) -> None:
+        if unit == "s" and done > 0:
+            self.begun = min(self.begun, self.rig.clock.now() - done)
+
+
+def verify_button(
+    rig: Rig, button: DigitalButton, left_out: float = 5e-3, progress: Progress = silent
+) -> VerifiedButton:
+    """Play and measure a button without its lead-in; it may then be used on this rig today.
+
+    A recorded press begins some tenths of a second before the button activates. At run time the finger has
+    pressed already, so that the drive begins where the target has had the share `left_out` of its energy. The
+    check is of exactly what will be played. Raises DataError when it does not pass, ConfigurationError for a
+    button of another world, and what `haploop.check` raises.
+    """
+    if button.simulated != rig.simulated:
+        kinds = {True: "simulated", False: "real"}
+        raise ConfigurationError(
+            f"The digital {button.press.button} is of a {kinds[button.simulated]} table and the rig "
+            f"{rig.name!r} "
+            f"is {kinds[rig.simulated]}: make a button on this rig."
+        )
+    drive, left_out = without_lead_in(button.drive, left_out)
+    result = check(rig, drive, button.press, progress=progress)
+    if not result.passed:
+        raise DataError(
+            f"The digital {button.press.button} is not verified today ({' '.join(result.reasons)}): "
+            "make it again."
+        )
+    return VerifiedButton(button, result, rig, _today(), left_out)
+
+
+def without_lead_in(drive: Drive, left_out: float = 5e-3) -> tuple[Drive, float]:
+    """Cut a drive where its target has had the share `left_out` of its energy; return it, and what was cut.
+
+    The volts rise from zero over 5 ms, so that the drive begins without a step. Raises ConfigurationError
+    for a share below 0 or above 1 %: more than that would no longer be the press.
+    """
+    if not 0 <= left_out <= 0.01:
+        raise ConfigurationError(f"The lead-in to leave out is {left_out:g} of the energy: use 0 to 0.01.")
+    energy = np.cumsum(drive.target**2) / float(np.sum(drive.target**2))
+    rise = round(_RISE * drive.rate_hz)
+    begin = max(0, int(np.argmax(energy > left_out)) - rise)
+    if begin == 0:
+        return drive, 0.0
+    volts = drive.volts[begin:].copy()
+    volts[:rise] *= np.sin(np.pi / 2 * np.arange(rise) / rise) ** 2
+    return replace(drive, volts=volts, target=drive.target[begin:]), float(energy[begin - 1])
+
+
+def run_button(
+    rig: Rig,
+    camera: Camera,
+    meter: ContactMeter,
+    verified: VerifiedButton,
+    activator: Activator,
+    presses: int = 1,
+    timeout: float = 30.0,
+    release: VerifiedButton | None = None,
+) -> tuple[Played, ...]:
+    """Play the button each time that the finger activates it, until it was pressed `presses` times.
+
+    The camera was started. `release` is played at each release, if the activator reports releases: the paper
+    leaves open whether a digital push button should render them. Every drive goes through the rig's limiter.
+
+    Raises DataError when no press comes within `timeout` (s), ConfigurationError for a button that is not
+    verified today, and what `Rig.excite` raises.
+    """
+    verified.refuse_stale(rig)
+    if release is not None:
+        release.refuse_stale(rig)
+    found: list[Played] = []
+    since = rig.clock.now()
+    while sum(one.kind == "press" for one in found) < presses:
+        contact = meter.measure(camera.read())
+        if rig.clock.now() - since > timeout:
+            raise DataError(f"The button was not pressed within {timeout:g} s. {contact.problem}".strip())
+        kind = activator.see(contact)
+        chosen = verified if kind == "press" else release if kind == "release" else None
+        if kind is None or chosen is None:
+            continue
+        drive = chosen.check.drive
+        timer = _Timer(rig)
+        rig.excite(drive.volts, (drive.patch,), (rig.monitor(drive.patch),), progress=timer)
+        latency = timer.begun - contact.time
+        found.append(Played(kind, contact, latency, latency + _onset(drive.target) / drive.rate_hz))
+        since = rig.clock.now()
+    return tuple(found)
+
+
+def latency_of(played: Sequence[Played], budget: float = BUDGET) -> Latency:
+    """Distribution of the latencies from frame to first sample. Raises DataError without any."""
+    if not played:
+        raise DataError("There is no activation whose latency could be told: press the button first.")
+    values = np.array([one.latency for one in played])
+    return Latency(
+        len(values),
+        float(np.median(values)),
+        float(np.percentile(values, 95)),
+        float(values.max()),
+        budget,
+        float(np.mean(values <= budget)),
+    )
+
+
+def _onset(target: FloatArray) -> int:
+    return int(np.argmax(np.abs(target) >= _ONSET * np.abs(target).max()))
+
+
+def _today() -> str:
+    return datetime.now().astimezone().date().isoformat()

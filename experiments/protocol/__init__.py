@@ -1,0 +1,33 @@
+"""Experiments as files, and what comes next in a session."""
+
+from haploop.experiments.protocol.experiment_file import (
+    Experiment,
+    ExperimentFile,
+    example_names,
+    load_experiment,
+)
+from haploop.experiments.protocol.steps import (
+    Answer,
+    Assignment,
+    Course,
+    Step,
+    group_of_slot,
+    right_answer,
+    session_levels,
+    valid,
+)
+
+__all__ = [
+    "Answer",
+    "Assignment",
+    "Course",
+    "Experiment",
+    "ExperimentFile",
+    "Step",
+    "example_names",
+    "group_of_slot",
+    "load_experiment",
+    "right_answer",
+    "session_levels",
+    "valid",
+]

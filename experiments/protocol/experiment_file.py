@@ -1,0 +1,261 @@
+"""`experiment.toml`: factors, blocks, questions and order of an experiment."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from dataclasses import dataclass
+from functools import partial
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from haploop.instruments import ConfigurationError
+from haploop.instruments.config import key_lines, place, validate
+
+__all__ = [
+    "Block",
+    "Comparison",
+    "Experiment",
+    "ExperimentFile",
+    "Factor",
+    "Question",
+    "example_names",
+    "load_experiment",
+]
+
+Kind = Literal["identification", "rating", "two-interval", "staircase"]
+BlockOrder = Literal["random", "random-in-repetition", "counterbalanced", "as-listed"]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}$")]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+_RESERVED = {"participant", "group", "day", "block", "trial", "presented", "answered", "correct", "rating"}
+_RESERVED |= {"pair", "standard", "comparison", "interval", "time", "simulated", "count", "onset", "duration"}
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Factor(_Section):
+    """`[[factor]]`: something that differs between sessions or between trials."""
+
+    name: Name
+    levels: Annotated[tuple[Name, ...], Field(min_length=2)]
+    varies: Literal["session", "trial"] = "trial"
+    """A factor that varies by session is counterbalanced by a Latin square of groups and sessions."""
+
+    @field_validator("levels")
+    @classmethod
+    def _different(cls, levels: tuple[str, ...]) -> tuple[str, ...]:
+        return _unique(levels)
+
+
+class Comparison(_Section):
+    """`[comparison]`: the quantity that is compared in two intervals or in a staircase."""
+
+    name: Name = "level"
+    unit: str = ""
+    standard: Number
+    """Value in the standard interval; 0 for a detection threshold."""
+    levels: tuple[Number, ...] = ()
+    """Values to compare with the standard (two-interval: method of constant stimuli)."""
+    start: Number | None = None
+    """First value of a staircase."""
+    step: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    """Step of a staircase; halved at each of the first `halvings` reversals."""
+    halvings: Annotated[int, Field(ge=0, le=20)] = 2
+    down: Annotated[int, Field(ge=1, le=4)] = 2
+    """Right answers in a row before the value goes nearer to the standard (Levitt, 1971)."""
+    reversals: Annotated[int, Field(ge=2, le=100)] = 8
+    """Reversals after which a staircase ends."""
+    max_trials: Annotated[int, Field(ge=2, le=1000)] = 80
+    highest: Number | None = None
+    """Bound of the value: a staircase stays between the standard and it."""
+
+
+class Question(_Section):
+    """`[question]`: what a participant is asked in each trial."""
+
+    text: str = ""
+    identify: str = ""
+    """Factor whose level is to be named (identification)."""
+    answers: tuple[Name, ...] = ()
+    """Answers to choose from (identification); by default the levels of that factor."""
+    pairs: tuple[tuple[Name, Name], ...] = ()
+    """Pairs of opposite adjectives (rating)."""
+    scale: tuple[Number, Number] = (1.0, 101.0)
+    """Values at the left and right end of a slider (rating); it starts in the middle."""
+
+
+class Block(_Section):
+    """`[[block]]`: a part of a session."""
+
+    name: Name
+    kind: Literal["trials", "presses", "finger"] = "trials"
+    """trials: questions. presses: the participant presses physical buttons. finger: finger calibration."""
+    text: str = ""
+    """What the participant is told when the block begins."""
+    repetitions: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Of each combination of levels; of each press."""
+    order: BlockOrder = "random"
+    practice: bool = False
+    """True when the answers are not analysed."""
+    feedback: bool | dict[str, str] = False
+    """Whether the participant is told if an answer was right; or on which level of a session's factor."""
+
+
+class ExperimentFile(_Section):
+    """A validated experiment file."""
+
+    name: Name
+    title: str = ""
+    kind: Kind
+    seed: Annotated[int, Field(ge=0)]
+    """Seed of random orders and of the assignment to groups."""
+    groups: Annotated[tuple[Name, ...], Field(min_length=1)] = ("all",)
+    sessions: Annotated[int, Field(ge=1, le=50)] = 1
+    """Sessions of each participant: days, as a rule."""
+    consent: bool = True
+    """True when the operator must confirm each participant's consent."""
+    buttons: dict[str, str] = {}
+    """Digital button files, beside this one, by the level of a factor that presents it."""
+    factor: tuple[Factor, ...] = ()
+    question: Question = Question()
+    comparison: Comparison | None = None
+    block: Annotated[tuple[Block, ...], Field(min_length=1)]
+
+    @field_validator("groups")
+    @classmethod
+    def _groups_differ(cls, groups: tuple[str, ...]) -> tuple[str, ...]:
+        return _unique(groups)
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        names = _unique(tuple(factor.name for factor in self.factor))
+        _unique(tuple(block.name for block in self.block))
+        for name in names:
+            if name in _RESERVED:
+                raise ValueError(f"a factor cannot be called {name!r}, because a column of the results is")
+        self._question_fits()
+        for block in self.block:
+            if isinstance(block.feedback, dict):
+                for name, level in block.feedback.items():
+                    if level not in self.levels_of(name, "session"):
+                        raise ValueError(
+                            f"feedback of the block {block.name!r} needs a session's factor and its level"
+                        )
+        if not any(block.kind == "trials" for block in self.block):
+            raise ValueError("there is no block with trials")
+        return self
+
+    def _question_fits(self) -> None:
+        match self.kind:
+            case "identification":
+                levels = self.levels_of(self.question.identify, "trial")
+                if not levels:
+                    raise ValueError(
+                        "an identification needs [question] identify = a factor that varies by trial"
+                    )
+                if not set(levels) <= set(self.answers):
+                    raise ValueError("[question] answers must contain each level that is to be identified")
+            case "rating":
+                if not self.question.pairs or not self.trial_factors:
+                    raise ValueError("a rating needs [question] pairs, and a factor that varies by trial")
+                _unique(self.pair_names)
+                if self.question.scale[0] >= self.question.scale[1]:
+                    raise ValueError("[question] scale must rise")
+            case "two-interval" | "staircase":
+                if self.comparison is None:
+                    raise ValueError(f"the kind {self.kind} needs a table [comparison]")
+                if self.kind == "two-interval" and not self.comparison.levels:
+                    raise ValueError("[comparison] needs levels, the values to compare with the standard")
+                if self.comparison.standard in self.comparison.levels:
+                    raise ValueError(
+                        "[comparison] levels must differ from the standard: no answer would be right"
+                    )
+                if self.kind == "staircase":
+                    _staircase_fits(self.comparison)
+
+    def levels_of(self, name: str, varies: str) -> tuple[str, ...]:
+        """Levels of a factor; () if there is none of this name that varies so."""
+        return next((f.levels for f in self.factor if f.name == name and f.varies == varies), ())
+
+    @property
+    def trial_factors(self) -> tuple[Factor, ...]:
+        """Factors that vary by trial."""
+        return tuple(factor for factor in self.factor if factor.varies == "trial")
+
+    @property
+    def session_factors(self) -> tuple[Factor, ...]:
+        """Factors that vary by session."""
+        return tuple(factor for factor in self.factor if factor.varies == "session")
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """Answers to choose from in an identification."""
+        return self.question.answers or self.levels_of(self.question.identify, "trial")
+
+    @property
+    def pair_names(self) -> tuple[str, ...]:
+        """Names of the adjective pairs, such as Unclear-Clear."""
+        return tuple(f"{left}-{right}" for left, right in self.question.pairs)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment file, where it is, and a hash of what it says."""
+
+    path: Path
+    file: ExperimentFile
+    content_hash: str
+    """SHA-256 of the validated content: comments and layout do not count."""
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """Load an experiment from a file, a folder with an `experiment.toml`, or the name of a shipped example.
+
+    Raises ConfigurationError: file, line, key, and what is wrong.
+    """
+    shipped = str(path) in example_names() and not Path(path).exists()
+    path = (
+        Path(str(resources.files("haploop.experiments.examples") / f"{path}.toml")) if shipped else Path(path)
+    )
+    if path.is_dir():
+        path = path / "experiment.toml"
+    try:
+        text = path.read_text(encoding="utf-8")
+        raw: dict[str, Any] = tomllib.loads(text)
+    except FileNotFoundError:
+        raise ConfigurationError(
+            f"There is no experiment {path}: make one with `haploop experiment new FOLDER`, or "
+            f"name an example ({', '.join(example_names())})."
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path} cannot be read: {error}.") from None
+    file = validate(ExperimentFile, raw, partial(place, [(str(path), key_lines(text))]))
+    return Experiment(path, file, hashlib.sha256(file.model_dump_json().encode()).hexdigest())
+
+
+def example_names() -> tuple[str, ...]:
+    """Names of the experiments that are shipped."""
+    folder = resources.files("haploop.experiments.examples")
+    return tuple(sorted(re.sub(r"\.toml$", "", f.name) for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def _staircase_fits(comparison: Comparison) -> None:
+    if comparison.start is None or comparison.step is None or comparison.highest is None:
+        raise ValueError("a staircase needs start, step and highest in [comparison]")
+    if not comparison.standard < comparison.start <= comparison.highest:
+        raise ValueError("[comparison] needs standard < start <= highest")
+
+
+def _unique(names: tuple[str, ...]) -> tuple[str, ...]:
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"{name!r} is listed twice")
+    return names

@@ -1,0 +1,322 @@
+"""What comes next in a session: a pure function of the experiment, the participant and the answers so far.
+
+Nothing is drawn while a session runs, so that a session that was interrupted continues with the very trial,
+and its log suffices to repeat every decision.
+"""
+
+from __future__ import annotations
+
+import itertools
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from haploop.acquisition import williams_row
+from haploop.experiments.protocol.experiment_file import Block, Comparison, ExperimentFile
+from haploop.instruments import DataError
+
+__all__ = [
+    "Answer",
+    "Assignment",
+    "Course",
+    "Step",
+    "group_of_slot",
+    "right_answer",
+    "session_levels",
+    "valid",
+]
+
+Answer = str | int | Mapping[str, float]
+"""A name (identification), 1 or 2 (two intervals), a value for each pair (rating), or "done"."""
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Who takes part, and which order that gives."""
+
+    participant: str
+    slot: int
+    """Place in the design, from 0: it gives the group and the row of counterbalanced orders."""
+    group: str
+    session: int
+    """From 1."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to do: a trial, presses of a physical button, or a press of the finger calibration."""
+
+    kind: Literal["identification", "rating", "two-interval", "staircase", "presses", "finger"]
+    block: str
+    number: int
+    """In its block, from 1."""
+    of: int
+    """Steps of the block; the largest possible number for a staircase."""
+    practice: bool
+    feedback: bool
+    text: str
+    stimulus: Mapping[str, str] = field(default_factory=dict)
+    """Level of each factor that varies by trial, and of those of the session."""
+    presented: str = ""
+    """Level that is to be identified."""
+    choices: tuple[str, ...] = ()
+    """Answers to choose from, or the names of the adjective pairs."""
+    values: tuple[float, float] = (0.0, 0.0)
+    """Of two intervals: the value in each; of a rating: the ends of the scale."""
+    repetitions: int = 1
+    """Of presses of a physical button."""
+
+
+def group_of_slot(file: ExperimentFile, slot: int) -> str:
+    """Group of a place in the design: random, and balanced in each block of as many places as groups."""
+    count = len(file.groups)
+    order = np.random.default_rng([file.seed, 7, slot // count]).permutation(count)
+    return file.groups[int(order[slot % count])]
+
+
+def session_levels(file: ExperimentFile, assignment: Assignment) -> dict[str, str]:
+    """Level of each factor that varies by session: a cyclic Latin square of groups and sessions."""
+    row = file.groups.index(assignment.group)
+    return {
+        factor.name: factor.levels[(row + assignment.session - 1) % len(factor.levels)]
+        for factor in file.session_factors
+    }
+
+
+class Course:
+    """The steps of one session. See the module."""
+
+    def __init__(self, file: ExperimentFile, assignment: Assignment) -> None:
+        self._file, self._assignment = file, assignment
+        self._fixed = [
+            () if self._adaptive(block) else _steps(file, block, index, assignment)
+            for index, block in enumerate(file.block)
+        ]
+
+    def due(self, answers: Sequence[tuple[Step, Answer]]) -> Step | None:
+        """The step that is due after these answers, in order; None when the session is complete."""
+        rest = list(answers)
+        for index, block in enumerate(self._file.block):
+            if self._adaptive(block):
+                own = [one for one in rest if one[0].block == block.name]
+                if step := _staircase_step(self._file, block, index, self._assignment, own):
+                    return step
+                rest = rest[len(own) :]
+            else:
+                if len(rest) < len(self._fixed[index]):
+                    return self._fixed[index][len(rest)]
+                rest = rest[len(self._fixed[index]) :]
+        return None
+
+    def _adaptive(self, block: Block) -> bool:
+        return block.kind == "trials" and self._file.kind == "staircase"
+
+
+def right_answer(step: Step) -> Answer | None:
+    """The right answer of a step that has one."""
+    match step.kind:
+        case "identification":
+            return step.presented
+        case "two-interval" | "staircase":
+            return 1 if step.values[0] > step.values[1] else 2
+        case _:
+            return None
+
+
+def valid(step: Step, answer: Any) -> Answer:
+    """An answer as it is stored. Raises DataError, with what is expected."""
+    match step.kind:
+        case "identification":
+            if isinstance(answer, str) and answer in step.choices:
+                return answer
+            expected = f"one of {', '.join(step.choices)}"
+        case "two-interval" | "staircase":
+            if answer in (1, 2) and not isinstance(answer, bool):
+                return int(answer)
+            expected = "1 or 2"
+        case "rating":
+            low, high = step.values
+            if isinstance(answer, Mapping) and set(answer) == set(step.choices):
+                with_numbers = all(
+                    isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
+                    for value in answer.values()
+                )
+                if with_numbers:
+                    return {pair: float(answer[pair]) for pair in step.choices}
+            expected = f"a number from {low:g} to {high:g} for each of {', '.join(step.choices)}"
+        case _:
+            if answer == "done":
+                return "done"
+            expected = "done"
+    raise DataError(f"{answer!r} is no answer in the block {step.block!r}: give {expected}.")
+
+
+def _steps(file: ExperimentFile, block: Block, index: int, assignment: Assignment) -> tuple[Step, ...]:
+    match block.kind:
+        case "presses":
+            names = file.trial_factors[-1].levels if file.trial_factors else ()
+            if file.kind == "identification":
+                names = file.levels_of(file.question.identify, "trial")
+            order = _order(file, block, index, assignment, len(names))
+            factor = file.question.identify or (file.trial_factors[-1].name if names else "")
+            stimuli = [{factor: names[place]} for place in order]
+            return tuple(
+                Step(
+                    "presses", block.name, n, len(names), True, False, block.text, stimulus,
+                    repetitions=block.repetitions,
+                )
+                for n, stimulus in enumerate(stimuli, 1)
+            )  # fmt: skip
+        case "finger":
+            kinds = ["light"] * block.repetitions + ["firm"] * block.repetitions
+            return tuple(
+                Step("finger", block.name, n, len(kinds), True, False, block.text, {"press": kind})
+                for n, kind in enumerate(kinds, 1)
+            )
+        case "trials":
+            return tuple(_trials(file, block, index, assignment))
+
+
+def _trials(file: ExperimentFile, block: Block, index: int, assignment: Assignment) -> list[Step]:
+    cells: list[dict[str, str]] = [
+        dict(zip((factor.name for factor in file.trial_factors), levels, strict=True))
+        for levels in itertools.product(*(factor.levels for factor in file.trial_factors))
+    ]
+    levels: Sequence[float | None] = [None]
+    if file.kind == "two-interval" and file.comparison:
+        levels = file.comparison.levels
+    conditions = list(itertools.product(cells, levels))
+    places = _order(file, block, index, assignment, len(conditions), block.repetitions)
+    rng = _rng(file, assignment, index, 1)
+    steps = []
+    for number, place in enumerate(places, 1):
+        cell, level = conditions[place]
+        values = (0.0, 0.0)
+        if level is not None and file.comparison:
+            values = _intervals(file.comparison, level, first=bool(rng.integers(2)))
+        steps.append(_trial(file, block, assignment, number, len(places), cell, values))
+    return steps
+
+
+def _trial(
+    file: ExperimentFile,
+    block: Block,
+    assignment: Assignment,
+    number: int,
+    of: int,
+    cell: Mapping[str, str],
+    values: tuple[float, float],
+) -> Step:
+    of_session = session_levels(file, assignment)
+    stimulus = {**of_session, **cell}
+    presented = ""
+    choices: tuple[str, ...] = ("1", "2")
+    if file.kind == "identification":
+        presented, choices = cell[file.question.identify], file.answers
+    elif file.kind == "rating":
+        choices, values = file.pair_names, file.question.scale
+    feedback = block.feedback
+    if isinstance(feedback, dict):
+        feedback = all(of_session.get(name) == level for name, level in feedback.items())
+    return Step(
+        kind=file.kind,
+        block=block.name,
+        number=number,
+        of=of,
+        practice=block.practice,
+        feedback=feedback,
+        text=file.question.text,
+        stimulus=stimulus,
+        presented=presented,
+        choices=choices,
+        values=values,
+    )
+
+
+def _intervals(comparison: Comparison, level: float, first: bool) -> tuple[float, float]:
+    return (level, comparison.standard) if first else (comparison.standard, level)
+
+
+def _order(
+    file: ExperimentFile, block: Block, index: int, assignment: Assignment, count: int, repetitions: int = 1
+) -> list[int]:
+    rng = _rng(file, assignment, index, 0)
+    match block.order:
+        case "as-listed":
+            return list(range(count)) * repetitions
+        case "counterbalanced":
+            return williams_row(count, assignment.slot) * repetitions
+        case "random-in-repetition":
+            return [int(place) for _ in range(repetitions) for place in rng.permutation(count)]
+        case "random":
+            return [int(place) % count for place in rng.permutation(count * repetitions)]
+
+
+def _rng(file: ExperimentFile, assignment: Assignment, index: int, purpose: int) -> np.random.Generator:
+    who = zlib.crc32(assignment.participant.encode())
+    return np.random.default_rng([file.seed, who, assignment.session, index, purpose])
+
+
+def _staircase_step(
+    file: ExperimentFile,
+    block: Block,
+    index: int,
+    assignment: Assignment,
+    answers: Sequence[tuple[Step, Answer]],
+) -> Step | None:
+    """One staircase for each combination of levels, one after the other in the block's order."""
+    comparison = file.comparison
+    assert comparison is not None
+    cells = [
+        dict(zip((factor.name for factor in file.trial_factors), levels, strict=True))
+        for levels in itertools.product(*(factor.levels for factor in file.trial_factors))
+    ]
+    places = _order(file, block, index, assignment, len(cells), block.repetitions)
+    first = np.random.default_rng(
+        [file.seed, zlib.crc32(assignment.participant.encode()), assignment.session, index, 2]
+    )
+    sides = first.integers(2, size=len(places) * comparison.max_trials)
+    used = 0
+    for place in places:
+        right: list[bool] = []
+        while True:
+            value = staircase_value(comparison, right)
+            if value is None:
+                break
+            if used == len(answers):
+                values = _intervals(comparison, value, first=bool(sides[used]))
+                of = len(places) * comparison.max_trials
+                return _trial(file, block, assignment, used + 1, of, cells[place], values)
+            step, answer = answers[used]
+            right.append(answer == right_answer(step))
+            used += 1
+    return None
+
+
+def staircase_value(comparison: Comparison, right: Sequence[bool]) -> float | None:
+    """Value of the next trial of a staircase after these answers; None when it is complete.
+
+    Transformed up-down method (Levitt, 1971): after `down` right answers in a row the value goes a step
+    nearer to the standard, after each wrong one a step away from it.
+    """
+    assert comparison.start is not None and comparison.step is not None and comparison.highest is not None
+    value, step = comparison.start, comparison.step
+    floor = comparison.standard + step / 2 ** (comparison.halvings + 1)
+    in_a_row = reversals = direction = 0
+    for was_right in right:
+        in_a_row = in_a_row + 1 if was_right else 0
+        move = -1 if in_a_row == comparison.down else (0 if was_right else 1)
+        if not move:
+            continue
+        in_a_row = 0
+        if direction and move != direction:
+            reversals += 1
+            if reversals <= comparison.halvings:
+                step /= 2
+        direction = move
+        value = min(max(value + move * step, floor), comparison.highest)
+    complete = reversals >= comparison.reversals or len(right) >= comparison.max_trials
+    return None if complete else value

@@ -1,0 +1,21 @@
+"""Sessions of an experiment: durable logs, resuming, withdrawal and export."""
+
+from haploop.experiments.session.export import export_answers, sidecar_of
+from haploop.experiments.session.log import Event, EventLog, read_log
+from haploop.experiments.session.session import Answerer, Session, open_session, run_session
+from haploop.experiments.session.store import Store, StoredSession, Withdrawal
+
+__all__ = [
+    "Answerer",
+    "Event",
+    "EventLog",
+    "Session",
+    "Store",
+    "StoredSession",
+    "Withdrawal",
+    "export_answers",
+    "open_session",
+    "read_log",
+    "run_session",
+    "sidecar_of",
+]

@@ -1,0 +1,142 @@
+"""The log of a session: one line of JSON an event, durable before the next thing happens.
+
+Each line has a number and a checksum, so that a line that is missing, repeated or changed is noticed. A line
+that was cut off when the program was killed is kept as it is, and the next one says so.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.clock import Clock
+from haploop.instruments.files import os_error_text, sync_folder
+
+__all__ = ["Event", "EventLog", "read_log"]
+
+
+@dataclass(frozen=True)
+class Event:
+    """One line of a log."""
+
+    number: int
+    kind: str
+    time: str
+    """UTC, ISO 8601."""
+    at: float
+    """s on the clock of the program that wrote it: for differences within one run."""
+    run: int
+    """Number of the program's run in this session, from 1; `at` of another run has another origin."""
+    values: Mapping[str, Any]
+
+
+class EventLog:
+    """Appends events to a log. Raises DataError when the disk fails, and for a log that is damaged."""
+
+    def __init__(self, path: Path, clock: Clock, durable: bool = True) -> None:
+        """Without `durable`, the operating system chooses when to write: for simulated participants."""
+        self._path, self._clock, self._durable = path, clock, durable
+        cut_off, fragment = False, b""
+        self.events: list[Event] = []
+        if path.exists():
+            self.events = list(read_log(path))
+            fragment = path.read_bytes().rpartition(b"\n")[2]
+            cut_off = bool(fragment) and _event(fragment) is None
+        self._run = max((event.run for event in self.events), default=0) + 1
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("ab")
+            if fragment:
+                self._file.write(b"\n")
+            sync_folder(path.parent)
+        except OSError as error:
+            raise ConfigurationError(f"{path} cannot be written: {os_error_text(error)}.") from None
+        if self.events or cut_off:
+            self.add("resumed", cut_off=cut_off)
+
+    def add(self, kind: str, **values: Any) -> Event:
+        """Write one event; when this returns, it is on the disk, if the log is durable."""
+        number = self.events[-1].number + 1 if self.events else 1
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        event = Event(number, kind, now, round(self._clock.now(), 6), self._run, values)
+        try:
+            self._file.write(_line(event))
+            self._file.flush()
+            if self._durable:
+                os.fsync(self._file.fileno())
+        except (OSError, ValueError) as error:
+            text = os_error_text(error) if isinstance(error, OSError) else str(error)
+            raise DataError(f"{self._path} cannot be written: {text}.") from None
+        self.events.append(event)
+        return event
+
+    def close(self) -> None:
+        """Close the file. May be called again."""
+        self._file.close()
+
+
+def read_log(path: Path, only_first: bool = False) -> tuple[Event, ...]:
+    """Read a log, or its first event. Raises DataError, with the line, when it is damaged.
+
+    A last line that was cut off by an interruption is left out; so is one that is followed by an event that
+    says so.
+    """
+    try:
+        with path.open("rb") as file:
+            lines = (file.readline() if only_first else file.read()).split(b"\n")
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
+    *whole, last = lines
+    if _event(last) is not None:
+        whole.append(last)
+    events: list[Event] = []
+    broken = 0
+    for number, line in enumerate(whole, 1):
+        event = _event(line)
+        if broken:
+            if event is None or event.kind != "resumed" or event.values.get("cut_off") is not True:
+                raise DataError(_damaged(path, broken))
+            broken = 0
+        if event is None:
+            broken = number
+        elif event.number != (events[-1].number + 1 if events else 1):
+            raise DataError(_damaged(path, number))
+        else:
+            events.append(event)
+    if broken:
+        raise DataError(_damaged(path, broken))
+    return tuple(events)
+
+
+def _damaged(path: Path, number: int) -> str:
+    return f"{path}, line {number} is damaged, or a line before it is missing: restore the file from a copy."
+
+
+def _line(event: Event) -> bytes:
+    content = {
+        "number": event.number,
+        "event": event.kind,
+        "time": event.time,
+        "at": event.at,
+        "run": event.run,
+        **event.values,
+    }
+    text = json.dumps(content, allow_nan=False, ensure_ascii=False)
+    return f'{text[:-1]}, "crc": {zlib.crc32(text.encode())}}}\n'.encode()
+
+
+def _event(line: bytes) -> Event | None:
+    """The event of a line; None for a line that is not as it was written."""
+    head, separator, tail = line.rpartition(b', "crc": ')
+    if not separator or tail != b"%d}" % zlib.crc32(head + b"}"):
+        return None
+    values = json.loads(head + b"}")
+    number, kind, time, at, run = (values.pop(key) for key in ("number", "event", "time", "at", "run"))
+    return Event(number, kind, time, at, run, values)

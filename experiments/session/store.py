@@ -1,0 +1,199 @@
+"""Where the answers of an experiment lie: a folder for each participant, so that one can withdraw.
+
+`DATA/P01/session-1.jsonl` is the log of P01's first session. Everything of P01 lies in that folder.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from haploop.acquisition import file_name
+from haploop.experiments.protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
+from haploop.experiments.session.log import Event, read_log
+from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.files import os_error_text
+from haploop.instruments.safety import hold
+
+__all__ = ["Store", "StoredSession", "Withdrawal"]
+
+_WITHDRAWALS = "withdrawals.jsonl"
+
+
+@dataclass(frozen=True)
+class StoredSession:
+    """One session, as its log tells it."""
+
+    path: Path
+    assignment: Assignment
+    events: tuple[Event, ...]
+    answers: tuple[tuple[Step, Answer, Event], ...]
+    """Each answered step, with the answer and its event, in order."""
+    due: Step | None
+    """Step that is due; None when the session is complete."""
+
+    @property
+    def simulated(self) -> bool:
+        """True when a simulated participant answered."""
+        return bool(self.events[0].values["simulated"])
+
+
+@dataclass(frozen=True)
+class Withdrawal:
+    """What a withdrawal has deleted."""
+
+    participant: str
+    files: tuple[str, ...]
+    time: str
+
+
+class Store:
+    """Answers to an experiment in a folder."""
+
+    def __init__(self, experiment: Experiment, folder: str | Path) -> None:
+        self.experiment = experiment
+        self.folder = Path(folder)
+
+    def participants(self) -> tuple[str, ...]:
+        """Pseudonyms with a session, sorted."""
+        if not self.folder.is_dir():
+            return ()
+        return tuple(
+            sorted(path.name for path in self.folder.iterdir() if (path / "session-1.jsonl").is_file())
+        )
+
+    def path_of(self, participant: str, session: int) -> Path:
+        """Path of a session's log."""
+        return self.folder / participant / f"session-{session}.jsonl"
+
+    def heads(self) -> dict[str, Mapping[str, Any]]:
+        """The values of the first event of each participant: assignment, and whether one is simulated."""
+        found = {}
+        for who in self.participants():
+            events = read_log(self.path_of(who, 1), only_first=True)
+            if events:
+                found[who] = events[0].values
+        return found
+
+    def session(self, participant: str, session: int) -> StoredSession | None:
+        """A session that was begun, or None. Raises DataError: damaged, or of another experiment."""
+        path = self.path_of(participant, session)
+        if not path.is_file():
+            return None
+        events = read_log(path)
+        if not events:
+            return None  # killed before the first event was whole
+        return self._replayed(path, participant, session, events)
+
+    def sessions(self) -> tuple[StoredSession, ...]:
+        """All sessions that were begun, by participant and number. Raises DataError."""
+        numbers = range(1, self.experiment.file.sessions + 1)
+        found = (self.session(who, number) for who in self.participants() for number in numbers)
+        return tuple(one for one in found if one)
+
+    def next_session(self, participant: str) -> int | None:
+        """Number of the participant's first session that is not complete; None when all are."""
+        for number in range(1, self.experiment.file.sessions + 1):
+            found = self.session(participant, number)
+            if found is None or found.due is not None:
+                return number
+        return None
+
+    def assign(self, participant: str, session: int) -> Assignment:
+        """Assignment of a participant; a new one gets the first free place in the design.
+
+        Raises ConfigurationError: no valid pseudonym, one that differs from another by case only, or one that
+        has withdrawn.
+        """
+        file_name(participant, "x")  # refuses what is no pseudonym
+        slots = {who: int(head["slot"]) for who, head in self.heads().items()}
+        for who in self.participants():
+            if who != participant and who.casefold() == participant.casefold():
+                raise ConfigurationError(
+                    f"{participant} and {who} differ only in upper and lower case: use {who}."
+                )
+        if participant not in slots and participant in {one.participant for one in self.withdrawals()}:
+            raise ConfigurationError(
+                f"{participant} has withdrawn: use a pseudonym that was not used before."
+            )
+        slot = slots.get(participant, next(n for n in range(len(slots) + 1) if n not in slots.values()))
+        return Assignment(participant, slot, group_of_slot(self.experiment.file, slot), session)
+
+    @contextmanager
+    def hold(self, what: str) -> Iterator[None]:
+        """Lock the folder against other programs; `what` is named to them. Raises InstrumentError."""
+        with hold({f"experiment {os.path.normcase(self.folder.resolve())}"}, what):
+            yield
+
+    def withdraw(self, participant: str) -> Withdrawal:
+        """Delete everything in the participant's folder, and note that it was done.
+
+        Names of files are noted, and nothing of what they held. Exported tables, recordings and backups
+        elsewhere are not touched. Raises DataError: nobody of that name, or a file that cannot be deleted.
+        """
+        folder = self.folder / participant
+        with self.hold(f"The experiment {self.experiment.file.name!r}"):
+            if not re.fullmatch(r"[A-Za-z0-9]+", participant) or not folder.is_dir():
+                known = ", ".join(self.participants()) or "nobody"
+                raise DataError(f"There is nothing of {participant} in {self.folder}, only of {known}.")
+            files = tuple(
+                path.relative_to(self.folder).as_posix()
+                for path in sorted(folder.rglob("*"))
+                if path.is_file()
+            )
+            now = datetime.now(UTC).isoformat(timespec="seconds")
+            # Before anything is deleted: if this stops halfway, the note tells that a withdrawal was begun.
+            with (self.folder / _WITHDRAWALS).open("a", encoding="utf-8") as notes:
+                notes.write(json.dumps({"participant": participant, "time": now, "files": files}) + "\n")
+                notes.flush()
+                os.fsync(notes.fileno())
+            try:
+                shutil.rmtree(folder)
+            except OSError as error:
+                raise DataError(
+                    f"{error.filename} cannot be deleted ({os_error_text(error)}): close what uses it, and "
+                    f"withdraw {participant} again."
+                ) from None
+        return Withdrawal(participant, files, now)
+
+    def withdrawals(self) -> tuple[Withdrawal, ...]:
+        """Withdrawals so far."""
+        path = self.folder / _WITHDRAWALS
+        if not path.is_file():
+            return ()
+        lines = path.read_text(encoding="utf-8").splitlines()
+        return tuple(
+            Withdrawal(v["participant"], tuple(v["files"]), v["time"]) for v in map(json.loads, lines)
+        )
+
+    def _replayed(
+        self, path: Path, participant: str, session: int, events: tuple[Event, ...]
+    ) -> StoredSession:
+        head = events[0].values
+        if head.get("experiment") != self.experiment.content_hash:
+            raise DataError(
+                f"{path} was begun with another version of {self.experiment.path}: restore that version, "
+                "or use another folder for the changed experiment."
+            )
+        if (head.get("participant"), head.get("session")) != (participant, session):
+            raise DataError(f"{path} is a session of {head.get('participant')}: put it back into its folder.")
+        assignment = Assignment(participant, int(head["slot"]), str(head["group"]), session)
+        answers: list[tuple[Step, Answer, Event]] = []
+        course = Course(self.experiment.file, assignment)
+        due = course.due(())
+        for event in events:
+            if event.kind != "answer":
+                continue
+            if due is None or (event.values["block"], event.values["trial"]) != (due.block, due.number):
+                raise DataError(f"{path}: the answer in line {event.number} is to no step that was due.")
+            answers.append((due, valid(due, event.values["answer"]), event))
+            due = course.due([one[:2] for one in answers])
+        return StoredSession(path, assignment, events, tuple(answers), due)

@@ -1,0 +1,233 @@
+"""`haploop experiment`: run an experiment with participants, real or simulated."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+import haploop
+from haploop import outputs
+from haploop import show as display
+from haploop.commands.options import JSON, PATH
+from haploop.progress import Steps, note, print_json, print_line
+
+if TYPE_CHECKING:
+    from haploop.experiments import Step
+
+__all__ = ["experiment"]
+
+FILE = click.argument("file", metavar="EXPERIMENT")
+DATA = click.option(
+    "--data",
+    "-d",
+    type=PATH,
+    metavar="FOLDER",
+    help="Folder with the participants' answers.  [default: 'answers' beside the experiment's file]",
+)
+MODEL = click.option(
+    "--model",
+    type=PATH,
+    metavar="FILE.toml",
+    help="Model of the simulated participants.  [default: built in]",
+)
+
+
+@click.group(no_args_is_help=True)
+def experiment() -> None:
+    """Run an experiment: matching, rating, two-interval forced choice, staircase.
+
+    EXPERIMENT is a TOML file, the folder of an experiment.toml, or the name of an example: matching, rating,
+    two-interval, staircase.
+    """
+
+
+@experiment.command()
+@click.argument("folder", type=PATH)
+@click.option("--from", "example", default="matching", show_default=True, help="Example to copy.")
+def new(folder: Path, example: str) -> int:
+    """Create an experiment: a FOLDER with an experiment.toml to change."""
+    source = haploop.load_experiment(example).path
+    path = folder / "experiment.toml"
+    outputs.check_destination(path)
+    with outputs.new_file(path) as part:
+        part.write_bytes(source.read_bytes())
+    print_line(f"Change {path}, then: haploop experiment run {folder} --participant P01")
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.option("--participant", "-p", required=True, help="Pseudonym, such as P01.")
+@click.option("--session", type=click.IntRange(min=1), help="Session that is expected to be due.")
+@click.option("--simulated", is_flag=True, help="A simulated participant answers.")
+@MODEL
+@DATA
+@JSON
+def run(
+    file: str,
+    participant: str,
+    session: int | None,
+    simulated: bool,
+    model: Path | None,
+    data: Path | None,
+    as_json: bool,
+) -> int:
+    """Run the session of a participant that is due. Stop with Ctrl-C; the next run continues there."""
+    store = _store(file, data)
+    if model and not simulated:
+        raise click.UsageError("--model is the model of a simulated participant: add --simulated.")
+    loaded = _model(model)
+    ask = partial(_consent, participant, simulated)
+    with haploop.open_session(
+        store, participant, haploop.RealClock(), session, simulated=simulated, consent=ask
+    ) as opened:
+        if simulated:
+            note("A simulated participant answers.")
+        number = opened.assignment.session
+        answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else _AtTerminal()
+        haploop.run_session(opened, answers)
+    display.show_experiment(store, as_json)
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.option(
+    "--participants", "-n", type=click.IntRange(1, 9999), default=20, show_default=True, help="How many."
+)
+@MODEL
+@DATA
+@JSON
+def simulate(file: str, participants: int, model: Path | None, data: Path | None, as_json: bool) -> int:
+    """Run every session of simulated participants, P01 and so on, that is not complete."""
+    store, loaded = _store(file, data), _model(model)
+    names = [f"P{number:02}" for number in range(1, participants + 1)]
+    clock = haploop.RealClock()
+    with Steps() as steps:
+        for done, name in enumerate(names):
+            while (number := store.next_session(name)) is not None:
+                with haploop.open_session(store, name, clock, number, simulated=True) as opened:
+                    haploop.run_session(opened, haploop.SimulatedParticipant(loaded, name, number))
+            steps("Simulated participants", done + 1, len(names), "")
+    display.show_experiment(store, as_json)
+    return 0
+
+
+@experiment.command()
+@FILE
+@DATA
+@JSON
+def status(file: str, data: Path | None, as_json: bool) -> int:
+    """Show who has answered what."""
+    display.show_experiment(_store(file, data), as_json)
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.argument("out", type=PATH, metavar="OUT.csv")
+@click.option("--practice", is_flag=True, help="Also answers of practice blocks.")
+@DATA
+@JSON
+def export(file: str, out: Path, practice: bool, data: Path | None, as_json: bool) -> int:
+    """Write all answers as a tidy table for `haploop analyse`, and OUT.json about its columns."""
+    for path in (out, out.with_suffix(".json")):
+        outputs.check_new_file(path)
+    if out.suffix == ".json":
+        raise click.UsageError(f"{out} is the name of the description: use a name that ends with .csv.")
+    lines = haploop.export_answers(_store(file, data), out, practice)
+    if as_json:
+        print_json({"file": str(out), "description": str(out.with_suffix(".json")), "lines": lines})
+    else:
+        print_line(f"{out} has {lines} lines; {out.with_suffix('.json')} describes its columns.")
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.argument("participant")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@DATA
+@JSON
+def withdraw(file: str, participant: str, yes: bool, data: Path | None, as_json: bool) -> int:
+    """Delete everything in this experiment's folder that belongs to PARTICIPANT.
+
+    It is noted that this was done, with the pseudonym and the names of the files. Tables that were exported
+    before, recordings of presses, and backups are not touched.
+    """
+    store = _store(file, data)
+    if not yes:
+        click.confirm(f"Delete all answers of {participant} in {store.folder}?", abort=True, err=True)
+    done = store.withdraw(participant)
+    if as_json:
+        print_json({"participant": participant, "deleted": list(done.files), "time": done.time})
+    else:
+        print_line(
+            f"Deleted {len(done.files)} files of {participant}: {', '.join(done.files) or 'none'}. Tables "
+            "exported before, recordings of presses, and backups may still hold something of them."
+        )
+    return 0
+
+
+class _AtTerminal:
+    """A participant, or the operator, at a terminal."""
+
+    def __init__(self) -> None:
+        self._block = ""
+
+    def answer(self, step: Step) -> Any:
+        """See `haploop.experiments.Answerer`."""
+        if step.block != self._block:
+            self._block = step.block
+            note(f"--- {step.block.capitalize()}")
+        head = f"{step.number} of {step.of}. " if step.kind != "staircase" else f"{step.number}. "
+        match step.kind:
+            case "presses":
+                name = next(iter(step.stimulus.values()), "")
+                times = "once" if step.repetitions == 1 else f"{step.repetitions} times"
+                return self._done(f"{head}{step.text} Press the physical {name} button {times}.")
+            case "finger":
+                return self._done(f"{head}{step.text} A {step.stimulus['press']} press.")
+            case "rating":
+                note(f"{head}{step.text} ({', '.join(step.stimulus.values())})")
+                low, high = step.values
+                kind = click.FloatRange(low, high)
+                return {
+                    pair: click.prompt(
+                        f"{pair} ({low:g} to {high:g})", type=kind, default=(low + high) / 2, err=True
+                    )
+                    for pair in step.choices
+                }
+            case "identification":
+                return click.prompt(f"{head}{step.text}", type=click.Choice(step.choices), err=True)
+            case _:
+                return int(click.prompt(f"{head}{step.text}", type=click.Choice(["1", "2"]), err=True))
+
+    def told(self, step: Step, right: bool) -> None:
+        """See `haploop.experiments.Answerer`."""
+        note("Right." if right else f"No, it was {step.presented}." if step.presented else "No.")
+
+    @staticmethod
+    def _done(sentence: str) -> str:
+        click.prompt(f"{sentence} Then Enter", default="", show_default=False, err=True)
+        return "done"
+
+
+def _store(file: str, data: Path | None) -> haploop.Store:
+    loaded = haploop.load_experiment(file)
+    if data is None and file in haploop.example_names() and not Path(file).exists():
+        data = Path(f"{file}-answers")  # an example lies in the installed package, where nothing is written
+    return haploop.Store(loaded, data or loaded.path.parent / "answers")
+
+
+def _consent(participant: str, simulated: bool) -> bool:
+    return simulated or click.confirm(
+        f"Has {participant} read and signed the consent form?", default=True, err=True
+    )
+
+
+def _model(path: Path | None) -> haploop.ParticipantModel:
+    return haploop.load_participant_model(path) if path else haploop.ParticipantModel()

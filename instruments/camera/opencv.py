@@ -1,0 +1,127 @@
+"""Driver for cameras, video files and streams that OpenCV opens: `pip install "haploop[camera]"`.
+
+Tried with video files only, not with a camera. OpenCV reports no frame counter for a camera: a frame that was
+lost is inferred from the time between two frames. For a file it is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from haploop.instruments.camera.role import Camera, Frame
+from haploop.instruments.clock import Clock
+from haploop.instruments.driver import one_name
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+
+__all__ = ["OpenCvCamera"]
+
+
+class OpenCvCamera(Camera):
+    """See `Camera`."""
+
+    class Settings(BaseModel):
+        """The `[camera]` table of a rig file."""
+
+        model_config = ConfigDict(frozen=True, extra="forbid")
+
+        source: int | str
+        """Number of a camera, a video file, or the address of a stream."""
+        rows: Annotated[int, Field(ge=16, le=4096)] = 240
+        columns: Annotated[int, Field(ge=16, le=4096)] = 320
+        rate_hz: Annotated[float, Field(gt=0, le=1000)] = 60.0
+        """Frames per second that are asked for; the camera must give it within 5 %."""
+        delay: Annotated[float, Field(ge=0, le=1)] = 0.0
+        """s from the middle of the exposure to the arrival of the frame."""
+
+    def __init__(self, settings: Settings, clock: Clock, library: Any) -> None:
+        self._settings, self._clock, self._library = settings, clock, library
+        self._capture: Any = None
+        self._number = -1
+        self._last = -math.inf
+        self._file = isinstance(settings.source, str) and "://" not in settings.source
+        self.shape = (settings.rows, settings.columns)
+        self.rate_hz = settings.rate_hz
+        self.identity = f"OpenCV {library.__version__}, {settings.source}"
+        self._open()
+
+    @staticmethod
+    def hardware(settings: Settings) -> tuple[str, ...]:
+        """See `Driver.hardware`."""
+        return (f"camera {one_name(str(settings.source))}",)
+
+    @classmethod
+    def open(cls, settings: Settings, clock: Clock) -> Self:
+        """Open the camera. Raises ConfigurationError without OpenCV, InstrumentError without a camera."""
+        try:
+            import cv2  # noqa: PLC0415  optional
+        except ImportError as error:
+            raise ConfigurationError(
+                f'The driver opencv needs OpenCV ({error}): install it with pip install "haploop[camera]".'
+            ) from None
+        return cls(settings, clock, cv2)
+
+    def start(self) -> None:
+        """See `Camera.start`. A video file begins again."""
+        self.stop()
+        self._open()
+        self._number, self._last = -1, -math.inf
+
+    def read(self) -> Frame:
+        """See `Camera.read`."""
+        if self._capture is None or not self._capture.isOpened():
+            raise InstrumentError(f"{self.identity} is not started: call start() before read().")
+        before = self._clock.now()
+        whole, image = self._capture.read()
+        now = self._clock.now()
+        if not whole or image is None:
+            what = "has no further frame" if self._file else f"gave no frame within {now - before:.2f} s"
+            raise InstrumentError(f"{self.identity} {what}: check its cable, or begin again.")
+        pixels = np.asarray(image if image.ndim == 2 else image.mean(axis=2).round(), dtype=np.uint8)
+        if pixels.shape != self.shape:
+            raise InstrumentError(
+                f"{self.identity} gave a frame of {pixels.shape[0]} x {pixels.shape[1]}, not of "
+                f"{self.shape[0]} x "
+                f"{self.shape[1]} rows and columns: change 'rows' and 'columns' in [camera]."
+            )
+        if self._file:
+            self._number += 1
+            return Frame(pixels, self._number, self._number / self.rate_hz)
+        lost = round((now - self._last) * self.rate_hz) - 1 if math.isfinite(self._last) else 0
+        self._number += 1 + max(0, lost)
+        self._last = now
+        return Frame(pixels, self._number, now - self._settings.delay)
+
+    def stop(self) -> None:
+        """See `Camera.stop`."""
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
+
+    def close(self) -> None:
+        """See `Camera.close`."""
+        self.stop()
+
+    def _open(self) -> None:
+        library, settings = self._library, self._settings
+        if self._file and not Path(str(settings.source)).is_file():
+            raise InstrumentError(f"There is no video file {settings.source}: check 'source' in [camera].")
+        self._capture = library.VideoCapture(settings.source)
+        if not self._capture.isOpened():
+            self._capture = None
+            raise InstrumentError(f"OpenCV opens no camera {settings.source!r}: check 'source' in [camera].")
+        if isinstance(settings.source, int):
+            self._capture.set(library.CAP_PROP_FRAME_HEIGHT, settings.rows)
+            self._capture.set(library.CAP_PROP_FRAME_WIDTH, settings.columns)
+            self._capture.set(library.CAP_PROP_FPS, settings.rate_hz)
+        rate = float(self._capture.get(library.CAP_PROP_FPS))
+        if rate > 0 and abs(rate / settings.rate_hz - 1) > 0.05:
+            self.stop()
+            raise InstrumentError(
+                f"{self.identity} gives {rate:g} frames/s, not {settings.rate_hz:g}: change 'rate_hz' "
+                "in [camera]."
+            )

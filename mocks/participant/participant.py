@@ -1,0 +1,98 @@
+"""A simulated participant: answers each step by a model, reproducibly."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from haploop.mocks.participant.model import ParticipantModel
+
+__all__ = ["SimulatedParticipant"]
+
+
+class _Step(Protocol):
+    """What is read of a step (`haploop.experiments.Step`), which stands above this room."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def block(self) -> str: ...
+    @property
+    def number(self) -> int: ...
+    @property
+    def stimulus(self) -> Mapping[str, str]: ...
+    @property
+    def presented(self) -> str: ...
+    @property
+    def choices(self) -> tuple[str, ...]: ...
+    @property
+    def values(self) -> tuple[float, float]: ...
+
+
+class SimulatedParticipant:
+    """Answers as a person with a psychometric model would.
+
+    What is drawn depends on the model's seed, the participant, the session and the step only: a session that
+    is interrupted and resumed has the same answers as one that is not.
+    """
+
+    def __init__(self, model: ParticipantModel, participant: str, session: int) -> None:
+        self._model, self._session = model, session
+        self._who = zlib.crc32(participant.encode())
+        person = np.random.default_rng([model.seed, self._who])
+        self._ability, self._scale, self._threshold = (float(one) for one in person.normal(size=3))
+
+    def answer(self, step: _Step) -> Any:
+        """Answer a step."""
+        rng = np.random.default_rng(
+            [self._model.seed, self._who, self._session, zlib.crc32(step.block.encode()), step.number]
+        )
+        match step.kind:
+            case "identification":
+                return self._identify(step, rng)
+            case "rating":
+                return self._rate(step, rng)
+            case "two-interval" | "staircase":
+                return self._compare(step, rng)
+            case _:
+                return "done"
+
+    def told(self, step: _Step, right: bool) -> None:
+        """Do nothing: what confirmation changes is a shift of the model."""
+
+    def _identify(self, step: _Step, rng: np.random.Generator) -> str:
+        model = self._model.identification
+        p = model.correct.get(step.presented, model.otherwise)
+        logit = math.log(p / (1 - p)) + model.spread * self._ability
+        logit += sum(model.shift.get(name, {}).get(level, 0.0) for name, level in step.stimulus.items())
+        if rng.random() < 1 / (1 + math.exp(-logit)):
+            return step.presented
+        wrong = [name for name in step.choices if name != step.presented]
+        near = model.confused_with.get(step.presented)
+        if near in wrong and rng.random() < model.confusion:
+            return near
+        rest = [name for name in wrong if name != near] or wrong
+        return rest[int(rng.integers(len(rest)))]
+
+    def _rate(self, step: _Step, rng: np.random.Generator) -> dict[str, float]:
+        model, (low, high) = self._model.rating, step.values
+        ratings = {}
+        for pair in step.choices:
+            shift = sum(
+                model.shift.get(name, {}).get(level, {}).get(pair, 0.0)
+                for name, level in step.stimulus.items()
+            )
+            factor = math.exp(shift + model.spread * self._scale + model.noise * float(rng.normal()))
+            ratings[pair] = float(np.clip(round((low + high) / 2 * factor), low, high))
+        return ratings
+
+    def _compare(self, step: _Step, rng: np.random.Generator) -> int:
+        model, (first, second) = self._model.comparison, step.values
+        threshold = model.threshold * math.exp(model.spread * self._threshold)
+        seen = 1 - math.exp(-((abs(first - second) / threshold) ** model.slope))
+        right = rng.random() < 0.5 + (0.5 - model.lapse) * seen
+        return (1 if first > second else 2) if right else (2 if first > second else 1)

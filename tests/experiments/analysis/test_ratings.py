@@ -1,0 +1,88 @@
+"""Ratings: normalisation, and known effects that are found where they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haploop.experiments.analysis.ratings import analyse_ratings, normalise
+from haploop.experiments.analysis.table import Rows, read_rows
+from haploop.instruments import DataError
+
+PAIRS = ("pleasant", "clear", "quick")
+HEADER = "participant,category,button,pair,rating"
+
+
+def ratings(folder: Path, people: int = 12, pleasant: float = 0.0, seed: int = 1) -> Rows:
+    """Digital buttons are more pleasant by `pleasant`; each person uses the scale in its own way."""
+    rng = np.random.default_rng(seed)
+    lines = [HEADER]
+    for person in range(people):
+        scale = rng.uniform(0.5, 2)
+        for category in ("physical", "digital"):
+            for button in ("latch", "toggle", "push"):
+                for pair in PAIRS:
+                    shift = pleasant if (category, pair) == ("digital", "pleasant") else 0.0
+                    value = scale * 50 * np.exp(shift + 0.15 * rng.normal())
+                    lines.append(f"P{person:02},{category},{button},{pair},{value:.3f}")
+    path = folder / "ratings.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return read_rows(path)
+
+
+def test_normalised_ratings_have_one_geometric_mean() -> None:
+    values = np.random.default_rng(2).uniform(1, 100, size=(5, 2, 3))
+    out = normalise(values)
+    means = np.exp(np.log(out).reshape(5, -1).mean(axis=1))
+    assert means == pytest.approx(np.exp(np.log(values).mean()))
+    own = np.exp(np.log(values).reshape(5, -1).mean(axis=1))
+    grand = np.exp(np.log(values).mean())
+    assert out == pytest.approx(values * (grand / own)[:, None, None])
+
+
+@pytest.mark.parametrize("low", [0.0, -3.0])
+def test_a_scale_that_is_not_positive_is_refused(tmp_path: Path, low: float) -> None:
+    rows = ratings(tmp_path)
+    path = tmp_path / "low.csv"
+    text = (tmp_path / "ratings.csv").read_text(encoding="utf-8").splitlines()
+    text[40] = text[40].rpartition(",")[0] + f",{low}"
+    path.write_text("\n".join(text), encoding="utf-8")
+    with pytest.raises(DataError, match=rf"P02 is {low:g}, and a geometric mean needs positive"):
+        analyse_ratings(read_rows(path))
+    assert not analyse_ratings(read_rows(path), normalised=False).normalised
+    assert analyse_ratings(rows).normalised
+
+
+def test_an_effect_is_found_where_it_is(tmp_path: Path) -> None:
+    result = analyse_ratings(ratings(tmp_path, pleasant=0.4))
+    by_pair = {pair.pair: {effect.name: effect.p for effect in pair.effects} for pair in result.pairs}
+    assert by_pair["pleasant"]["category"] < 1e-4
+    together = {effect.name: effect for effect in result.repeated if effect}
+    assert together["category"].p < 1e-3
+    for some in result.pairs[0].simple.values():
+        assert [one.p_bonferroni < 0.05 for one in some] == [True]
+        assert some[0].first == "physical" and some[0].difference < 0
+
+
+def test_the_scale_of_each_person_is_taken_out(tmp_path: Path) -> None:
+    rows = ratings(tmp_path, pleasant=0.4)
+    spread = [float(analyse_ratings(rows, normalised=n).pairs[0].deviation.mean()) for n in (True, False)]
+    assert spread[0] < 0.6 * spread[1]
+
+
+def test_what_too_few_people_allow(tmp_path: Path) -> None:
+    """Three pairs and two degrees of freedom need seven people."""
+    result = analyse_ratings(ratings(tmp_path, people=6))
+    assert [effect is None for effect in result.repeated] == [False, True, True]
+    assert None not in result.independent and len(result.notes) == 2
+
+
+def test_a_person_without_a_rating_is_named(tmp_path: Path) -> None:
+    ratings(tmp_path)
+    text = (tmp_path / "ratings.csv").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "hole.csv"
+    path.write_text("\n".join(text[:20] + text[21:]), encoding="utf-8")
+    result = analyse_ratings(read_rows(path))
+    assert result.left_out == ("P01",) and len(result.people) == 11

@@ -1,0 +1,257 @@
+"""Contact area against the plant's truth, finger calibration, activation, and what makes them refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haploop.experiments.contact import (
+    Activator,
+    Contact,
+    ContactMeter,
+    FingerCalibration,
+    VerifiedButton,
+    activation_areas,
+    calibrate_finger,
+    calibrate_meter,
+    latency_of,
+    learn_background,
+    run_button,
+    watch_touch,
+)
+from haploop.experiments.contact.button import without_lead_in
+from haploop.instruments import Camera, ConfigurationError, DataError, LimitError, Rig, Touch, open_rig
+
+TARGET = 100e-6
+RIG = """
+base = "simulated"
+[camera]
+driver = "opencv"
+source = 0
+rows = 96
+columns = 128
+[simulation]
+seed = {seed}
+faults = [{faults}]
+"""
+
+
+@contextmanager
+def rig_with_camera(folder: Path, faults: str = "", seed: int = 1) -> Iterator[tuple[Rig, Any]]:
+    path = folder / f"rig-{seed}.toml"
+    path.write_text(RIG.format(seed=seed, faults=faults), encoding="utf-8")
+    with open_rig(str(path)) as rig:
+        camera = rig.role(Camera)
+        camera.start()
+        yield rig, camera
+
+
+def calibrated(camera: Any) -> ContactMeter:
+    background = learn_background(camera, 12)
+    camera.target = TARGET
+    meter = calibrate_meter([camera.read() for _ in range(4)], background, TARGET)
+    camera.target = None
+    return meter
+
+
+def truth_at(rig: Rig, contacts: list[Contact]) -> Any:
+    return rig.simulation.truth.contact_area(np.array([contact.time for contact in contacts]))  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_area_is_within_three_percent_of_the_truth(tmp_path: Path, seed: int) -> None:
+    """At realistic noise, for fingers of several people, wherever they press with 20 mm^2 and more."""
+    with rig_with_camera(tmp_path, seed=seed) as (rig, camera):
+        meter = calibrated(camera)
+        for number, pressure in enumerate(("light", "firm"), 1):
+            rig.operator.tell(Touch(f"P{seed}0", pressure, number, 2))  # type: ignore[arg-type]
+            contacts = watch_touch(camera, meter)
+            truth = truth_at(rig, contacts)
+            found = np.array([contact.area for contact in contacts])
+            large = truth > 20e-6
+            assert large.sum() >= 8
+            assert np.abs(found[large] / truth[large] - 1).max() < 0.03
+            assert {contact.problem for contact in contacts} == {""}
+
+
+def test_a_finger_calibration_shows_its_repeatability(tmp_path: Path) -> None:
+    with rig_with_camera(tmp_path) as (rig, camera):
+        told: list[tuple[str, int, float]] = []
+        found = calibrate_finger(
+            rig, camera, calibrated(camera), "P01", on_press=lambda *press: told.append(press)
+        )
+        assert [press[:2] for press in told] == [(p, n) for p in ("light", "firm") for n in range(1, 6)]
+        touches = rig.simulation.truth.touches  # type: ignore[union-attr]
+        for touch, (_, _, area) in zip(touches, told, strict=True):
+            times = np.linspace(touch.start, touch.stop, 500)
+            assert area == pytest.approx(touch.area(times).max(), rel=0.12)
+        assert found.a_max > 2 * found.a_min and max(found.scatter) < 0.25
+
+
+@pytest.mark.parametrize(
+    ("light", "firm", "said"),
+    [
+        ((40, 41, 39, 40, 40), (45, 46, 44, 45, 45), "1.12 times the area"),
+        ((40, 80, 20, 40, 40), (150, 150, 150, 150, 150), "light presses of P01 scatter by 50 %"),
+        ((40, 40, 40, 40, 41), (60, 160, 60, 60, 60), "firm presses of P01 scatter"),
+        ((40, 50, 55, 45, 40), (60, 70, 80, 50, 65), "overlap"),
+        ((40, 41, 39, 40, 40), (150, 140, 160, 150, 150), ""),
+    ],
+)
+def test_a_calibration_that_is_not_usable(light: Any, firm: Any, said: str) -> None:
+    found = FingerCalibration("P01", light, firm)
+    assert (said in found.problem) if said else not found.problem
+
+
+def test_activation_areas_follow_the_recorded_forces() -> None:
+    """Largest for the latch, smallest for the toggle, all between A_min and A_max."""
+    found = FingerCalibration("P01", (40e-6,) * 5, (160e-6,) * 5)
+    areas = activation_areas(found, {"latch": 8.0, "toggle": 2.2, "push": 4.0})
+    assert found.a_min < areas["toggle"] < areas["push"] < areas["latch"] < found.a_max
+    assert areas["toggle"] == pytest.approx(70e-6) and areas["latch"] == pytest.approx(130e-6)
+    for forces in ({}, {"latch": 0.0}, {"latch": float("nan")}):
+        with pytest.raises(DataError, match="positive mean force"):
+            activation_areas(found, forces)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ('{ kind = "ambient-light", after = 2.0 }', "The light changed by"),
+        ('{ kind = "second-finger", after = 2.0 }', "more than one finger"),
+        ('{ kind = "defocus" }', "focus the camera"),
+        ('{ kind = "ambient-light", light = 200.0 }', "too bright"),
+        ('{ kind = "ambient-light", after = 0.1 }', "Something moved"),
+        ('{ kind = "second-finger", after = 0.24 }', "2 bright spots|differs by more than 1 %"),
+    ],
+)
+def test_what_spoils_an_image_is_named(tmp_path: Path, fault: str, said: str) -> None:
+    with rig_with_camera(tmp_path, fault) as (rig, camera), pytest.raises(DataError, match=said):
+        meter = calibrated(camera)
+        rig.clock.sleep(2.1 - rig.clock.now())
+        calibrate_finger(rig, camera, meter, "P01", presses=1, timeout=1.5)
+    assert rig.simulation is not None and rig.simulation.faults[0].fired  # type: ignore[attr-defined]
+
+
+def test_lost_frames_are_gaps_in_the_numbers(tmp_path: Path) -> None:
+    with rig_with_camera(tmp_path, '{ kind = "frames-lost", after = 0.1, times = 3 }') as (_, camera):
+        numbers = [camera.read().number for _ in range(12)]
+    assert sorted(np.diff(numbers)) == [1] * 10 + [4]
+
+
+def contact(area: float, time: float = 0.0, problem: str = "") -> Contact:
+    return Contact(0, time, area, 0, 0, 0.0, problem)
+
+
+def presses(activator: Activator, areas: list[float]) -> list[str]:
+    return [what for area in areas if (what := activator.see(contact(area)))]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.floats(0.4, 3.0), max_size=200), st.booleans())
+def test_one_press_for_each_touch_however_the_finger_trembles(areas: list[float], release: bool) -> None:
+    """Whatever the area does above the level at which a finger counts as lifted."""
+    found = presses(Activator(1.0, 0.4, 0.7 if release else None), [0.0, *areas])
+    assert found.count("press") == (1 if any(area > 1 for area in areas) else 0)
+    assert found.count("release") <= found.count("press")
+    assert not release or found in ([], ["press"], ["press", "release"])
+
+
+def test_a_finger_that_rests_from_the_beginning_is_no_press() -> None:
+    assert presses(Activator(1.0, 0.4), [2.0, 2.0, 0.5, 2.0]) == []
+    assert presses(Activator(1.0, 0.4), [2.0, 0.1, 2.0, 0.1, 0.0, 1.5]) == ["press", "press"]
+
+
+def test_a_frame_that_is_not_to_be_trusted_activates_nothing() -> None:
+    activator = Activator(1.0, 0.4)
+    activator.see(contact(0.0))
+    assert activator.see(contact(2.0, problem="There is more than one finger.")) is None
+    assert activator.see(contact(2.0)) == "press"
+
+
+@pytest.mark.parametrize("areas", [(1.0, 0.0, None), (1.0, 1.0, None), (1.0, 0.4, 0.3), (1.0, 0.4, 1.0)])
+def test_areas_in_the_wrong_order_are_refused(areas: tuple[float, float, float | None]) -> None:
+    with pytest.raises(ConfigurationError, match="lifted <= release < activation"):
+        Activator(*areas)
+
+
+def burst(peak: float, rate_hz: float = 50_000.0) -> Any:
+    """A drive of 0.1 s that begins with 0.05 s of nearly nothing."""
+    times = np.arange(round(0.1 * rate_hz)) / rate_hz
+    shape = np.where(
+        times > 0.05, np.sin(np.pi * (times - 0.05) / 0.05) ** 2, 1e-4 * np.sin(np.pi * times / 0.05)
+    )
+    volts = peak * shape * np.sin(2 * np.pi * 260 * times)
+    return SimpleNamespace(volts=volts, target=volts, rate_hz=rate_hz, patch="A")
+
+
+def verified(rig: Rig, drive: Any, date: Callable[[], str] | None = None) -> VerifiedButton:
+    from haploop.experiments.contact.button import _today
+
+    button: Any = SimpleNamespace(press=SimpleNamespace(button="push"))
+    check: Any = SimpleNamespace(drive=drive)
+    return VerifiedButton(button, check, rig, (date or _today)(), 0.0)
+
+
+def test_a_button_plays_once_a_press_within_a_frame_of_the_crossing(tmp_path: Path) -> None:
+    with rig_with_camera(tmp_path) as (rig, camera):
+        meter = calibrated(camera)
+        truth = rig.simulation.truth  # type: ignore[union-attr]
+        outputs = truth.record()
+        area = 90e-6
+        found = []
+        for number in range(1, 4):
+            rig.operator.tell(Touch("P01", "as a button", number, 3))
+            found += run_button(rig, camera, meter, verified(rig, burst(20.0)), Activator(area, 20e-6))
+        for played, touch in zip(found, truth.touches, strict=True):
+            times = np.linspace(touch.start, touch.stop, 20_001)
+            crossing = times[np.argmax(touch.area(times) > area * 1.03)]
+            before = times[np.argmax(touch.area(times) > area * 0.97)]
+            assert before - 1e-9 <= played.contact.time <= crossing + 1 / camera.rate_hz
+            moved = [
+                o.start + o.period * int(np.argmax(np.abs(o.volts) > 0.5))
+                for o in outputs
+                if np.abs(o.volts).max() > 0.5
+            ]
+            begun = min(time for time in moved if time > played.contact.time)
+            # The program's bound on the first sample is true, and not far off.
+            assert played.contact.time + played.latency <= begun <= played.contact.time + played.onset + 0.01
+        told = latency_of(found)
+        assert told.count == 3 and 0.02 < told.median <= told.p95 <= told.worst < 0.1
+        assert truth.peak < 22 and not truth.closed
+
+
+def test_no_drive_outside_the_limits(tmp_path: Path) -> None:
+    with rig_with_camera(tmp_path) as (rig, camera):
+        meter = calibrated(camera)
+        rig.operator.tell(Touch("P01", "as a button", 1, 1))
+        with pytest.raises(LimitError):
+            run_button(rig, camera, meter, verified(rig, burst(80.0)), Activator(90e-6, 20e-6))
+        assert rig.simulation.truth.peak == 0  # type: ignore[union-attr]
+
+
+def test_only_a_button_that_was_verified_here_today(tmp_path: Path) -> None:
+    with rig_with_camera(tmp_path) as (rig, camera):
+        meter = calibrated(camera)
+        stale = verified(rig, burst(20.0), lambda: "2020-01-01")
+        with pytest.raises(ConfigurationError, match="verify it again on this rig today"):
+            run_button(rig, camera, meter, stale, Activator(90e-6, 20e-6))
+        other = verified(SimpleNamespace(name="other"), burst(20.0))  # type: ignore[arg-type]
+        with pytest.raises(ConfigurationError, match="verify it again on this rig today"):
+            run_button(rig, camera, meter, other, Activator(90e-6, 20e-6))
+        with pytest.raises(DataError, match=r"not pressed within 0\.2 s"):
+            run_button(rig, camera, meter, verified(rig, burst(20.0)), Activator(90e-6, 20e-6), timeout=0.2)
+
+
+@pytest.mark.parametrize("share", [-0.1, 0.02, float("nan")])
+def test_no_more_than_a_lead_in_is_left_out(share: float) -> None:
+    with pytest.raises(ConfigurationError, match=r"use 0 to 0\.01"):
+        without_lead_in(burst(1.0), share)

@@ -1,0 +1,178 @@
+"""Experiments as files: the paper's two, orders, staircases, and files that are wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from haploop.experiments.protocol import (
+    Answer,
+    Assignment,
+    Course,
+    Experiment,
+    Step,
+    example_names,
+    group_of_slot,
+    load_experiment,
+    right_answer,
+    session_levels,
+    valid,
+)
+from haploop.instruments import ConfigurationError, DataError
+
+
+def steps_of(experiment: Experiment, slot: int = 0, session: int = 1, participant: str = "P01") -> list[Step]:
+    """All steps of a session whose answers are all right."""
+    assignment = Assignment(participant, slot, group_of_slot(experiment.file, slot), session)
+    course = Course(experiment.file, assignment)
+    answers: list[tuple[Step, Answer]] = []
+    while (step := course.due(answers)) is not None:
+        answers.append((step, right_answer(step) or "done"))
+    return [step for step, _ in answers]
+
+
+def test_the_paper_s_first_experiment() -> None:
+    experiment = load_experiment("matching")
+    steps = steps_of(experiment)
+    assert Counter(step.block for step in steps) == {
+        "familiarisation": 3,
+        "finger calibration": 10,
+        "training": 9,
+        "experiment": 30,
+    }
+    assert all(step.repetitions == 10 for step in steps if step.kind == "presses")
+    assert Counter(s.stimulus["press"] for s in steps if s.kind == "finger") == {"light": 5, "firm": 5}
+    for block, each in (("training", 3), ("experiment", 10)):
+        presented = Counter(step.presented for step in steps if step.block == block)
+        assert presented == {"latch": each, "toggle": each, "push": each}
+    assert {step.choices for step in steps if step.presented} == {("latch", "toggle", "push")}
+
+
+def test_confirmation_changes_with_group_and_day() -> None:
+    """Table I: group I none on day 1, given on day 2; group II the other way round."""
+    file = load_experiment("matching").file
+    expected = {("I", 1): "none", ("I", 2): "given", ("II", 1): "given", ("II", 2): "none"}
+    for (group, day), level in expected.items():
+        assignment = Assignment("P01", 0, group, day)
+        assert session_levels(file, assignment) == {"confirmation": level}
+        told = {step.feedback for step in Course(file, assignment)._fixed[2]}
+        assert told == {level == "given"}
+        assert {step.feedback for step in Course(file, assignment)._fixed[3]} == {False}
+
+
+def test_groups_are_random_and_balanced() -> None:
+    file = load_experiment("matching").file
+    groups = [group_of_slot(file, slot) for slot in range(20)]
+    assert Counter(groups) == {"I": 10, "II": 10}
+    assert groups != ["I", "II"] * 10
+    assert all(set(groups[n : n + 2]) == {"I", "II"} for n in range(0, 20, 2))
+
+
+def test_an_order_is_stored_by_its_seed() -> None:
+    experiment = load_experiment("matching")
+    again = load_experiment("matching")
+    assert steps_of(experiment) == steps_of(again)
+    assert steps_of(experiment) != steps_of(experiment, participant="P02")
+    assert steps_of(experiment) != steps_of(experiment, session=2)
+
+
+def test_the_paper_s_second_experiment() -> None:
+    steps = steps_of(load_experiment("rating"))
+    assert len(steps) == 6
+    assert len({(step.stimulus["category"], step.stimulus["button"]) for step in steps}) == 6
+    assert steps[0].choices == (
+        "Unpleasant-Pleasant",
+        "Uncomfortable-Comfortable",
+        "Unclear-Clear",
+        "Unstable-Stable",
+        "Delayed-Quick",
+        "Unreliable-Reliable",
+        "Rough-Smooth",
+    )
+
+
+def test_a_staircase_converges() -> None:
+    """Right above 0.3 of the standard, wrong below: it ends around 0.3."""
+    experiment = load_experiment("staircase")
+    course = Course(experiment.file, Assignment("P01", 0, "all", 1))
+    answers: list[tuple[Step, Answer]] = []
+    values: list[float] = []
+    while (step := course.due(answers)) is not None:
+        value = max(step.values)
+        right = right_answer(step)
+        assert right is not None
+        answers.append((step, right if value > 0.3 else (2 if right == 1 else 1)))
+        values.append(value)
+    assert len(values) < 160 and sum(value == 0.5 for value in values) >= 2
+    assert abs(sum(values[-10:]) / 10 - 0.3) < 0.05
+    assert {step.values.index(max(step.values)) for step, _ in answers} == {0, 1}
+
+
+def test_two_intervals_compare_each_level_in_both_orders() -> None:
+    steps = [step for step in steps_of(load_experiment("two-interval")) if not step.practice]
+    assert Counter(max(step.values) for step in steps) == dict.fromkeys((1.05, 1.1, 1.2, 1.3, 1.45, 1.6), 20)
+    first = sum(step.values[0] > 1 for step in steps)
+    assert 40 <= first <= 80 and all(1.0 in step.values for step in steps)
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_every_example_can_be_run(name: str) -> None:
+    assert steps_of(load_experiment(name))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('kind = "identification"', 'kind = "identifying"'), "line 7.*kind"),
+        (('identify = "button"', 'identify = "knob"'), "varies by trial"),
+        (('name = "button"', 'name = "group"'), "cannot be called 'group'"),
+        (('levels = ["latch", "toggle", "push"]', 'levels = ["latch", "latch"]'), "listed twice"),
+        (('feedback = { confirmation = "given" }', 'feedback = { confirmation = "yes" }'), "feedback"),
+        (("repetitions = 3", "repetitions = 0"), "repetitions"),
+        (("repetitions = 3", "repeat = 3"), "repeat"),
+        (('groups = ["I", "II"]', 'groups = ["I", "I"]'), "listed twice"),
+        (('kind = "identification"', 'kind = "staircase"'), r"\[comparison\]"),
+        (("seed = 2020", "seed = "), "not valid TOML"),
+    ],
+)
+def test_a_wrong_file_is_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+    text = load_experiment("matching").path.read_text(encoding="utf-8")
+    assert change[0] in text
+    path = tmp_path / "experiment.toml"
+    path.write_text(text.replace(*change), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=said):
+        load_experiment(tmp_path)
+
+
+def test_no_file_and_a_comment() -> None:
+    with pytest.raises(ConfigurationError, match="matching, rating"):
+        load_experiment("nothing.toml")
+
+
+def test_a_comment_does_not_change_an_experiment(tmp_path: Path) -> None:
+    original = load_experiment("matching")
+    path = tmp_path / "experiment.toml"
+    path.write_text("# mine\n" + original.path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert load_experiment(path).content_hash == original.content_hash
+    path.write_text(path.read_text(encoding="utf-8").replace("seed = 2020", "seed = 2021"), encoding="utf-8")
+    assert load_experiment(path).content_hash != original.content_hash
+
+
+@pytest.mark.parametrize("answer", ["knob", 1, None, True, {"latch": 1.0}])
+def test_an_answer_that_is_none_is_refused(answer: object) -> None:
+    step = next(step for step in steps_of(load_experiment("matching")) if step.presented)
+    with pytest.raises(DataError, match="one of latch, toggle, push"):
+        valid(step, answer)
+
+
+@pytest.mark.parametrize("value", [0.99, 101.1, float("nan"), "50", True, None])
+def test_a_rating_beyond_the_scale_is_refused(value: object) -> None:
+    step = steps_of(load_experiment("rating"))[0]
+    middle: dict[str, object] = dict.fromkeys(step.choices, 51.0)
+    assert valid(step, middle) == middle
+    with pytest.raises(DataError, match="from 1 to 101"):
+        valid(step, middle | {"Delayed-Quick": value})
+    with pytest.raises(DataError, match="from 1 to 101"):
+        valid(step, {"Delayed-Quick": 51.0})

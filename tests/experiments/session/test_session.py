@@ -1,0 +1,241 @@
+"""Sessions: resumed at the exact trial, never mixed, withdrawn, exported, and logs that are damaged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from haploop.experiments.analysis import analyse_identification, analyse_ratings, read_rows
+from haploop.experiments.protocol import load_experiment
+from haploop.experiments.session import Store, export_answers, open_session, read_log, run_session
+from haploop.instruments import ConfigurationError, DataError, InstrumentError
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+
+
+class Stops:
+    """A participant whose session is interrupted at a step."""
+
+    def __init__(self, who: SimulatedParticipant, after: int) -> None:
+        self._who, self._left = who, after
+        self.told = who.told
+
+    def answer(self, step: object) -> object:
+        if not self._left:
+            raise KeyboardInterrupt
+        self._left -= 1
+        return self._who.answer(step)  # type: ignore[arg-type]
+
+
+def store(folder: Path, name: str = "matching") -> Store:
+    return Store(load_experiment(name), folder / "answers")
+
+
+def run(
+    where: Store, participant: str, after: int | None = None, model: ParticipantModel | None = None
+) -> None:
+    with open_session(where, participant, VirtualClock(), simulated=True) as session:
+        who = SimulatedParticipant(model or ParticipantModel(), participant, session.assignment.session)
+        run_session(session, who if after is None else Stops(who, after))
+
+
+def answers(where: Store, participant: str, session: int = 1) -> list[object]:
+    stored = where.session(participant, session)
+    assert stored is not None
+    return [(step.block, step.number, step.presented, answer) for step, answer, _ in stored.answers]
+
+
+@pytest.mark.parametrize("after", [0, 5, 20, 51])
+def test_an_interrupted_session_continues_at_the_exact_trial(tmp_path: Path, after: int) -> None:
+    whole, broken = store(tmp_path / "a"), store(tmp_path / "b")
+    run(whole, "P01")
+    with pytest.raises(KeyboardInterrupt):
+        run(broken, "P01", after)
+    stored = broken.session("P01", 1)
+    assert stored is not None and stored.due is not None and len(stored.answers) == after
+    run(broken, "P01")
+    assert answers(broken, "P01") == answers(whole, "P01")
+    kinds = [event.kind for event in read_log(broken.path_of("P01", 1))]
+    assert kinds.count("resumed") == 1 and kinds[-1] == "complete"
+    assert kinds.count("presented") == 53  # the one that was interrupted was presented twice
+
+
+@pytest.mark.parametrize("cut", [1, 30, 200])
+def test_a_line_that_was_cut_off_is_left_behind(tmp_path: Path, cut: int) -> None:
+    where = store(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        run(where, "P01", 20)
+    path = where.path_of("P01", 1)
+    content = path.read_bytes()
+    path.write_bytes(content[:-cut])
+    run(where, "P01")
+    whole = store(tmp_path / "whole")
+    run(whole, "P01")
+    assert answers(where, "P01") == answers(whole, "P01")
+    assert path.read_bytes().startswith(content[:-cut])
+
+
+def test_every_changed_byte_is_noticed(tmp_path: Path) -> None:
+    """Except at the end, where the last line may have been cut off; never is another answer read."""
+    where = store(tmp_path, "rating")
+    run(where, "P01")
+    path = where.path_of("P01", 1)
+    content, before = path.read_bytes(), answers(where, "P01")
+    for place in range(0, len(content), 7):
+        for mask in (1, 0x20):
+            path.write_bytes(content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :])
+            try:
+                found = answers(where, "P01")
+            except DataError:
+                continue
+            assert found == before[: len(found)] and place > content.rindex(b"\n", 0, -1), place
+
+
+def test_a_line_that_is_missing_is_noticed(tmp_path: Path) -> None:
+    where = store(tmp_path, "rating")
+    run(where, "P01")
+    path = where.path_of("P01", 1)
+    lines = path.read_bytes().splitlines(keepends=True)
+    for gone in range(len(lines) - 1):
+        path.write_bytes(b"".join(lines[:gone] + lines[gone + 1 :]))
+        with pytest.raises(DataError, match="is damaged, or a line before it is missing"):
+            where.session("P01", 1)
+
+
+def test_each_event_has_its_time(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    events = read_log(where.path_of("P01", 1))
+    assert [event.number for event in events] == list(range(1, 107))  # start, 52 x 2, complete
+    assert all(event.time.endswith("+00:00") for event in events)
+    head = events[0].values
+    assert (head["participant"], head["session"], head["seed"], head["simulated"]) == ("P01", 1, 2020, True)
+
+
+def test_days_come_in_order_and_end(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    with (
+        pytest.raises(ConfigurationError, match="Session 2 of P01 is not due, but session 1"),
+        open_session(where, "P01", VirtualClock(), 2, simulated=True),
+    ):
+        pass
+    run(where, "P01")
+    run(where, "P01")
+    with pytest.raises(ConfigurationError, match="completed all 2 sessions"):
+        run(where, "P01")
+
+
+def test_people_and_simulated_participants_are_not_mixed(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    with (
+        pytest.raises(ConfigurationError, match="answers of simulated participants"),
+        open_session(where, "P02", VirtualClock()),
+    ):
+        pass
+
+
+def test_without_consent_nothing_is_begun(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    with (
+        pytest.raises(DataError, match="has not consented"),
+        open_session(where, "P01", VirtualClock(), consent=lambda: False),
+    ):
+        pass
+    assert where.participants() == ()
+
+
+@pytest.mark.parametrize("name", ["Ann Smith", "../P01", "p01", "P", ""])
+def test_a_name_that_is_no_pseudonym_is_refused(tmp_path: Path, name: str) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    with pytest.raises(ConfigurationError):
+        run(where, name)
+
+
+def test_a_changed_experiment_does_not_continue(tmp_path: Path) -> None:
+    text = load_experiment("matching").path.read_text(encoding="utf-8")
+    path = tmp_path / "experiment.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(KeyboardInterrupt):
+        run(Store(load_experiment(path), tmp_path / "answers"), "P01", 20)
+    path.write_text(text.replace("seed = 2020", "seed = 1"), encoding="utf-8")
+    with pytest.raises(DataError, match="another version"):
+        run(Store(load_experiment(path), tmp_path / "answers"), "P01")
+
+
+def test_two_programs_exclude_each_other(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    with (
+        open_session(where, "P01", VirtualClock(), simulated=True),
+        pytest.raises(InstrumentError),
+        open_session(where, "P02", VirtualClock(), simulated=True),
+    ):
+        pass
+
+
+def test_an_answer_needs_a_presentation_and_a_valid_value(tmp_path: Path) -> None:
+    with open_session(store(tmp_path, "rating"), "P01", VirtualClock(), simulated=True) as session:
+        with pytest.raises(DataError, match="was not presented yet"):
+            session.answer({})
+        session.presented()
+        with pytest.raises(DataError, match="is no answer"):
+            session.answer("clear")
+        assert session.due is not None and session.due.number == 1
+        with pytest.raises(ConfigurationError, match="events of its own"):
+            session.event("answer")
+
+
+def test_a_withdrawal_deletes_what_belongs_to_one(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    for participant in ("P01", "P02", "P03", "P04"):
+        run(where, participant)
+    slots = {one.assignment.participant: one.assignment.slot for one in where.sessions()}
+    others = {path: path.read_bytes() for who in ("P01", "P03", "P04") for path in [where.path_of(who, 1)]}
+    done = where.withdraw("P02")
+    assert done.files == ("P02/session-1.jsonl",)
+    left = [path for path in where.folder.rglob("*") if path.is_file()]
+    assert {path: path.read_bytes() for path in left if "P0" in str(path.parent.name)} == others
+    assert [one.participant for one in where.withdrawals()] == ["P02"]
+    for path in left:
+        assert path.name == "withdrawals.jsonl" or b"P02" not in path.read_bytes()
+    with pytest.raises(ConfigurationError, match="P02 has withdrawn"):
+        run(where, "P02")
+    run(where, "P05")
+    after = {one.assignment.participant: one.assignment.slot for one in where.sessions()}
+    assert after == {"P01": slots["P01"], "P03": 2, "P04": 3, "P05": 1}
+    for nobody in ("P09", "..", "", "P01/session-1.jsonl"):
+        with pytest.raises(DataError, match="There is nothing of"):
+            where.withdraw(nobody)
+
+
+def test_answers_leave_as_a_tidy_table(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    for participant in ("P01", "P02"):
+        run(where, participant)
+        run(where, participant)
+    out = tmp_path / "out.csv"
+    assert export_answers(where, out) == 120
+    rows = read_rows(out)
+    assert rows.simulated and set(rows.text("confirmation")) == {"none", "given"}
+    sidecar = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert set(rows.columns) <= set(sidecar)
+    assert sidecar["presented"]["Levels"] == ["latch", "toggle", "push"]
+    assert analyse_identification(rows).pooled.counts.sum() == 120
+    with pytest.raises(DataError, match="already exists"):
+        export_answers(where, out)
+    assert export_answers(where, tmp_path / "all.csv", practice=True) == 156
+    with pytest.raises(DataError, match="holds no answer"):
+        export_answers(store(tmp_path / "empty"), tmp_path / "none.csv")
+
+
+def test_ratings_leave_as_a_tidy_table(tmp_path: Path) -> None:
+    where = store(tmp_path, "rating")
+    for number in range(1, 9):
+        run(where, f"P{number:02}")
+    assert export_answers(where, tmp_path / "out.csv") == 8 * 6 * 7
+    result = analyse_ratings(read_rows(tmp_path / "out.csv"))
+    assert len(result.pairs) == 7 and len(result.people) == 8
+    assert set(result.levels[0]) == {"physical", "digital"}

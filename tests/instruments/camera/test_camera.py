@@ -1,0 +1,148 @@
+"""The camera's twin and OpenCV's driver keep the role's promises; frames that are lost are noticed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from haploop.instruments import Camera, ConfigurationError, InstrumentError, load_rig_file
+from haploop.instruments.camera.opencv import OpenCvCamera
+from haploop.instruments.conformance import CameraConformance, Fired
+from haploop.mocks.camera import CameraTwin
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.plant import Faults, Plant
+
+SETTINGS = OpenCvCamera.Settings(source=0, rows=48, columns=64)
+
+
+class Lost:
+    """Loses two frames."""
+
+    def __init__(self) -> None:
+        self.fired = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return {"lamp": lambda level, _: level, "blur": lambda p, _: p, "other_finger": lambda _: 0.0}[name]
+
+    def frame_lost(self, _time: float) -> bool:
+        self.fired += self.fired < 2
+        return self.fired < 2
+
+
+class TestTwin(CameraConformance):
+    capabilities = ("restarts",)
+    faults: ClassVar = ("lost",)
+
+    @pytest.fixture
+    def camera(self) -> Iterator[Camera]:
+        self.plant = Plant(load_rig_file("simulated"), VirtualClock())
+        camera = CameraTwin(SETTINGS, self.plant)
+        yield camera
+        camera.close()
+
+    def fault(self, kind: str) -> AbstractContextManager[Fired]:
+        @contextmanager
+        def put() -> Iterator[Fired]:
+            fault = Lost()
+            self.plant.faults = Faults([fault])  # type: ignore[list-item]
+            yield fault
+
+        return put()
+
+
+def video(path: Path, frames: int = 20, rows: int = 48, columns: int = 64) -> Path:
+    """A video file whose frames brighten by 5 grey levels each."""
+    cv2 = pytest.importorskip("cv2")
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 60.0, (columns, rows))
+    for number in range(frames):
+        writer.write(np.full((rows, columns, 3), 5 * number, dtype=np.uint8))
+    writer.release()
+    return path
+
+
+class TestOpenCv(CameraConformance):
+    capabilities = ("restarts",)
+
+    @pytest.fixture
+    def camera(self, tmp_path: Path) -> Iterator[Camera]:
+        source = str(video(tmp_path / "finger.avi"))
+        camera = OpenCvCamera.open(SETTINGS.model_copy(update={"source": source}), VirtualClock())
+        yield camera
+        camera.close()
+
+
+def opened(source: Path, **settings: Any) -> OpenCvCamera:
+    asked = SETTINGS.model_copy(update={"source": str(source), **settings})
+    return OpenCvCamera.open(asked, VirtualClock())
+
+
+def test_a_video_is_read_frame_by_frame_to_its_end(tmp_path: Path) -> None:
+    camera = opened(video(tmp_path / "finger.avi"))
+    camera.start()
+    frames = [camera.read() for _ in range(20)]
+    assert [frame.number for frame in frames] == list(range(20))
+    assert [round(float(frame.pixels.mean()) / 5) for frame in frames] == list(range(20))
+    assert frames[6].time == pytest.approx(0.1)
+    with pytest.raises(InstrumentError, match="no further frame"):
+        camera.read()
+
+
+def test_what_is_no_camera_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    with pytest.raises(InstrumentError, match="no video file"):
+        opened(tmp_path / "none.avi")
+    (tmp_path / "text.avi").write_text("no video", encoding="utf-8")
+    with pytest.raises(InstrumentError, match="opens no camera"):
+        opened(tmp_path / "text.avi")
+    with pytest.raises(InstrumentError, match="60 frames/s, not 120"):
+        opened(video(tmp_path / "slow.avi"), rate_hz=120.0)
+    camera = opened(video(tmp_path / "small.avi", rows=32))
+    with pytest.raises(InstrumentError, match="32 x 64, not of 48 x 64"):
+        camera.read()
+
+
+def test_without_opencv_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "cv2", None)
+    with pytest.raises(ConfigurationError, match=r'pip install "haploop\[camera\]"'):
+        OpenCvCamera.open(SETTINGS, VirtualClock())
+
+
+class Feed:
+    """OpenCV's VideoCapture of a camera that loses a frame now and then; each read takes its time."""
+
+    CAP_PROP_FPS = CAP_PROP_FRAME_HEIGHT = CAP_PROP_FRAME_WIDTH = 0
+    __version__ = "of a test"
+
+    def __init__(self, clock: VirtualClock, intervals: list[float]) -> None:
+        self._clock, self._intervals = clock, intervals
+
+    def VideoCapture(self, _source: int) -> Feed:  # noqa: N802  as OpenCV calls it
+        return self
+
+    def isOpened(self) -> bool:  # noqa: N802
+        return True
+
+    def get(self, _what: int) -> float:
+        return 0.0
+
+    def set(self, _what: int, _value: float) -> None: ...
+
+    def release(self) -> None: ...
+
+    def read(self) -> tuple[bool, Any]:
+        self._clock.sleep(self._intervals.pop(0))
+        return True, np.zeros((48, 64), dtype=np.uint8)
+
+
+def test_a_camera_s_lost_frame_is_told_by_the_time_between_two() -> None:
+    clock = VirtualClock()
+    period = 1 / 60
+    feed = Feed(clock, [period, period, 3.1 * period, 0.9 * period, 2 * period])
+    camera = OpenCvCamera(SETTINGS, clock, feed)
+    camera.start()
+    assert [camera.read().number for _ in range(5)] == [0, 1, 4, 5, 7]
