@@ -62,6 +62,8 @@ from .calibration import quick_response as quick_response
 from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate
 from .calibration import write_uff as write_uff
+from .catalogue import Entry as Entry
+from .catalogue import list_files as list_files
 from .demo import claim_folder as claim_folder
 from .demo import run_demo as run_demo
 from .exchange import Exported as Exported

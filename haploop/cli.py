@@ -15,6 +15,7 @@ from haploop.commands.calibrations import calibrations
 from haploop.commands.demo import demo
 from haploop.commands.export import export, import_
 from haploop.commands.files import recover, show, verify
+from haploop.commands.list_files import list_command
 from haploop.commands.live import live
 from haploop.commands.maintenance import doctor, log, reset, schema
 from haploop.commands.map import map_command
@@ -47,6 +48,7 @@ for command in (
     recover,
     verify,
     show,
+    list_command,
     calibrate,
     check,
     map_command,

@@ -25,6 +25,7 @@ WORK = {
     "recover": ["recover", "Recording"],
     "verify": ["verify", "Recording"],
     "show": ["file_contents", "load_study"],
+    "list": ["list_files", "Entry"],
     "calibrate": ["open_rig", "calibrate", "Calibration"],
     "check": ["Recording", "representative", "drive_for", "check"],
     "map": ["open_rig", "map_plan", "measure_map", "VibrationMap", "animate_map"],
