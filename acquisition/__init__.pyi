@@ -9,6 +9,7 @@ from .presses import Window as Window
 from .presses import accepted_presses as accepted_presses
 from .presses import find_presses as find_presses
 from .presses import high_pass as high_pass
+from .presses import load_press as load_press
 from .presses import representative as representative
 from .presses import segmentation_for as segmentation_for
 from .recording import Event as Event

@@ -12,6 +12,7 @@ from .acquisition import content_hash as content_hash
 from .acquisition import file_name as file_name
 from .acquisition import find_presses as find_presses
 from .acquisition import high_pass as high_pass
+from .acquisition import load_press as load_press
 from .acquisition import load_study as load_study
 from .acquisition import record as record
 from .acquisition import recover as recover
@@ -62,6 +63,8 @@ from .calibration import quick_response as quick_response
 from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate
 from .calibration import write_uff as write_uff
+from .catalogue import Entry as Entry
+from .catalogue import list_files as list_files
 from .demo import claim_folder as claim_folder
 from .demo import run_demo as run_demo
 from .experiments import Session as Session
@@ -77,6 +80,11 @@ from .experiments import open_session as open_session
 from .experiments import power_of as power_of
 from .experiments import read_rows as read_rows
 from .experiments import run_session as run_session
+from .exchange import Exported as Exported
+from .exchange import export_file as export_file
+from .exchange import import_press as import_press
+from .exchange import import_response as import_response
+from .exchange import is_response_file as is_response_file
 from .figures import animate_map as animate_map
 from .figures import trend as trend
 from .instruments import Clock as Clock

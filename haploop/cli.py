@@ -17,6 +17,7 @@ from haploop.commands.demo import demo
 from haploop.commands.experiment import experiment
 from haploop.commands.export import export, import_
 from haploop.commands.files import recover, show, verify
+from haploop.commands.list_files import list_command
 from haploop.commands.live import live
 from haploop.commands.maintenance import doctor, log, reset, schema
 from haploop.commands.map import map_command
@@ -51,6 +52,7 @@ for command in (
     verify,
     show,
     report,
+    list_command,
     calibrate,
     check,
     map_command,

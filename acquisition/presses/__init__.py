@@ -4,7 +4,13 @@ from haploop.acquisition.presses.averaging import AverageMethod
 from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.quality import QualityCheck, accepted_presses
 from haploop.acquisition.presses.registration import WarpModel
-from haploop.acquisition.presses.representative import Representative, Window, high_pass, representative
+from haploop.acquisition.presses.representative import (
+    Representative,
+    Window,
+    high_pass,
+    load_press,
+    representative,
+)
 from haploop.acquisition.presses.restlessness import restlessness
 from haploop.acquisition.presses.segmentation import (
     SEGMENTATIONS,
@@ -29,6 +35,7 @@ __all__ = [
     "accepted_presses",
     "find_presses",
     "high_pass",
+    "load_press",
     "representative",
     "restlessness",
     "segmentation_for",

@@ -25,7 +25,7 @@ from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.files import check_destination
 from haploop.instruments.notebook import InNotebook
 
-__all__ = ["Representative", "Window", "high_pass", "representative"]
+__all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
 
 _KIND = "representative"
 _RIPPLE = 1e-4
@@ -129,6 +129,16 @@ def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0)
             sections, acceleration, axis=-1, padlen=min(samples - 1, int(np.ceil(rate_hz / 2)))
         )
     )
+
+
+def load_press(files: Sequence[str | Path], method: AverageMethod = "automatic") -> Representative:
+    """The press that one file of a representative press holds, or the average of recordings' presses.
+
+    Raises DataError for a file of another kind, and the errors of `representative`.
+    """
+    if len(files) == 1 and hdf5.kind_of(files[0]) == _KIND:
+        return Representative.load(files[0])
+    return representative([Recording.open(file) for file in files], method=method)
 
 
 def representative(

@@ -26,7 +26,7 @@ from haploop.calibration.response.measuring import (
 from haploop.calibration.response.modes import Modes, Plays, fit_modes
 from haploop.calibration.response.response import Response
 from haploop.calibration.response.settling import settle
-from haploop.calibration.response.uff import read_uff, write_uff
+from haploop.calibration.response.uff import read_uff, read_uff_sets, write_uff, write_uff_sets
 from haploop.calibration.response.waveforms import Waveforms
 
 __all__ = [
@@ -56,7 +56,9 @@ __all__ = [
     "prepare",
     "quick_response",
     "read_uff",
+    "read_uff_sets",
     "response_from",
     "settle",
     "write_uff",
+    "write_uff_sets",
 ]

@@ -22,7 +22,7 @@ from haploop.instruments import DataError, RigFile
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.files import new_file, os_error_text
 
-__all__ = ["read_uff", "write_uff"]
+__all__ = ["read_uff", "read_uff_sets", "write_uff", "write_uff_sets"]
 
 _FRF, _COHERENCE = 4, 6
 _FREQUENCY, _GENERAL, _UNKNOWN = 18, 1, 0
@@ -48,12 +48,25 @@ def write_uff(path: str | Path, responses: Sequence[Response]) -> None:
     """
     if not responses:
         raise DataError("There is no response to write.")
+    functions = []
+    for response in responses:
+        functions.append(_function(response, _FRF, response.velocity))
+        if len(response.coherence):
+            functions.append(_function(response, _COHERENCE, response.coherence))
+    write_uff_sets(path, functions)
+
+
+def write_uff_sets(path: str | Path, functions: Sequence[dict[str, Any]]) -> None:
+    """Write a new file of functions as pyuff takes them (data set 58), after data sets 151 and 164.
+
+    Raises DataError when it exists or cannot be written.
+    """
     now = datetime.now(UTC)
     software = f"haploop {metadata.version('haploop')}"
     sets: list[dict[str, Any]] = [
         pyuff.prepare_151(
             model_name="haploop",
-            description="responses of a touch table",
+            description="measured on a rig of haploop",
             db_app=software,
             program=software,
             date_db_created=now.strftime("%d-%b-%y"),
@@ -76,10 +89,7 @@ def write_uff(path: str | Path, responses: Sequence[Response]) -> None:
             temp_offset=273.15,
         ),
     ]
-    for response in responses:
-        sets.append(_function(response, _FRF, response.velocity))
-        if len(response.coherence):
-            sets.append(_function(response, _COHERENCE, response.coherence))
+    sets += functions
     with new_file(path) as part:
         try:
             pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
@@ -110,11 +120,7 @@ def read_uff(
     Raises DataError, one sentence, for a file that is missing, damaged, or holds no such response.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-    sets = _sets(path)
+    sets, content = read_uff_sets(path), path.read_bytes()
     length = next((float(s["length"]) for s in sets if s.get("type") == 164), 1.0)
     functions = [s for s in sets if s.get("type") == 58]
     coherences = {_place(s): s for s in functions if s["func_type"] == _COHERENCE}
@@ -169,7 +175,12 @@ def _letter(patch: str) -> int:
     return ord(patch.upper()) - ord("A") + 1 if len(patch) == 1 and patch.isalpha() else 0
 
 
-def _sets(path: Path) -> list[dict[str, Any]]:
+def read_uff_sets(path: str | Path) -> list[dict[str, Any]]:
+    """Functions and units (data sets 58 and 164) of a file, as pyuff gives them. Raises DataError."""
+    try:
+        Path(path).open("rb").close()
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
     try:
         file = pyuff.UFF(str(path))
         kinds = file.get_set_types()

@@ -28,7 +28,7 @@ def button() -> None:
 
 
 @button.command()
-@click.argument("recordings", nargs=-1, required=True, type=PATH)
+@click.argument("presses", nargs=-1, required=True, type=PATH, metavar="PRESS...")
 @click.option(
     "--calibration",
     "-c",
@@ -68,7 +68,7 @@ def button() -> None:
 @click.pass_obj
 def make(
     state: CommandState,
-    recordings: Sequence[Path],
+    presses: Sequence[Path],
     calibration: Path,
     out: Path,
     method: Literal["modulated", "broadband"],
@@ -78,16 +78,17 @@ def make(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Make a digital button from RECORDINGS of one physical button.
+    """Make a digital button from recordings of one physical button.
 
-    Computes the representative press and the drive, corrects the drive by playing and measuring it, and
-    checks the result.
+    PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
+    import`). Computes the representative press and the drive, corrects the drive by playing and measuring
+    it, and checks the result.
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
     outputs.check_new_file(out)
     loaded = haploop.Calibration.load(calibration)
-    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=press_method)
+    press = haploop.load_press(presses, press_method)
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,

@@ -1,7 +1,8 @@
-"""`haploop export`, `import`: exchange calibrations and responses with other programs."""
+"""`haploop export`, `import`: exchange files with other programs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -9,74 +10,106 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH, RIG
+from haploop.commands.options import JSON, PATH, RIG, FiniteRange
 from haploop.progress import print_json, print_line
 
 __all__ = ["export", "import_"]
 
+_FORMATS = (
+    "csv", "wav", "wav48", "mat", "uff", "sep005", "netcdf", "parquet", "nwb", "ahap", "haptic", "android",
+    "hjif",
+)  # fmt: skip
+
 
 @click.command()
-@click.argument("file", type=PATH)
-@click.option(
-    "--to",
-    required=True,
-    type=PATH,
-    metavar="OUT.uff|OUT.mat",
-    help="Output file: .uff (Universal File Format 58: response and coherence) or .mat (MATLAB: model).",
-)
+@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
+@click.option("--to", "format", required=True, type=click.Choice(_FORMATS), help="Format.", metavar="FORMAT")
+@click.option("--out", "-o", required=True, type=PATH, metavar="PATH", help="File to write.")
 @JSON
-def export(file: Path, to: Path, as_json: bool) -> int:
-    """Export the calibration FILE as .uff or .mat."""
-    kind = to.suffix.lower()
-    if kind not in (".uff", ".mat"):
-        raise haploop.ConfigurationError(
-            f"{to} has an unknown file type: use a name that ends with .uff or .mat."
-        )
-    outputs.check_new_file(to)
-    calibration = haploop.Calibration.load(file)
-    response = calibration.response
-    if kind == ".uff":
-        haploop.write_uff(to, [response])
-        held = f"velocity per volt at {len(response.frequencies)} frequencies"
-    else:
-        calibration.model.save_mat(to, calibration.rate_hz)
-        held = f"{len(calibration.model.poles)} poles, as state space and as second-order sections"
+def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
+    r"""Export FILE for other programs.
+
+    FILE is a recording, a representative press, a drive, a check, a calibration, a digital button, the folder
+    of a vibration map, or a study (its study.toml or its folder). A study, or several recordings, become a
+    table with one row a press.
+
+    \b
+    csv, mat, uff, netcdf      all but a study (a study: csv)
+    wav, wav48, sep005         signals; wav48: for a sound card, at 48 kHz
+    parquet                    signals and studies (pip install "haploop[parquet]")
+    nwb                        recordings (pip install "haploop[nwb]")
+    ahap, haptic, android, hjif
+                               phones and headsets: envelope and frequency
+                               of a press, a drive, a check or a button
+
+    A file of a format without units gets a sidecar, PATH.json. Example:
+    haploop export press.h5 --to wav48 --out press.wav
+    """
+    done = haploop.export_file(files, format, out)
     if as_json:
-        print_json({"file": str(file), "to": str(to), "holds": held, "simulated": response.simulated})
+        written = [str(file) for file in done.files]
+        print_json({"kind": done.kind, "to": done.format, "files": written, "simulated": done.simulated})
     else:
-        print_line(f"{to}: {held}.")
-        if response.simulated:
+        print_line(f"{' and '.join(map(str, done.files))}: {done.kind} as {done.format}.")
+        if done.simulated:
             print_line("Simulated: no real instrument measured this.")
     return 0
 
 
 @click.command("import")
-@click.argument("file", type=PATH, metavar="FILE.uff")
-@click.option("--out", "-o", required=True, type=PATH, metavar="FILE.h5", help="Calibration file to write.")
-@click.option("--patch", help="Patch that was driven.  [default: as the file states]")
+@click.argument("file", type=PATH)
+@click.option("--out", "-o", required=True, type=PATH, metavar="FILE.h5", help="File to write.")
+@click.option("--button", default="imported", show_default=True, help="Name of the button that was pressed.")
+@click.option("--channel", help="Name of the vertical acceleration.  [default: the only one]")
 @click.option(
-    "--point", help="Measured point: button, or a grid point's number.  [default: as the file states]"
+    "--scale", type=float, metavar="NUMBER", help="m/s^2 per unit of the file.  [default: as the file states]"
+)
+@click.option(
+    "--rate",
+    type=FiniteRange(1, 1e9),
+    metavar="HZ",
+    help="Sample rate of the file.  [default: as the file states]",
+)
+@click.option(
+    "--activation",
+    type=FiniteRange(0, 1e6),
+    metavar="SECONDS",
+    help="When the button switched.  [default: as the file states, or at the largest acceleration]",
+)
+@click.option("--patch", help="Response: patch that was driven.  [default: as the file states]")
+@click.option(
+    "--point",
+    help="Response: measured point, button or a grid point's number.  [default: as the file states]",
 )
 @RIG
 @JSON
-def import_(file: Path, out: Path, patch: str | None, point: str | None, rig: str, as_json: bool) -> int:
-    """Make a calibration from a .uff file.
+def import_(
+    file: Path,
+    out: Path,
+    button: str,
+    channel: str | None,
+    scale: float | None,
+    rate: float | None,
+    activation: float | None,
+    patch: str | None,
+    point: str | None,
+    rig: str,
+    as_json: bool,
+) -> int:
+    """Import a press, or a response, that another program measured.
 
-    FILE holds responses measured by another program in Universal File Format 58, for example the export of a
-    scanning vibrometer. --rig names the rig that the response belongs to. --patch and --point select one of
-    several responses in FILE.
+    A signal (.wav, .csv, .mat, .uff, .unv, or SEP-005 as .json) becomes a representative press, which
+    `haploop button make` turns into a digital button. Responses (.uff with frequency response functions, for
+    example the export of a scanning vibrometer) become a calibration of --rig; --patch and --point select
+    one of several. Example: haploop import click.wav --scale 9.81 --button latch --out press.h5
     """
     outputs.check_new_file(out)
-    found = haploop.read_uff(file, rig=haploop.load_rig_file(rig))
-    wanted = [r for r in found if patch in (None, r.patch) and point in (None, r.point)]
-    if len(found) == 1 and not wanted:
-        wanted = list(haploop.read_uff(file, rig=haploop.load_rig_file(rig), patch=patch, point=point))
-    if len(wanted) != 1:
-        places = ", ".join(f"{r.patch} at {r.point}" for r in found)
-        raise haploop.ConfigurationError(
-            f"{file} holds {len(wanted) or 'no'} matching responses (it has {places}): "
-            "select one with --patch and --point."
-        )
-    haploop.Calibration.of(wanted[0]).save(out)
+    if haploop.is_response_file(file):
+        response = haploop.import_response(file, haploop.load_rig_file(rig), patch, point)
+        haploop.Calibration.of(response).save(out)
+    else:
+        haploop.import_press(
+            file, button, channel=channel, scale=scale, rate_hz=rate, activation=activation
+        ).save(out)
     display.show_file(out, as_json)
     return 0

@@ -81,7 +81,7 @@ def calibrate(
 
 
 @click.command()
-@click.argument("recordings", nargs=-1, required=True, type=PATH)
+@click.argument("presses", nargs=-1, required=True, type=PATH, metavar="PRESS...")
 @click.option(
     "--calibration",
     "-c",
@@ -104,7 +104,7 @@ def calibrate(
 @click.pass_obj
 def check(
     state: CommandState,
-    recordings: Sequence[Path],
+    presses: Sequence[Path],
     calibration: Path,
     out: Path | None,
     press_method: AverageMethod,
@@ -114,13 +114,14 @@ def check(
 ) -> int:
     """Play a recorded press on the table and compare.
 
-    Computes the representative press of RECORDINGS and its drive, plays the drive, measures the table, and
+    PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
+    import`). Computes the representative press and its drive, plays the drive, measures the table, and
     compares the result with the press.
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.Calibration.load(calibration)
-    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=press_method)
+    press = haploop.load_press(presses, press_method)
     if out is not None:
         outputs.claim_check(out, press.button)
     with (

@@ -1,0 +1,103 @@
+"""Comma-separated values: units in the heading, `name [unit]`; numbers with nine digits."""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from haploop.exchange.views import (
+    Channel,
+    PressTable,
+    Responses,
+    Signals,
+    read_sidecar,
+    write_sidecar,
+)
+from haploop.instruments import DataError
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.files import new_file
+
+__all__ = ["read_signals", "write_presses", "write_responses", "write_signals"]
+
+_HEADING = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+
+
+def write_signals(signals: Signals, path: Path) -> None:
+    """One row a sample, the time first; a sidecar keeps the origin."""
+    headings = ["time [s]", *(f"{c.name} [{c.unit}]" for c in signals.channels)]
+    columns = np.stack([signals.time, *(c.values for c in signals.channels)], axis=1)
+    write_sidecar(path, signals)
+    _write(path, headings, columns)
+
+
+def write_responses(found: Responses, path: Path) -> None:
+    """One row a line: frequency, then real part, imaginary part and coherence of each response."""
+    headings, columns = ["frequency [Hz]"], [found.responses[0].frequencies]
+    for response in found.responses:
+        name = f"patch {response.patch} point {response.point}"
+        headings += [f"{name} velocity real [(m/s)/V]", f"{name} velocity imaginary [(m/s)/V]"]
+        columns += [response.velocity.real, response.velocity.imag]
+        if len(response.coherence):
+            headings.append(f"{name} coherence [1]")
+            columns.append(response.coherence)
+    _write(path, headings, np.stack(columns, axis=1))
+
+
+def write_presses(table: PressTable, path: Path) -> None:
+    """One row a press; an unknown value is an empty cell."""
+    with new_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(table.units))
+        writer.writeheader()
+        for row in table.rows:
+            writer.writerow({name: "" if value is None else value for name, value in row.items()})
+
+
+def read_signals(path: Path, rate_hz: float | None) -> Signals:
+    """Read columns of numbers under one row of headings; the column `time` or `t` gives the rate.
+
+    Separators are comma, semicolon or tab. `rate_hz` is needed without a column of time. Raises DataError.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            first = file.readline()
+            separator = max(",;\t", key=first.count)
+            headings = next(csv.reader([first], delimiter=separator), [])
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # an empty file: refused below
+                values = np.loadtxt(file, delimiter=separator, ndmin=2)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise DataError(f"{path} is no table of numbers under one row of headings ({error}).") from None
+    if not len(values) or values.shape[1] != len(headings):
+        raise DataError(f"{path} has {len(headings)} headings, and its rows do not have as many numbers.")
+    channels = []
+    for heading, column in zip(headings, values.T, strict=True):
+        match = _HEADING.fullmatch(heading)
+        name, unit = (match["name"], match["unit"] or "") if match else (heading, "")
+        if name.lower() in ("time", "t"):
+            rate_hz = _rate(path, column)
+        else:
+            channels.append(Channel(name, unit, np.asarray(column)))
+    if rate_hz is None:
+        raise DataError(f"{path} has no column of time: state its sample rate (--rate).")
+    if not channels:
+        raise DataError(f"{path} has no column beside the time.")
+    beside = read_sidecar(path)
+    return Signals(path.stem, rate_hz, tuple(channels), channels[0].name, beside.get("about", {}))
+
+
+def _rate(path: Path, time: FloatArray) -> float:
+    steps = np.diff(time)
+    if not len(steps) or not steps.min() > 0 or np.ptp(steps) > 0.01 * steps.mean():
+        raise DataError(f"{path} is not sampled at a constant rate: resample it first.")
+    # A time with few digits gives a rate that is off in the last of them.
+    return float(f"{1 / steps.mean():.6g}")
+
+
+def _write(path: Path, headings: list[str], columns: FloatArray) -> None:
+    with new_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerow(headings)
+        np.savetxt(file, columns, fmt="%.9g", delimiter=",")

@@ -1,0 +1,195 @@
+"""A press that was recorded elsewhere, as a representative press; a response, as a calibration's."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import resample_poly
+from scipy.signal.windows import tukey
+
+from haploop.acquisition import Representative, Window, file_name, high_pass
+from haploop.calibration import Response, read_uff
+from haploop.exchange import csv_file, mat_file, sep005_file, uff_file, wav_file
+from haploop.exchange.views import Channel, Signals
+from haploop.instruments import ConfigurationError, DataError, RigFile
+from haploop.instruments.arrays import FloatArray
+
+__all__ = ["READERS", "import_press", "import_response", "is_response_file"]
+
+READERS: Mapping[str, Callable[[Path, float | None], Signals]] = {
+    ".wav": wav_file.read_signals,
+    ".csv": csv_file.read_signals,
+    ".tsv": csv_file.read_signals,
+    ".txt": csv_file.read_signals,
+    ".mat": mat_file.read_signals,
+    ".uff": uff_file.read_signals,
+    ".unv": uff_file.read_signals,
+    ".json": sep005_file.read_signals,
+}
+"""Functions that read signals, by the file's suffix; .json is SEP-005."""
+RATE_HZ = 5000.0
+"""Samples per second of an imported press: the paper's, of which the drives' rate is a multiple."""
+_ACCELERATIONS = {
+    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m s-2": 1.0, "mm/s^2": 1e-3, "g": 9.80665,
+}  # fmt: skip
+"""m/s^2 per unit."""
+_LONGEST = Window().longest
+
+
+def is_response_file(path: str | Path) -> bool:
+    """True for a file of frequency responses (.uff, .unv); False for signals. Raises DataError."""
+    path = Path(path)
+    return path.suffix.lower() in (".uff", ".unv") and uff_file.has_responses(path)
+
+
+def import_press(
+    path: str | Path,
+    button: str,
+    *,
+    channel: str | None = None,
+    scale: float | None = None,
+    rate_hz: float | None = None,
+    activation: float | None = None,
+) -> Representative:
+    """Make a representative press of a signal that another program recorded: `READERS` names the files.
+
+    `channel` names the acceleration; without it, the only channel in a unit of acceleration, or the only
+    channel. `scale` is m/s^2 per unit of the file, and `rate_hz` its sample rate, for a file that does not
+    state them. `activation` is the time (s) at which the button switched, by default as the file states, or
+    the time of the largest acceleration. Of a file longer than a second the representative's window about
+    the activation is taken. The press is resampled to 5000 samples/s, high-passed and tapered as any other.
+
+    Raises ConfigurationError for a missing or wrong choice, DataError for a file that cannot be read.
+    """
+    path = Path(path)
+    file_name("P01", button)
+    if path.suffix.lower() not in READERS:
+        raise ConfigurationError(f"{path} has an unknown file type: haploop imports {', '.join(READERS)}.")
+    if not path.is_file():
+        raise DataError(f"There is no file {path}: check the name.")
+    signals = READERS[path.suffix.lower()](path, rate_hz)
+    taken = _acceleration(path, signals, channel, scale)
+    values = _per_unit(path, taken, scale) * taken.values
+    if not np.all(np.isfinite(values)) or not np.ptp(values):
+        raise DataError(f"The channel {taken.name!r} of {path} is constant, or not finite.")
+    cut, switched, after = _window(path, signals, values, activation)
+    acceleration = _taper(high_pass(_resampled(values[cut], signals.rate_hz), RATE_HZ))
+    length = len(acceleration)
+    force = _beside(signals, ("force",), "N", cut, length)
+    return Representative(
+        button=button,
+        rate_hz=RATE_HZ,
+        acceleration=acceleration,
+        force=force,
+        activation=np.asarray(np.arange(length) >= switched, dtype=np.float64),
+        activation_index=min(switched, length - 1),
+        members=1,
+        spread=np.zeros(length),
+        bandwidth_hz=min(signals.rate_hz / 2, RATE_HZ / 2, float(signals.about.get("bandwidth_hz", np.inf))),
+        sources=((path.name, hashlib.sha256(path.read_bytes()).hexdigest()),),
+        left_out=(),
+        method="imported",
+        simulated=bool(signals.about.get("simulated", False)),
+        reason=f"from the channel {taken.name} of {path.name}, {after}",
+        parameters={"import": {"rate_hz": signals.rate_hz, "scale": _per_unit(path, taken, scale)}},
+    )
+
+
+def import_response(
+    path: str | Path, rig: RigFile, patch: str | None = None, point: str | None = None
+) -> Response:
+    """The response in a UFF file; of several, the one of `patch` and `point`.
+
+    A file with one response of another name gets these names. Raises ConfigurationError for a choice that
+    is not in the file, DataError for a file that cannot be read.
+    """
+    found = read_uff(path, rig=rig)
+    wanted = [r for r in found if patch in (None, r.patch) and point in (None, r.point)]
+    if len(found) == 1 and not wanted:
+        wanted = list(read_uff(path, rig=rig, patch=patch, point=point))
+    if len(wanted) != 1:
+        places = ", ".join(f"{r.patch} at {r.point}" for r in found)
+        raise ConfigurationError(
+            f"{path} holds {len(wanted) or 'no'} matching responses (it has {places}): "
+            "select one with --patch and --point."
+        )
+    return wanted[0]
+
+
+def _acceleration(path: Path, signals: Signals, name: str | None, scale: float | None) -> Channel:
+    names = [channel.name for channel in signals.channels]
+    if name is not None:
+        if name not in names:
+            raise ConfigurationError(f"{path} has no channel {name!r}, only {', '.join(names)}.")
+        return signals[name]
+    likely = [c for c in signals.channels if c.unit in _ACCELERATIONS]
+    for candidates in (likely, [c for c in likely if c.name in ("acceleration", "acceleration_z")]):
+        if len(candidates) == 1:
+            return candidates[0]
+    if len(names) == 1:
+        return signals.channels[0]
+    raise ConfigurationError(
+        f"{path} has the channels {', '.join(names)}: name the vertical acceleration (--channel)."
+    )
+
+
+def _per_unit(path: Path, channel: Channel, scale: float | None) -> float:
+    if scale is not None:
+        return scale
+    if channel.unit not in _ACCELERATIONS:
+        raise ConfigurationError(
+            f"The channel {channel.name!r} of {path} is in {channel.unit or 'no stated unit'!r}: state how "
+            "many m/s^2 one of it is (--scale)."
+        )
+    return _ACCELERATIONS[channel.unit]
+
+
+def _window(
+    path: Path, signals: Signals, values: FloatArray, activation: float | None
+) -> tuple[slice, int, str]:
+    """Samples to take, the activation's index among those at `RATE_HZ`, and a clause on both."""
+    rate_hz, window = signals.rate_hz, Window()
+    stated = signals.about.get("activation_s")
+    if activation is not None:
+        at, how = activation, "activated where the operator said"
+    elif stated is not None:
+        at, how = float(stated), "activated where the file says"
+    else:
+        centred = values - np.median(values)
+        at, how = float(np.argmax(np.abs(centred))) / rate_hz, "activated at its largest acceleration"
+    if not 0 <= at <= len(values) / rate_hz:
+        raise ConfigurationError(
+            f"{path} lasts {len(values) / rate_hz:.3f} s, so the button cannot have switched at {at:g} s."
+        )
+    start, stop = 0, len(values)
+    if len(values) > _LONGEST * rate_hz:
+        start = max(0, round((at - window.before) * rate_hz))
+        stop = min(len(values), round((at + window.after) * rate_hz))
+    return slice(start, stop), round((at - start / rate_hz) * RATE_HZ), how
+
+
+def _beside(signals: Signals, names: tuple[str, ...], unit: str, cut: slice, length: int) -> FloatArray:
+    """(length,) of a further channel in its unit, or zeros."""
+    found = next((c for c in signals.channels if c.name in names and c.unit == unit), None)
+    if found is None:
+        return np.zeros(length)
+    values = _resampled(found.values[cut], signals.rate_hz)[:length]
+    return np.pad(values, (0, length - len(values)))
+
+
+def _resampled(values: FloatArray, rate_hz: float) -> FloatArray:
+    ratio = Fraction(RATE_HZ / rate_hz).limit_denominator(100_000)
+    if ratio == 1:
+        return values
+    # Its low-pass starts from zero: an offset (gravity) would ring at both ends.
+    middle = np.median(values)
+    return np.asarray(resample_poly(values - middle, ratio.numerator, ratio.denominator) + middle)
+
+
+def _taper(values: FloatArray) -> FloatArray:
+    share = min(1.0, 2 * Window().taper * RATE_HZ / len(values))
+    return np.asarray(values * tukey(len(values), share))

@@ -1,0 +1,95 @@
+"""MATLAB files (level 5), which GNU Octave and scipy read too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import loadmat, savemat
+
+from haploop.exchange.views import Channel, Responses, Signals
+from haploop.instruments import DataError
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.files import new_file
+
+__all__ = ["read_signals", "write_responses", "write_signals"]
+
+_RATES = ("rate_hz", "fs", "Fs", "FS", "sample_rate")
+_TIMES = ("time", "t", "Time")
+
+
+def write_signals(signals: Signals, path: Path) -> None:
+    """`time`, `rate_hz`, each channel by its name, and the structures `units`, `delays` and `about`."""
+    values: dict[str, Any] = {"time": signals.time, "rate_hz": signals.rate_hz, "title": signals.title}
+    names = [_variable(c.name) for c in signals.channels]
+    for name, channel in zip(names, signals.channels, strict=True):
+        values[name] = channel.values
+    values["units"] = {name: c.unit for name, c in zip(names, signals.channels, strict=True)} | {"time": "s"}
+    values["delays"] = {name: c.delay for name, c in zip(names, signals.channels, strict=True)}
+    _write(path, values | {"about": dict(signals.about)})
+
+
+def write_responses(found: Responses, path: Path) -> None:
+    """`frequency`, `velocity` (responses, lines), and `patches` and `points`, a row of text each."""
+    responses = found.responses
+    values: dict[str, Any] = {
+        "frequency": responses[0].frequencies,
+        "velocity": np.stack([r.velocity for r in responses]),
+        "patches": np.array([r.patch for r in responses], dtype=object),
+        "points": np.array([r.point for r in responses], dtype=object),
+        "units": {"frequency": "Hz", "velocity": "(m/s)/V"},
+        "about": dict(found.about),
+    }
+    _write(path, values)
+
+
+def read_signals(path: Path, rate_hz: float | None) -> Signals:
+    """Read the vectors of a MATLAB file that are as long as its longest; `rate_hz` if it states none.
+
+    The rate is a number called rate_hz, fs or sample_rate, or the step of a vector called time or t.
+    Raises DataError.
+    """
+    try:
+        content = loadmat(path, squeeze_me=True, simplify_cells=True)
+    except Exception as error:  # scipy's own kinds of error have no common base
+        hint = " Save it with `save -v7`." if isinstance(error, NotImplementedError) else ""
+        raise DataError(f"{path} is no MATLAB file of level 5 ({error}).{hint}") from None
+    vectors = {
+        name: np.asarray(value, dtype=np.float64)
+        for name, value in content.items()
+        if not name.startswith("__") and isinstance(value, np.ndarray) and value.ndim == 1
+        and value.dtype.kind in "iufb"
+    }  # fmt: skip
+    longest = max((len(v) for v in vectors.values()), default=0)
+    vectors = {name: v for name, v in vectors.items() if len(v) == longest > 1}
+    times = [vectors.pop(name) for name in _TIMES if name in vectors]
+    stated = [float(content[name]) for name in _RATES if np.isscalar(content.get(name))]
+    if times and not stated:
+        stated = [float((longest - 1) / np.ptp(times[0]))] if np.ptp(times[0]) > 0 else []
+    rate = stated[0] if stated else rate_hz
+    if rate is None:
+        raise DataError(f"{path} states no sample rate: state it (--rate).")
+    if not vectors:
+        raise DataError(f"{path} holds no vector of numbers: save the signal as a vector.")
+    units, about = content.get("units"), content.get("about")
+    units = units if isinstance(units, dict) else {}
+    channels = tuple(Channel(name, str(units.get(name, "")), v) for name, v in vectors.items())
+    return Signals(path.stem, rate, channels, channels[0].name, about if isinstance(about, dict) else {})
+
+
+def _variable(name: str) -> str:
+    """A name of a MATLAB variable: letters, digits and underscores."""
+    plain = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)
+    return (plain if plain[:1].isalpha() else f"c_{plain}")[:31]
+
+
+def _write(path: Path, values: dict[str, Any]) -> None:
+    columns = {k: v[:, None] if _is_vector(v) else v for k, v in values.items()}
+    with new_file(path) as part:
+        savemat(str(part), columns, appendmat=False, long_field_names=True)
+
+
+def _is_vector(value: object) -> bool:
+    array: FloatArray | object = value
+    return isinstance(array, np.ndarray) and array.ndim == 1

@@ -1,0 +1,37 @@
+"""Parquet, with the units in each column's metadata (optional: `pip install haploop[parquet]`)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from haploop.exchange.views import About, PressTable, Signals, optional
+from haploop.instruments.files import new_file
+
+__all__ = ["write_presses", "write_signals"]
+
+
+def write_signals(signals: Signals, path: Path) -> None:
+    """A column a channel, the time first."""
+    columns = {"time": signals.time} | {c.name: c.values for c in signals.channels}
+    _write(path, columns, {"time": "s"} | {c.name: c.unit for c in signals.channels}, signals.about)
+
+
+def write_presses(table: PressTable, path: Path) -> None:
+    """A row a press; an unknown value is null."""
+    columns = {name: [row[name] for row in table.rows] for name in table.units}
+    _write(path, columns, table.units, table.about)
+
+
+def _write(path: Path, columns: Mapping[str, Any], units: Mapping[str, str], about: About) -> None:
+    arrow, parquet = optional("pyarrow", "parquet"), optional("pyarrow.parquet", "parquet")
+    arrays = [arrow.array(values) for values in columns.values()]
+    fields = [
+        arrow.field(name, array.type, metadata={"unit": units[name]})
+        for name, array in zip(columns, arrays, strict=True)
+    ]
+    schema = arrow.schema(fields, metadata={"haploop": json.dumps(dict(about))})
+    with new_file(path) as part:
+        parquet.write_table(arrow.Table.from_arrays(arrays, schema=schema), part)

@@ -1,0 +1,82 @@
+"""WAV: the signals as they are in 32-bit floats, or the main one at 48 kHz for a sound card.
+
+WAV has no units: a sidecar (`OUT.wav.json`) keeps them, and the scale.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from scipy.io import wavfile
+from scipy.signal import resample_poly
+
+from haploop.exchange.views import Channel, Signals, read_sidecar, write_sidecar
+from haploop.instruments import DataError
+from haploop.instruments.files import new_file
+
+__all__ = ["read_signals", "write_float", "write_sound_card"]
+
+_SOUND_CARD_HZ = 48_000
+_FULL_SCALE = 32_767
+_HEADROOM = 0.89
+"""Peak of a sound card's file over full scale (-1 dB), so that a player's own filter does not clip."""
+
+
+def write_float(signals: Signals, path: Path) -> None:
+    """All channels at their own rate, in their own units. Raises DataError for a fractional rate."""
+    if signals.rate_hz != round(signals.rate_hz):
+        raise DataError(
+            f"A WAV file has a whole number of samples/s, and these are {signals.rate_hz:g}: export wav48."
+        )
+    values = np.stack([c.values for c in signals.channels], axis=1).astype(np.float32)
+    write_sidecar(path, signals, unit_per_count=[1.0] * len(signals.channels))
+    with new_file(path) as part:
+        wavfile.write(part, round(signals.rate_hz), values)
+
+
+def write_sound_card(signals: Signals, path: Path) -> None:
+    """The main channel, resampled to 48 kHz, 16-bit PCM, its peak at -1 dB of full scale."""
+    main = signals[signals.main]
+    ratio = Fraction(_SOUND_CARD_HZ / signals.rate_hz).limit_denominator(10_000)
+    values = resample_poly(main.values, ratio.numerator, ratio.denominator)
+    peak = float(np.abs(values).max()) or 1.0
+    unit_per_count = peak / (_HEADROOM * _FULL_SCALE)
+    counts = np.rint(values / unit_per_count).astype(np.int16)
+    one = Signals(signals.title, _SOUND_CARD_HZ, (main,), main.name, signals.about)
+    write_sidecar(path, one, unit_per_count=[unit_per_count])
+    with new_file(path) as part:
+        wavfile.write(part, _SOUND_CARD_HZ, counts)
+
+
+def read_signals(path: Path, rate_hz: float | None) -> Signals:
+    """Read a WAV file; integers become counts over full scale, unless a sidecar gives their unit.
+
+    `rate_hz` is not needed. Raises DataError.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that scipy does not know
+            rate, values = wavfile.read(path)
+    except (ValueError, EOFError, struct.error) as error:
+        raise DataError(f"{path} is no WAV file that can be read ({error}).") from None
+    values = np.asarray(values)
+    values = values[:, None] if values.ndim == 1 else values
+    beside = read_sidecar(path)
+    labels = beside.get("channels", [])
+    if len(labels) == values.shape[1]:
+        scales = beside.get("unit_per_count", [1.0] * len(labels))
+    else:
+        labels = [{"name": f"channel {n + 1}", "unit": ""} for n in range(values.shape[1])]
+        # 8-bit WAV is the only unsigned kind: its middle is 128.
+        middle = 128.0 if values.dtype == np.uint8 else 0.0
+        full = {"u": 128.0, "i": -float(np.iinfo(values.dtype).min)} if values.dtype.kind in "ui" else {}
+        values, scales = values - middle, [1 / full.get(values.dtype.kind, 1.0)] * len(labels)
+    channels = tuple(
+        Channel(str(label["name"]), str(label["unit"]), scale * column.astype(np.float64))
+        for label, scale, column in zip(labels, scales, values.T, strict=True)
+    )
+    return Signals(path.stem, float(rate), channels, channels[0].name, beside.get("about", {}))

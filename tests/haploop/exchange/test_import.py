@@ -1,0 +1,109 @@
+"""A press that was recorded elsewhere becomes a representative press here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
+
+import haploop
+from haploop.acquisition import Representative
+from tests.haploop.conftest import Run
+from tests.haploop.exchange.conftest import Files
+
+
+def like(found: Representative, press: Representative, most: float = 0.02) -> None:
+    assert found.rate_hz == 5000 and found.activation_index == press.activation_index
+    own = haploop.high_pass(press.acceleration, 5000)  # the press made for tests is not high-passed
+    error = np.linalg.norm(found.acceleration - own) / np.linalg.norm(own)
+    assert len(found.acceleration) == len(own) and error < most
+
+
+@pytest.mark.parametrize(
+    ("format", "suffix"),
+    [("csv", ".csv"), ("wav", ".wav"), ("wav48", ".wav"), ("mat", ".mat"), ("sep005", ".json")],
+)
+def test_a_press_goes_out_and_comes_back(files: Files, tmp_path: Path, format: str, suffix: str) -> None:
+    out = tmp_path / f"press{suffix}"
+    haploop.export_file(files.representative, format, out)
+    channel = None if format == "wav48" else "acceleration"
+    found = haploop.import_press(out, "push", channel=channel)
+    like(found, files.press, 0.04)
+    assert found.simulated and found.sources[0][0] == out.name
+
+
+def test_by_the_command(files: Files, run: Run, tmp_path: Path) -> None:
+    out, back = tmp_path / "press.uff", tmp_path / "back.h5"
+    assert run("export", files.representative, "--to", "uff", "-o", out).exit_code == 0
+    args = ["import", out, "--button", "push", "--channel", "acceleration", "--activation", "0.3"]
+    assert run(*args, "-o", back, "--json").exit_code == 0
+    found = haploop.load_press([back])
+    like(found, files.press)
+    assert found.simulated and "press.uff" in found.reason
+    assert run(*args, "-o", back).exit_code == 2  # it exists
+
+
+def recorded(seconds: float = 3.0, rate: int = 44_100, at: float = 1.7) -> np.ndarray:
+    t = np.arange(round(seconds * rate)) / rate
+    since = np.maximum(t - at, 0)
+    return np.asarray(1.0 + 0.4 * np.exp(-since / 0.01) * np.sin(2 * np.pi * 235 * since))
+
+
+def test_a_stranger_s_wav_needs_its_scale(tmp_path: Path) -> None:
+    """44.1 kHz, 24 dB of gravity beneath it: what is longer than a second is cut about the click."""
+    path = tmp_path / "click.wav"
+    wavfile.write(path, 44_100, (recorded() / 2 * 32767).astype(np.int16))
+    with pytest.raises(haploop.ConfigurationError, match="--scale"):
+        haploop.import_press(path, "latch")
+    found = haploop.import_press(path, "latch", scale=2 * 9.81)
+    assert found.duration == pytest.approx(0.5, abs=0.001) and not found.simulated
+    assert found.activation_index == pytest.approx(750, abs=6)
+    assert np.abs(found.acceleration).max() == pytest.approx(0.4 * 0.9 * 9.81, rel=0.1)
+    power = np.abs(np.fft.rfft(found.acceleration))
+    assert np.fft.rfftfreq(2500, 1 / 5000)[power.argmax()] == pytest.approx(235, abs=5)
+
+
+def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
+    rate, values = 10_000, recorded(rate=10_000)
+    savemat(tmp_path / "a.mat", {"fs": float(rate), "acc": values[:, None]})
+    in_si = haploop.import_press(tmp_path / "a.mat", "latch", scale=9.80665)
+    t = np.arange(len(values)) / rate
+    np.savetxt(
+        tmp_path / "a.csv", np.stack([t, values], axis=1), delimiter=";", header="t;a (g)", comments=""
+    )
+    in_g = haploop.import_press(tmp_path / "a.csv", "latch")
+    np.testing.assert_allclose(in_g.acceleration, in_si.acceleration, atol=1e-6)
+    one = {"name": "a", "unit_str": "m/s²", "fs": rate, "data": (9.80665 * values).tolist()}
+    (tmp_path / "a.json").write_text(json.dumps([one]))
+    np.testing.assert_allclose(haploop.import_press(tmp_path / "a.json", "latch").acceleration,
+                               in_si.acceleration, atol=1e-6)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("a.xyz", "", "unknown file type"),
+        ("missing.wav", None, "There is no file"),
+        ("a.wav", "RIFF", "no WAV file"),
+        ("a.csv", "t,a\n0,1\n1,x\n", "no table of numbers"),
+        ("a.csv", "", "headings"),
+        ("a.csv", "a\n1\n2\n", "--rate"),
+        ("a.csv", "t,a\n0,1\n1,1\n2,3\n9,3\n", "constant rate"),
+        ("a.csv", "t,a,b\n0,1,2\n1,2,2\n2,3,4\n", "--channel"),
+        ("a.mat", "no", "no MATLAB file"),
+        ("a.json", "{}", "SEP-005"),
+        ("a.json", "[]", "several rates or lengths"),
+        ("a.uff", "no", "no time responses"),
+    ],
+)
+def test_what_cannot_be_read_is_one_sentence(
+    run: Run, tmp_path: Path, name: str, content: str | None, sentence: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    result = run("import", tmp_path / name, "--out", tmp_path / "out.h5")
+    assert result.exit_code == 2 and sentence in result.stderr and result.stderr.count("\n") == 1
+    assert not (tmp_path / "out.h5").exists()
