@@ -67,6 +67,11 @@ from .catalogue import Entry as Entry
 from .catalogue import list_files as list_files
 from .demo import claim_folder as claim_folder
 from .demo import run_demo as run_demo
+from .exchange import Exported as Exported
+from .exchange import export_file as export_file
+from .exchange import import_press as import_press
+from .exchange import import_response as import_response
+from .exchange import is_response_file as is_response_file
 from .experiments import Session as Session
 from .experiments import Store as Store
 from .experiments import analyse_identification as analyse_identification
@@ -80,11 +85,6 @@ from .experiments import open_session as open_session
 from .experiments import power_of as power_of
 from .experiments import read_rows as read_rows
 from .experiments import run_session as run_session
-from .exchange import Exported as Exported
-from .exchange import export_file as export_file
-from .exchange import import_press as import_press
-from .exchange import import_response as import_response
-from .exchange import is_response_file as is_response_file
 from .figures import animate_map as animate_map
 from .figures import trend as trend
 from .instruments import Clock as Clock
