@@ -64,7 +64,7 @@ def entry_of(path: str) -> Entry | None:
 
 def _hdf5(path: Path) -> Entry | None:
     # Here, because a catalogue without new files needs none of it.
-    from haploop.acquisition import Recording, Representative, hdf5  # noqa: PLC0415
+    from haploop.acquisition import Recording, Representative, content_hash, hdf5  # noqa: PLC0415
     from haploop.calibration import Calibration  # noqa: PLC0415
 
     with path.open("rb") as file:
@@ -77,7 +77,7 @@ def _hdf5(path: Path) -> Entry | None:
         if "not written by haploop" in str(error):
             return None
         raise
-    own = {"file": str(path), "kind": kind, "content_hash": hdf5.content_hash(path)}
+    own = {"file": str(path), "kind": kind, "content_hash": content_hash(path)}
     entry = Entry(**own)
     if kind == "recording":
         entry = _recording(Recording.open(path))
@@ -104,7 +104,12 @@ def _played(path: Path, own: dict[str, str]) -> Entry:
     from haploop.calibration import Check, DigitalButton, Drive  # noqa: PLC0415
 
     kind = own["kind"]
-    made = {"drive": Drive, "check": Check, "button": DigitalButton}[kind].load(path)
+    kinds: dict[str, type[Drive | Check | DigitalButton]] = {
+        "drive": Drive,
+        "check": Check,
+        "button": DigitalButton,
+    }
+    made = kinds[kind].load(path)
     drive = made if isinstance(made, Drive) else made.drive
     check = made.check if isinstance(made, DigitalButton) else made if isinstance(made, Check) else None
     return Entry(

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import hilbert
 
 import haploop
-from haploop.acquisition import Recording, Representative, Study, hdf5
+from haploop.acquisition import Recording, Representative, Study, content_hash
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Response, VibrationMap
 from haploop.exchange.press_table import press_table
 from haploop.exchange.views import SIMULATED, About, Channel, Envelope, PressTable, Responses, Signals
@@ -304,7 +304,7 @@ def _check_about(check: Check) -> About:
 
 
 def _about(path: Path, simulated: bool, more: About, content: str = "") -> About:
-    digest = content or hdf5.content_hash(path)
+    digest = content or content_hash(path)
     own: About = {"source": path.name, "content_hash": digest, "simulated": bool(simulated)}
     return {**own, **_software(simulated), **more}
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haploop.experiments import Confusion, Identification, Ratings
-from haploop.figures.plotting import INK, colour, legend_above, letter, new_figure, style
+from haploop.figures.plotting import INK, colour, legend_under, letter, new_figure, style
 
 __all__ = ["confusion_figure", "ratings_figure"]
 
@@ -67,6 +67,6 @@ def ratings_figure(result: Ratings) -> Figure:
             axes.set_xticks(places, [pair.pair for pair in result.pairs])
             axes.tick_params(axis="x", labelsize=6.5)
             axes.set_ylabel("Normalised rating" if result.normalised else "Rating")
-            letter(axes, panel, second[panel].capitalize())
-        legend_above(grid[0, 0], len(first))
+            letter(axes, panel, second[panel].capitalize(), legend_rows=panel == 0)
+        legend_under(grid[0, 0], len(first))
         return figure
