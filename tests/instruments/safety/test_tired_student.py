@@ -24,7 +24,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from haploop.instruments import HaploopError, Rig, RigFile, Sweep, load_rig_file, open_rig
+from haploop.instruments import HaploopError, Rig, RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import AbortLimits, Device, DriveLimits
 from haploop.instruments.safety import Limiter, Outputs, clear_lockout
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
@@ -35,24 +35,22 @@ RATE = 20_000.0
 MOST = {"one": 30.0, "two": 18.0}
 """Volts that each rig allows: two students, with files of their own for one table."""
 LOOSE, FREE = DriveLimits(), AbortLimits(drive=500)
-DUTY = {"one": 0.05, "two": 0.02}
+DUTY = {"one": 0.02, "two": 0.015}
 SHARE = 1 + AMPLIFIER_GAIN_ERROR + 1e-6
 CODE = 0.05
-FINISHED = 3.1
+FINISHED = 1.25
 """Seconds that either may play in a minute, by the wider of both duties, and rounding."""
 
 
 def rig_file(name: str) -> RigFile:
     file = load_rig_file("haptable")
     assert file.table is not None and file.relay is not None
-    box = {"resource": "TCPIP::127.0.0.1::5025::SOCKET", "output": "amplifier", "highest": 5.0}
     return file.model_copy(
         update={
             "name": name,
             "limits": DriveLimits(min=-MOST[name], max=MOST[name], duty=DUTY[name]),
             "table": file.table.model_copy(update={"rate_hz": RATE}),
             "relay": Device(driver=file.relay.driver, **(file.relay.settings | {"rating": 48})),
-            **({"generator": Device(driver="keysight-33500", **box)} if name == "two" else {}),
         }
     )
 
@@ -110,14 +108,14 @@ class Student(RuleBasedStateMachine):
 
     @rule(
         what=st.sampled_from((
-            "open", "end", "excite", "excite", "excite", "excite", "sweep", "sweep", "connect", "connect",
-            "play_past_it", "listen", "assign", "assign", "stop", "reset", "killed",
+            "open", "end", "excite", "excite", "excite", "excite", "excite", "excite", "connect", "connect",
+            "play_past_it", "listen", "assign", "assign", "assign", "stop", "reset", "killed",
         )),
         name=st.sampled_from(("one", "two", "two")),
         volts=st.sampled_from((5.0, 16.0, 17.0, 29.0, 31.0, 60.0, 90.0, float("nan"))),
-        seconds=st.sampled_from((0.02, 0.02, 0.1, 0.8)),
-        patches=st.sampled_from((("A",), ("B",), ("A", "C"), ("A", "B", "C", "D"), ())),
-        way=st.sampled_from(WAYS),
+        seconds=st.sampled_from((0.02, 0.1, 0.8, 0.8)),
+        patches=st.sampled_from((("A",), ("B",), ("A", "C"), ("A", "B", "C", "D"), ("A",), ())),
+        way=st.sampled_from(3 * WAYS[:2] + WAYS),
     )  # fmt: skip
     def student(
         self, what: str, name: str, volts: float, seconds: float, patches: tuple[str, ...], way: Any
@@ -137,8 +135,6 @@ class Student(RuleBasedStateMachine):
                     self.lab.forget(rig)
                 case "excite":
                     rig.excite(tone(volts, seconds), patches, ["drive"])
-                case "sweep":
-                    rig.sweep(Sweep(20, 300, seconds, volts), ["A"], ["drive"])
                 case "connect":
                     rig.relay.connect(patches)
                 case "play_past_it":
@@ -214,6 +210,7 @@ def run(
             stateful_step_count=steps,
             deadline=None,
             database=None,
+            report_multiple_bugs=False,
             derandomize=examples < 100,
             phases=(Phase.generate,),
             suppress_health_check=list(HealthCheck),
@@ -226,7 +223,7 @@ def run(
 def test_no_limit_is_exceeded_whatever_is_done(tmp_path: Path, full: bool) -> None:
     counts = run(tmp_path, *((2000, 60) if full else (5, 60)))
     print(dict(counts))
-    for what in ("excite", "excite refused", "sweep", "connect", "assign refused", "killed", "left"):
+    for what in ("excite", "excite refused", "connect", "assign refused", "killed", "left"):
         assert counts[what], counts
     assert not full or counts["steps"] >= 100_000
 
@@ -246,4 +243,4 @@ def _not_frozen(patch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("take_out", [_no_rest, _no_duty, _not_frozen], ids=lambda f: f.__name__)
 def test_it_is_noticed_when_an_interlock_is_missing(tmp_path: Path, take_out: Any) -> None:
     with pytest.raises(BaseException, match=r"\d V|s of a minute"):
-        run(tmp_path, 40, 40, take_out)
+        run(tmp_path, 60, 60, take_out)
