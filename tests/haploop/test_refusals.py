@@ -143,3 +143,26 @@ def test_ctrl_c_while_loading_is_no_traceback() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stderr.strip()) == (128 + signal.SIGINT, "Error: Stopped.")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="streams of POSIX")
+@pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
+def test_closed_streams_are_no_error(closed: tuple[int, ...]) -> None:
+    program = (
+        "import os, runpy, sys\n"
+        f"for number in {closed}: os.close(number)\n"
+        f"for number in {closed}: setattr(sys, ('stdin', 'stdout', 'stderr')[number], None)\n"
+        "sys.argv[1:] = ['schema']\n"
+        "runpy.run_module('haploop', run_name='__main__')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, timeout=60, check=False)
+    assert done.returncode == 0
+    assert bool(done.stdout) == (1 not in closed)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
+def test_a_reader_that_leaves_changes_no_exit_code() -> None:
+    with subprocess.Popen([sys.executable, "-m", "haploop", "schema"], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stdout.read(5)
+        process.stdout.close()
+        assert process.wait(60) == 0

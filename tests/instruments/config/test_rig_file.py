@@ -204,3 +204,31 @@ def test_only_rigs_that_say_so_are_simulated() -> None:
 def test_limits_are_numbers_about_zero(tmp_path: Path, line: str) -> None:
     with pytest.raises(ConfigurationError, match=f"limits.{line.split(maxsplit=1)[0]}"):
         load_rig_file(written(tmp_path, f'base = "simulated"\n[limits]\n{line}\n'))
+
+
+def test_a_file_of_notepad_begins_with_a_mark(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + b'base = "haptable"\nname = "lab"\n')
+    assert load_rig_file(file).name == "lab"
+    file.write_bytes(b'name = "l\xe4b"\n')
+    with pytest.raises(ConfigurationError, match="is not text in UTF-8: save it as that"):
+        load_rig_file(file)
+    with pytest.raises(ConfigurationError, match=r"cannot be read \(Is a directory\)|cannot be read"):
+        load_rig_file(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ('rate_hz = "a"', "rate_hz must be a number (found 'a')"),
+        ("rate_hz = -1", "rate_hz must be above 0 (found -1)"),
+        ("rate_hz = inf", "rate_hz must be a finite number (found inf)"),
+        ("[limits]\nduty = 2", "limits.duty must be 1 or less (found 2)"),
+        ("[table]\nrows = 1.5", "table.rows must be a whole number (found 1.5)"),
+        ("[sensors.force]\nchannels = 3", "sensors.force.channels must be a list (found 3)"),
+        ("sensors = 3", "sensors must be a table (found 3)"),
+    ],
+)
+def test_what_a_value_must_be_is_said_in_plain_words(tmp_path: Path, line: str, says: str) -> None:
+    with pytest.raises(ConfigurationError, match=re.escape(says)):
+        load_rig_file(written(tmp_path, f'base = "haptable"\nname = "lab"\n{line}\n'))
