@@ -453,7 +453,9 @@ class _NiStream(Stream):
                 task.wait_until_done(_AFTER)
                 done = True
             played = int(task.out_stream.total_samp_per_chan_generated) if done else end
-        if played < self._length and done:
+        # An acquisition that is shorter than the waveform ends it: the outputs run on its clock.
+        whole = self._length if self._samples is None else min(self._length, self._samples)
+        if played < whole and done:
             raise cut_off(output, played)
 
     def _refuse_drift(self) -> None:
