@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import click
 
@@ -14,11 +14,9 @@ from haploop import show as display
 from haploop.commands.options import COLUMNS, JSON, PATH
 from haploop.progress import Steps
 
-if TYPE_CHECKING:
-    from haploop.figures.plotting import Columns
-
 __all__ = ["analyse"]
 
+Columns = Literal[1, 2]
 PLOT = click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
 
 

@@ -61,7 +61,7 @@ def ratings_figure(result: Ratings, columns: Columns = 2) -> Figure:
                     capsize=2,
                     error_kw={"linewidth": 0.8},
                 )
-            axes.set_xticks(places, [pair.pair for pair in result.pairs])
+            axes.set_xticks(places, [pair.pair.replace("-", "-\n", 1) for pair in result.pairs])
             axes.tick_params(axis="x", labelsize=6.5)
             axes.set_ylabel("Normalised rating" if result.normalised else "Rating")
             letter(axes, panel, second[panel].capitalize(), 1 if panel == 0 else 0)
