@@ -51,8 +51,10 @@ class EventLog:
             cut_off = bool(fragment) and _event(fragment) is None
         self._run = max((event.run for event in self.events), default=0) + 1
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("ab")
+            path.parent.parent.mkdir(parents=True, exist_ok=True)
+            # Answers of people are their keeper's, as recordings are.
+            path.parent.mkdir(mode=0o700, exist_ok=True)
+            self._file = open(path, "ab", opener=_private)  # noqa: SIM115  closed by close()
             if fragment:
                 self._file.write(b"\n")
             sync_folder(path.parent)
@@ -113,6 +115,10 @@ def read_log(path: Path, only_first: bool = False) -> tuple[Event, ...]:
     if broken:
         raise DataError(_damaged(path, broken))
     return tuple(events)
+
+
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
 
 
 def _damaged(path: Path, number: int) -> str:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import click
 
 import haploop
 from haploop import figures, outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH
+from haploop.commands.options import COLUMNS, JSON, PATH
 from haploop.progress import Steps
 
 __all__ = ["analyse"]
 
-PLOT = click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a figure into this file.")
+Columns = Literal[1, 2]
+PLOT = click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
 
 
 @click.group(no_args_is_help=True)
@@ -30,8 +32,11 @@ def analyse() -> None:
 )
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @PLOT
+@COLUMNS
 @JSON
-def confusion(file: Path, within: str, between: str, plot: Path | None, as_json: bool) -> int:
+def confusion(
+    file: Path, within: str, between: str, plot: Path | None, columns: Columns, as_json: bool
+) -> int:
     """Confusion matrices with accuracy, precision and sensitivity of each class.
 
     FILE is a CSV with the columns presented, answered and count (without count, each line is one trial).
@@ -43,7 +48,7 @@ def confusion(file: Path, within: str, between: str, plot: Path | None, as_json:
     rows = haploop.read_rows(file)
     result = haploop.analyse_identification(rows, within, between)
     if plot:
-        outputs.save_picture(figures.confusion_figure(result), plot, rows.simulated)
+        outputs.save_picture(figures.confusion_figure(result, columns), plot, rows.simulated)
     display.show_identification(result, rows.simulated, as_json)
     return 0
 
@@ -61,9 +66,16 @@ def confusion(file: Path, within: str, between: str, plot: Path | None, as_json:
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @click.option("--as-rated", is_flag=True, help="Do not normalise by geometric means.")
 @PLOT
+@COLUMNS
 @JSON
 def ratings(
-    file: Path, factors: tuple[str, str], between: str, as_rated: bool, plot: Path | None, as_json: bool
+    file: Path,
+    factors: tuple[str, str],
+    between: str,
+    as_rated: bool,
+    plot: Path | None,
+    columns: Columns,
+    as_json: bool,
 ) -> int:
     """Effects on ratings: all adjective pairs together, and each.
 
@@ -74,7 +86,7 @@ def ratings(
     rows = haploop.read_rows(file)
     result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
     if plot:
-        outputs.save_picture(figures.ratings_figure(result), plot, rows.simulated)
+        outputs.save_picture(figures.ratings_figure(result, columns), plot, rows.simulated)
     display.show_ratings(result, rows.simulated, as_json)
     return 0
 

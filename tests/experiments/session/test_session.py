@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -112,6 +113,14 @@ def test_each_event_has_its_time(tmp_path: Path) -> None:
     assert all(event.time.endswith("+00:00") for event in events)
     head = events[0].values
     assert (head["participant"], head["session"], head["seed"], head["simulated"]) == ("P01", 1, 2020, True)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has other permissions")
+def test_answers_of_people_can_be_read_by_their_owner_only(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    path = where.path_of("P01", 1)
+    assert (path.stat().st_mode & 0o777, path.parent.stat().st_mode & 0o777) == (0o600, 0o700)
 
 
 def test_days_come_in_order_and_end(tmp_path: Path) -> None:
