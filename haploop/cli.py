@@ -25,10 +25,11 @@ from haploop.commands.recalibrate import recalibrate
 from haploop.commands.record import record
 from haploop.commands.report import report
 from haploop.commands.represent import represent
+from haploop.commands.serve import serve
 from haploop.commands.study import study
 from haploop.commands.table import calibrate, check
+from haploop.commands.twin import twin
 from haploop.exits import Commands, usable_streams
-from haploop.serve import twin
 
 __all__ = ["cli", "main"]
 
@@ -64,6 +65,7 @@ for command in (
     export,
     import_,
     live,
+    serve,
     doctor,
     log,
     reset,

@@ -10,7 +10,7 @@ from haploop.instruments.clock import Clock
 from haploop.instruments.config import Device, RigFile, validate
 from haploop.instruments.driver import Driver, Mode
 from haploop.instruments.errors import ConfigurationError
-from haploop.mocks.clock import VirtualClock
+from haploop.mocks.clock import RealTimeClock, VirtualClock
 from haploop.mocks.plant import KINDS, Faults, Plant, PlantSource, Truth
 from haploop.mocks.transport import ReplyFault, faulty_line
 
@@ -30,14 +30,19 @@ class Simulation:
     fault_kinds = KINDS
     """See `haploop.mocks.plant.FaultKinds`."""
 
-    def __init__(self, file: RigFile, clock: Clock | None = None, plant: object = None) -> None:
-        """`plant` replaces the plant that the file names. Raises ConfigurationError for another object."""
+    def __init__(
+        self, file: RigFile, clock: Clock | None = None, plant: object = None, real_time: bool = False
+    ) -> None:
+        """`plant` replaces the plant that the file names; `real_time` is for a clock that is not given.
+
+        Raises ConfigurationError for a plant that is another object.
+        """
         if plant is not None and not isinstance(plant, PlantSource):
             raise ConfigurationError(
                 f"The plant that was given is an object of {type(plant).__name__}: give an instance of a "
                 "subclass of haploop.mocks.plant.PlantSource (docs/simulation.md)."
             )
-        self.clock = clock or VirtualClock()
+        self.clock = clock or (RealTimeClock() if real_time else VirtualClock())
         self._file = file
         self._stack = ExitStack()
         self.plant = Plant(file, self.clock, plant)

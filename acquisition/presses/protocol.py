@@ -25,6 +25,8 @@ class Protocol:
     """Longest wait for hands off, for a press to begin, and for it to end."""
     wait: float = 0.0
     """Total extra wait of a session, beyond `patience`, for hands off and for presses to begin."""
+    pause: float = 0.0
+    """Total time for which the operator may pause a session; it counts as no waiting."""
     quiet: float = 0.3
     """Time without force before a press counts as over and the next is asked for."""
     trail: float = 0.5

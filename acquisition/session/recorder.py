@@ -156,7 +156,7 @@ def _recorded(
     rate_hz = rig.file.rate_hz
     samples = round(p.block * rate_hz)
     # The longest possible session, so that space for all of it is allocated before the first sample.
-    longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.wait + p.trail
+    longest = 2 * p.patience * (len(session.pending) + p.attempts) + p.wait + p.pause + p.trail
     created = False
     try:
         with Along(rig, path) as along, rig.daq.stream(channels, rate_hz, samples) as stream:
@@ -264,7 +264,7 @@ class _SessionRun:
         self._session, self._p, self._rate_hz = session, p, header.rate_hz
         self._progress, self._on_verdict, self._on_request = progress, on_verdict, on_request
         self._gauges = [header.channels.index(name) for name in force.channels]
-        self._detector = Detector(header.rate_hz, replace(p.segmentation, quiet=p.quiet))
+        self._detector = self._new_detector()
         self._check_quality = QualityCheck(writer.path, header, rig.sensors, p)
         self._index = self._began = 0
         self._rest: FloatArray = np.zeros((len(force.channels), 1))
@@ -274,6 +274,8 @@ class _SessionRun:
         self._attempts: dict[int, int] = {}
         self._wait_left = p.wait
         """s: remaining extra wait for a participant who is away."""
+        self._pause_left = p.pause
+        """s: remaining time for which the operator may pause."""
         self._remind_at = p.patience
         self._last: PressVerdict | None = None
         """Verdict on the preceding press, while it is accepted."""
@@ -298,6 +300,7 @@ class _SessionRun:
         """Prompt for a press and check it. Returns the reason for asking again, or "" when accepted."""
         s = self._session
         words = s.words.format(button=s.button, participant=s.participant, number=number, of=s.of)
+        self._paused()
         request = Press(
             s.button, s.participant, number, s.of, attempt, because, words, self._p.patience, self._wait_left
         )
@@ -327,6 +330,10 @@ class _SessionRun:
                 self._wait_left -= max(0.0, (began - asked) / self._rate_hz - p.patience)
             if len(self._detector.spans) > before:
                 return
+            # A press that has begun is finished first.
+            if began is None and self._paused():
+                self._tell(request)
+                before, asked, self._remind_at = 0, self._index, p.patience
             if began is None and (waited := self._overdue(asked, request)):
                 raise DataError(
                     f"No press {request.number} of {request.of} arrived within {waited:g} s of the prompt; "
@@ -382,14 +389,42 @@ class _SessionRun:
 
     def _next(self) -> None:
         """Process one block. Raises InstrumentError when the stream has ended."""
+        block = self._take()
+        self._detector.feed(self._force.to_si(block.volts[self._gauges] - self._rest)[2])
+
+    def _take(self) -> Block:
+        """Keep one block for the quality check, and do what the operator has asked for."""
         block = self._block()
         self._recent.append(block)
         history = block.end - _HISTORY * self._rate_hz
         while not self._detector.pressing and self._recent[0].end < history:
             self._recent.popleft()
-        self._detector.feed(self._force.to_si(block.volts[self._gauges] - self._rest)[2])
         if self._operator.rejects() and self._last is not None:
             self._reject(self._last)
+        for text in self._operator.notes():
+            self._writer.note(self._index, "note", text)
+        return block
+
+    def _paused(self) -> bool:
+        """Pause for as long as the operator wants, and `pause` allows; True when there was a pause.
+
+        The samples of a pause are recorded, and no press is looked for in them.
+        """
+        if not self._operator.paused() or self._pause_left <= 0:
+            return False
+        began = self._index
+        self._writer.note(began, "paused", "The operator paused the session.")
+        until = began + self._pause_left * self._rate_hz
+        while self._operator.paused() and self._index < until:
+            self._take()
+        self._pause_left -= (self._index - began) / self._rate_hz
+        ended = "The longest pause was over." if self._operator.paused() else "The operator went on."
+        self._writer.note(self._index, "resumed", ended)
+        self._detector, self._began = self._new_detector(), self._index
+        return True
+
+    def _new_detector(self) -> Detector:
+        return Detector(self._rate_hz, replace(self._p.segmentation, quiet=self._p.quiet))
 
     def _reject(self, last: PressVerdict) -> None:
         """Reject the preceding press for the operator."""

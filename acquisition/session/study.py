@@ -253,6 +253,7 @@ def run_study(
     wait: float | None = None,
     patience: float | None = None,
     attempts: int | None = None,
+    pause: float = 0.0,
 ) -> bool:
     """Record the presses still due in a study, of all or of some participants and buttons.
 
@@ -261,7 +262,7 @@ def run_study(
     participant is ready; the answer False ends the run, which then returns False. `progress` is called for
     each session ("P01, latch") and `on_verdict(participant, button, press)` for each press, as in `record`.
     `notes` are stored in every recording of this run. `wait` (s), `patience` (s) and `attempts` replace the
-    study file's.
+    study file's; `pause` (s) is the longest total pause of each session (`Protocol.pause`).
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and the errors of `record`.
@@ -290,7 +291,9 @@ def run_study(
                     return False
                 session = _session(study, entry, consented, notes)
                 protocol = replace(
-                    study.file.protocol_for(button), **{k: v for k, v in limits.items() if v is not None}
+                    study.file.protocol_for(button),
+                    pause=pause,
+                    **{k: v for k, v in limits.items() if v is not None},
                 )
                 run_session(rig, session, protocol, progress, partial(on_verdict, participant, button))
     return True

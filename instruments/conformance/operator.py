@@ -46,3 +46,8 @@ class OperatorConformance(Conformance):
     def test_rejects_without_being_waited_for(self, operator: Operator) -> None:
         """`rejects` returns at once, here False."""
         assert self.in_time(operator.rejects) is False
+
+    def test_neither_pauses_nor_notes_by_itself(self, operator: Operator) -> None:
+        """`paused` and `notes` return at once, here False and nothing."""
+        assert self.in_time(operator.paused) is False
+        assert list(self.in_time(operator.notes)) == []

@@ -10,7 +10,7 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.live.tap import LiveBlock, Run
 from haploop.instruments.sensors import Accelerometer, Divider, ForceTorque, Sensor, Switch
 
-__all__ = ["Level", "levels"]
+__all__ = ["Level", "levels", "quantities"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def levels(block: LiveBlock) -> tuple[Level, ...]:
     """Compute the levels of all quantities of sensors and laser, then of the other channels, in volts."""
     found = []
     run, used = block.run, set[str]()
-    for names, units, channels, values in _quantities(run, block.volts):
+    for names, units, channels, values in quantities(run, block.volts):
         used |= set(channels)
         overload = bool(block.overload[[run.channels.index(channel) for channel in channels]].any())
         found += [
@@ -46,10 +46,13 @@ def levels(block: LiveBlock) -> tuple[Level, ...]:
     return tuple(found)
 
 
-def _quantities(
+def quantities(
     run: Run, volts: FloatArray
 ) -> list[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], FloatArray]]:
-    """Names, units, channels and (quantities, samples) SI values of each completely streamed sensor."""
+    """Names, units, channels and (quantities, samples) SI values of each completely streamed sensor.
+
+    `volts` is (channels, samples) of the run's channels; a channel without a sensor is left out.
+    """
     found = []
     for name, sensor in run.sensors:
         if isinstance(sensor, Sensor) and set(sensor.channels) <= set(run.channels):

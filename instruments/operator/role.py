@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -153,3 +154,11 @@ class Operator(ABC):
     def rejects(self) -> bool:
         """True when the operator has rejected the previous press since the last call. Never waits."""
         return False
+
+    def paused(self) -> bool:
+        """True while the operator wants a session to pause. Never waits."""
+        return False
+
+    def notes(self) -> Sequence[str]:
+        """Notes that the operator has written since the last call. Never waits."""
+        return ()

@@ -27,6 +27,7 @@ def open_rig(
     simulation: Mapping[str, Any] | None = None,
     *,
     plant: object = None,
+    real_time: bool = False,
 ) -> Rig:
     """Open every instrument of a rig; use it as a context.
 
@@ -34,8 +35,10 @@ def open_rig(
     `simulate` replaces every driver by its twin, or connects the drivers to their wires; None: as
     the file says, which for a lab's rig is the hardware. `simulation`
     overrides keys of the file's `[simulation]` table; `plant` replaces its plant by an object
-    (docs/simulation.md, "A plant of your own"). Connecting changes no output. Hardware is
-    locked while it is open: no other program, and no other rig of this one, can open it.
+    (docs/simulation.md, "A plant of your own"). With `real_time`, a
+    simulated rig takes as long as hardware does, for a person who acts on it. Connecting changes no
+    output. Hardware is locked while it is open: no other program, and no other rig of this one, can open
+    it.
 
     Raises ConfigurationError, and InstrumentError when an instrument is missing or in use.
     """
@@ -45,7 +48,7 @@ def open_rig(
     if mode is not None:
         file = simulated_file(file, simulation or {}, plant)
         simulation_class = entry_points.load(entry_points.SIMULATION, "plant")
-        world = simulation_class(file, plant=plant)
+        world = simulation_class(file, plant=plant, real_time=real_time)
     elif plant is not None:
         raise ConfigurationError(
             f"The rig {file.name!r} is opened on its hardware, which takes no plant: simulate it."

@@ -60,6 +60,7 @@ WORK = {
 """The functions and classes that do the work of each command."""
 
 NO_WORK_FOR_A_SCRIPT = {
+    "serve": "a server for a browser",
     "study new": "writes a form, to be filled in with an editor",
     "twin ni": "a server for other programs",
     "twin all": "a server for other programs",

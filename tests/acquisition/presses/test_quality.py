@@ -151,6 +151,34 @@ def test_the_operator_rejects_the_press_before(tmp_path):
     assert (told.index((number - 1, 3)), told.count((number - 1, 3))) == (number - 1, 2)
 
 
+def test_a_session_that_is_paused_waits_with_the_file_open(tmp_path):
+    rig = world_rig(seed=4)
+    # In blocks of 50 ms: a pause of 20 s, longer than any patience, before the second press.
+    answers = iter([False] * 15 + [True] * 400 + [False] * 10_000)
+    rig.operator.paused = lambda: next(answers)
+    notes = iter([()] * 100 + [("Coffee.",)])
+    rig.operator.notes = lambda: next(notes, ())
+    recording = record(rig, "push", "P01", 3, tmp_path, protocol=Protocol(patience=5.0, pause=60.0))
+    told = {event.kind: event for event in recording.events}
+    assert len(recording.accepted) == 3
+    assert not any(
+        v.first < told["resumed"].sample and v.end > told["paused"].sample for v in recording.accepted
+    )
+    assert told["resumed"].sample - told["paused"].sample == pytest.approx(20 * recording.rate_hz, rel=0.1)
+    assert told["note"].text == "Coffee." and told["paused"].sample < told["note"].sample
+    assert sum(block["count"] for block in recording.blocks) == recording.volts.shape[1]
+
+
+def test_a_pause_ends_when_its_time_is_over(tmp_path):
+    rig = world_rig(seed=4)
+    rig.operator.paused = lambda: True
+    recording = record(rig, "push", "P01", 2, tmp_path, protocol=Protocol(pause=3.0))
+    events = [event for event in recording.events if event.kind in ("paused", "resumed")]
+    assert [event.kind for event in events] == ["paused", "resumed"]
+    assert (events[1].sample - events[0].sample) / recording.rate_hz == pytest.approx(3.0, abs=0.06)
+    assert len(recording.accepted) == 2
+
+
 def test_the_protocol_stands_in_the_recording(tmp_path):
     protocol = Protocol(force=(1, 9), linger=0.3)
     recording = record(world_rig(), "push", "P01", 1, tmp_path, protocol=protocol)

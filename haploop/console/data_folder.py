@@ -1,0 +1,42 @@
+"""The folder that the console reads and writes; a page names no other file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from haploop.instruments import ConfigurationError
+
+__all__ = ["DataFolder"]
+
+
+class DataFolder:
+    """A folder, and the only way from a name that a page sent to a path."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.expanduser().resolve()
+
+    def path(self, name: object) -> Path:
+        """Return the path of a name relative to this folder, with forward slashes.
+
+        Raises ConfigurationError for a name that leads out of it, also by a symbolic link, and for hidden
+        files.
+        """
+        text = name if isinstance(name, str) else ""
+        parts = text.split("/")
+        wrong = not text or any(
+            part in ("", "..") or part.startswith(".") or set(part) & set('\\:*?"<>|\0') for part in parts
+        )
+        path = self.root.joinpath(*parts) if not wrong else self.root
+        try:
+            inside = not wrong and path.resolve().is_relative_to(self.root)
+        except (OSError, RuntimeError, ValueError):
+            inside = False
+        if not inside:
+            raise ConfigurationError(
+                f"{text[:80]!r} is no file of the console's data folder {self.root}: name one below it."
+            )
+        return path
+
+    def name(self, path: Path) -> str:
+        """Return the name of a path below this folder, with forward slashes."""
+        return path.resolve().relative_to(self.root).as_posix()

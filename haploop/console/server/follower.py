@@ -1,0 +1,74 @@
+"""Following the worker: its newest snapshot for all pages, and another worker when it has died."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from haploop.console.server.live_scope import LiveScope
+from haploop.console.worker import WorkerLink
+from haploop.instruments import HaploopError
+
+__all__ = ["Follower"]
+
+_RETRY = 1.0
+
+
+class Follower:
+    """Keeps `snapshot` new in a task of the server's loop. `again` starts a worker, or finds one."""
+
+    def __init__(self, link: WorkerLink, again: Callable[[], WorkerLink], scope: LiveScope) -> None:
+        self.link = link
+        self._again, self.scope = again, scope
+        self.snapshot: dict[str, Any] = {}
+        self._changed = asyncio.Condition()
+        self.count = 0
+        """Number of snapshots so far."""
+
+    async def run(self, origins: list[str]) -> None:
+        """Follow until cancelled."""
+        await self._allow(origins)
+        after = 0
+        while True:
+            try:
+                state = await asyncio.to_thread(self.link.state, after)
+            except (HaploopError, ValueError) as error:
+                await self._show(
+                    {**self.snapshot, "gone": str(error), "job": None, "request": None, "live": None}
+                )
+                after = 0
+                await self._replace(origins)
+                continue
+            if state["version"] != after:
+                after = state["version"]
+                await self._show({**state, "gone": ""})
+
+    async def newer(self, count: int, timeout: float) -> int:
+        """Wait until more than `count` snapshots came, at most `timeout` s; return how many came."""
+        try:
+            async with asyncio.timeout(timeout), self._changed:
+                await self._changed.wait_for(lambda: self.count > count)
+        except TimeoutError:
+            pass
+        return self.count
+
+    async def _show(self, snapshot: dict[str, Any]) -> None:
+        async with self._changed:
+            self.snapshot = snapshot
+            self.count += 1
+            self._changed.notify_all()
+        self.scope.follow(snapshot.get("live"))
+
+    async def _replace(self, origins: list[str]) -> None:
+        """Start another worker in place of one that has died, and have it reach the safe state."""
+        try:
+            self.link = await asyncio.to_thread(self._again)
+            await self._allow(origins)
+            await asyncio.to_thread(self.link.stop)
+        except HaploopError as error:
+            await self._show({**self.snapshot, "gone": str(error)})
+            await asyncio.sleep(_RETRY)
+
+    async def _allow(self, origins: list[str]) -> None:
+        await asyncio.to_thread(self.link.allow, origins)

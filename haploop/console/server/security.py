@@ -1,0 +1,144 @@
+"""Who may talk to the console: Host and Origin, the token, and what a page may load."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import json
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+__all__ = ["Access", "Guard", "is_loopback"]
+
+PARTICIPANT = "/api/participant"
+"""The one path that the participant's token opens."""
+
+
+def is_loopback(address: str) -> bool:
+    """True for an address that no other computer can reach."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
+
+
+@dataclass(frozen=True)
+class Access:
+    """Where the console is, and the tokens of this start."""
+
+    address: str
+    port: int
+    token: str = field(default_factory=partial(secrets.token_urlsafe, 32))
+    """Opens everything."""
+    participant: str = field(default_factory=partial(secrets.token_urlsafe, 32))
+    """Opens the participant's page only: what they are asked, and nothing about anybody."""
+
+    @property
+    def hosts(self) -> tuple[str, ...]:
+        """Values of Host under which the console is asked."""
+        names = ("127.0.0.1", "localhost") if is_loopback(self.address) else (self.address,)
+        return tuple(f"{name}:{self.port}" for name in dict.fromkeys(names))
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Origins of the console's pages."""
+        return tuple(f"http://{host}" for host in self.hosts)
+
+    @property
+    def url(self) -> str:
+        """Address to open, with the token. Behind #, it is sent to no server and stands in no log."""
+        return f"http://{self.hosts[0]}/#{self.token}"
+
+    @property
+    def exposed(self) -> str:
+        """Warning for every page when other computers can reach the console; "" otherwise."""
+        if is_loopback(self.address):
+            return ""
+        return (
+            f"Other computers can reach this console at {self.address}:{self.port}. It is not encrypted: "
+            "whoever reads the network can read its token. On them, STOP goes by way of the server."
+        )
+
+    def opens(self, given: str, path: str) -> bool:
+        """True when a token opens a path."""
+        words = [self.token, *([self.participant] if path == PARTICIPANT else [])]
+        return any(hmac.compare_digest(given.encode(), word.encode()) for word in words)
+
+
+class Guard:
+    """ASGI middleware in front of every route: refuses foreign requests, adds the headers of each answer.
+
+    `stop_origin` gives the worker's origin, to which a page sends STOP.
+    """
+
+    def __init__(self, app: ASGIApp, access: Access, stop_origin: Callable[[], str]) -> None:
+        self._app, self._access, self._stop_origin = app, access, stop_origin
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """See `Guard`."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers, access = Headers(scope=scope), self._access
+        refusal = ""
+        if headers.get("host") not in access.hosts:
+            # Another name that leads here: a foreign page that pretends to be on this host (DNS rebinding).
+            refusal = "The console is not at this address."
+        elif headers.get("origin", access.origins[0]) not in access.origins:
+            refusal = "Only the console's own pages may ask this."
+        elif scope["path"].startswith("/api/") and not access.opens(
+            headers.get("x-haploop-token", ""), scope["path"]
+        ):
+            refusal = "This needs the token of the address that `haploop serve` printed."
+        if refusal and scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 4403, "reason": refusal})
+        elif refusal:
+            await self._refuse(refusal, send)
+        else:
+            await self._app(scope, receive, partial(self._with_headers, send))
+
+    async def _refuse(self, sentence: str, send: Send) -> None:
+        body = json.dumps({"error": sentence}).encode()
+        start: Message = {
+            "type": "http.response.start",
+            "status": 403,
+            "headers": [(b"content-type", b"application/json")],
+        }
+        await self._with_headers(send, start)
+        await send({"type": "http.response.body", "body": body})
+
+    async def _with_headers(self, send: Send, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message.setdefault("headers", [])
+            headers = MutableHeaders(scope=message)
+            for name, value in self._headers().items():
+                headers[name] = value
+        await send(message)
+
+    def _headers(self) -> dict[str, Any]:
+        sockets = " ".join(f"ws://{host}" for host in self._access.hosts)
+        policy = {
+            "default-src": "'none'",
+            "script-src": "'self'",
+            "style-src": "'self'",
+            "img-src": "'self' blob:",
+            "connect-src": f"'self' {sockets} {self._stop_origin()}".rstrip(),
+            "base-uri": "'none'",
+            "form-action": "'none'",
+            "frame-ancestors": "'none'",
+            "require-trusted-types-for": "'script'",
+        }
+        return {
+            "Content-Security-Policy": "; ".join(f"{name} {value}" for name, value in policy.items()),
+            "Cross-Origin-Opener-Policy": "same-origin",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "Cache-Control": "no-store",
+        }

@@ -1,0 +1,65 @@
+"""Run the console: worker, application and socket, until Ctrl-C."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from haploop.console.data_folder import DataFolder
+from haploop.console.server.application import application
+from haploop.console.server.follower import Follower
+from haploop.console.server.live_scope import LiveScope
+from haploop.console.server.security import Access
+from haploop.console.worker import WorkerLink, start_worker
+from haploop.instruments import ConfigurationError, RigFile
+from haploop.instruments.driver import Mode
+
+__all__ = ["serve_console"]
+
+
+def serve_console(
+    rig: str,
+    file: RigFile,
+    simulate: Mode | None,
+    data: Path,
+    address: str,
+    port: int,
+    ready: Callable[[Access], object],
+    virtual_time: bool = False,
+) -> None:
+    """Serve the console of a rig until a stop signal, and call `ready` when its address can be opened.
+
+    A stop signal reaches the safe state and ends the worker; a server that is killed leaves it running, and
+    the next one takes it over. Raises ConfigurationError for an address or port that cannot be used, and what
+    `start_worker` raises.
+    """
+
+    def worker() -> WorkerLink:
+        return start_worker(rig, file, simulate, data, virtual_time)
+
+    with _bound(address, port) as listener:
+        access = Access(address, listener.getsockname()[1])
+        follower = Follower(worker(), worker, LiveScope(file, simulate))
+        app = application(access, follower, follower.scope, DataFolder(data))
+        config = uvicorn.Config(
+            app, log_level="error", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
+        )
+        try:
+            ready(access)
+            uvicorn.Server(config).run(sockets=[listener])
+        finally:
+            follower.link.end()
+
+
+def _bound(address: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    try:
+        return socket.create_server((address, port), family=family)
+    except OSError as error:
+        raise ConfigurationError(
+            f"The console cannot listen on {address}, port {port} ({error.strerror or error}): choose "
+            "another with --port, or 0 for a free one."
+        ) from None

@@ -1,0 +1,60 @@
+import { $, busy, el, fill, get, newest, on, say, start, state } from "./console.js";
+import { asking } from "./asking.js";
+import { legend, line, plot } from "./plots.js";
+
+asking("Nothing is being played.");
+const chosen = () => [...$("recordings").selectedOptions].map((option) => option.value);
+$("make-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  start("make", { recordings: chosen(), calibration: $("calibration").value, iterations: Number($("iterations").value), name: $("name").value });
+});
+$("play").addEventListener("click", () => start("check", { button: $("button").value }));
+$("adopt-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await start("adopt", { button: $("button").value, reason: $("why").value })) $("why").value = ""; });
+$("button").addEventListener("change", () => show(true));
+$("check").addEventListener("change", () => show(false));
+document.addEventListener("hello", list);
+
+async function list() {
+  const found = await get("/api/files");
+  for (const [id, names] of [["recordings", found.recordings], ["calibration", found.calibrations], ["button", found.buttons]]) {
+    const before = $(id).value;
+    fill($(id), ...names.map((name) => el("option", { value: name }, name)));
+    if (names.includes(before)) $(id).value = before; else if (id === "button" && names.length) $(id).value = names[names.length - 1];
+  }
+  await show(true);
+}
+
+let plots = [];
+const ask = newest();
+async function show(anew) {
+  const name = $("button").value;
+  if (!name) { $("verdict").textContent = "None yet."; return; }
+  let found;
+  try { found = await ask(`/api/button?file=${encodeURIComponent(name)}${!anew && $("check").value ? `&check=${encodeURIComponent($("check").value)}` : ""}`); } catch (error) { say(error.message, "error"); return; }
+  if (!found) return;
+  plots.forEach((one) => one.destroy());
+  plots = [];
+  for (const id of ["motion-plot", "drive-plot", "octave-plot", "legend", "reasons"]) fill($(id));
+  if (anew) fill($("check"), el("option", { value: "" }, "the one that it was made with"), ...found.checks.map((one) => el("option", { value: one }, one)));
+  const check = found.check, percent = (value) => (value === null ? "-" : `${(100 * value).toFixed(1)} %`);
+  $("verdict").textContent = check.verdict;
+  $("verdict").className = `verdict ${check.passed ? "good" : "bad"}`;
+  $("said-of-it").textContent = `${found.name}, patch ${found.patch} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error of the whole motion ${percent(check.wideband_nrmse)} (${percent(check.wideband_interval[0])} to ${percent(check.wideband_interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside)}. Loudest 100 ms: ${found.above_threshold_db === null ? "-" : found.above_threshold_db.toFixed(1)} dB above the detection threshold; can it be felt: ${found.felt}.`;
+  fill($("reasons"), ...[...new Set([...check.reasons, ...check.notes, ...found.notes])].map((one) => el("li", {}, one)));
+  const times = found.target.map((_, k) => 1000 * k * found.step_s);
+  $("legend").append(legend(["target", "measured (mean of the plays)", "drive"]));
+  plots.push(plot($("motion-plot"), "Target and measured acceleration", { series: [line(0), line(1, { dash: [5, 3] })], data: [times, found.target, found.measured], xLabel: "ms", yLabel: "m/s²", height: 240 }));
+  plots.push(plot($("drive-plot"), "Drive", { series: [line(2)], data: [times, found.drive], xLabel: "ms", yLabel: "V at the patch", height: 140 }));
+  $("octave-plot").append(legend(["target", "measured", "noise of the mean"]));
+  const floor = Math.min(...found.measured_db.filter(Number.isFinite), ...found.floor_db.filter(Number.isFinite)) - 5;
+  const shown = (values) => values.map((value) => (value === null || value < floor ? null : value));
+  plots.push(plot($("octave-plot"), "Third octaves of target, measured motion and noise", { series: [line(0), line(1, { dash: [5, 3] }), line(2, { dash: [2, 3] })], data: [found.octaves_hz, shown(found.target_db), shown(found.measured_db), shown(found.floor_db)], x: { distr: 3 }, xLabel: "Hz", yLabel: "dB re 1 m/s²", height: 220 }));
+}
+
+let mark = "";
+on("state", (now) => {
+  for (const id of ["make", "play"]) $(id).disabled = busy(now);
+  const done = `${now.job && now.job.number} ${now.job && now.job.state}`;
+  if (done !== mark) { mark = done; list(); }
+});
+export { state };

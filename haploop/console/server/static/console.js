@@ -1,0 +1,233 @@
+// What every page has: the token, the connection, commands, STOP, the bar. Names from files are text: this
+// and every other script sets textContent, never markup (and the page's policy refuses markup from scripts).
+
+export const $ = (id) => document.getElementById(id);
+
+export function el(tag, properties = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (name === "class") made.className = value;
+    else if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value !== undefined && value !== null && value !== false) made.setAttribute(name, value === true ? "" : value);
+  }
+  made.append(...children.map((child) => (child instanceof Node ? child : String(child))));
+  return made;
+}
+
+export function fill(parent, ...children) {
+  parent.replaceChildren(...children.map((child) => (child instanceof Node ? child : String(child))));
+}
+
+// The token comes behind #, which no server and no log sees; kept for this origin, so that a second tab and a
+// reload have it. The participant's page has a token of its own, for its own tab.
+const forParticipant = location.pathname === "/participant";
+const store = forParticipant ? sessionStorage : localStorage;
+if (location.hash.length > 20) {
+  store.setItem("haploop-token", location.hash.slice(1));
+  history.replaceState(null, "", location.pathname + location.search);
+}
+const token = () => store.getItem("haploop-token") || "";
+
+export async function get(path) {
+  const answer = await fetch(path, { headers: { "X-Haploop-Token": token() } });
+  const found = await answer.json();
+  if (!answer.ok) throw new Error(found.error || `The console answered ${answer.status}.`);
+  return found;
+}
+
+export async function picture(path) {
+  const answer = await fetch(path, { headers: { "X-Haploop-Token": token() } });
+  if (!answer.ok) throw new Error((await answer.json()).error);
+  return answer.blob();
+}
+
+export async function command(name, values = {}) {
+  try {
+    const answer = await fetch(`/api/command/${name}`, {
+      method: "POST", headers: { "X-Haploop-Token": token(), "Content-Type": "application/json" }, body: JSON.stringify(values),
+    });
+    const found = await answer.json();
+    say(answer.ok ? "" : found.error, "error");
+    return answer.ok ? found : null;
+  } catch (error) {
+    say("The console's server does not answer. STOP still works: it goes to the worker itself.", "error");
+    return null;
+  }
+}
+
+export const start = (kind, parameters) => command("start", { kind, parameters });
+
+// Only the newest of several answers is drawn, in whatever order they come.
+export function newest() {
+  let count = 0;
+  return async (path) => {
+    const mine = ++count, found = await get(path);
+    return mine === count ? found : null;
+  };
+}
+
+export function say(sentence, kind = "info") {
+  const place = $("said");
+  if (!place) return;
+  place.className = `banner ${kind}`;
+  place.textContent = sentence || "";
+}
+
+// The connection
+const listeners = { state: [], scope: [], frame: [] };
+export const on = (what, listener) => { listeners[what].push(listener); if (what === "state" && state) listener(state); };
+export let state = null;
+let socket = null, tries = 0;
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/socket`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => socket.send(token());
+  socket.onmessage = (event) => {
+    if (typeof event.data !== "string") return listeners.frame.forEach((listener) => listener(event.data));
+    const found = JSON.parse(event.data);
+    tries = 0;
+    if (found.scope) listeners.scope.forEach((listener) => listener(found.scope));
+    if (found.state) {
+      if (state === null || connection === "lost") greet();
+      connected("here");
+      state = found.state;
+      listeners.state.forEach((listener) => listener(state));
+    }
+  };
+  socket.onclose = (event) => {
+    if (event.code === 4401 || event.code === 4403) connected("refused");
+    else connected("lost");
+    setTimeout(connect, Math.min(2000, 200 * 2 ** tries++));
+  };
+}
+
+let connection = "";
+function connected(how) {
+  if (connection === how) return;
+  connection = how;
+  const place = $("connection");
+  if (!place) return;
+  place.textContent = {
+    here: "",
+    lost: "The console's server does not answer. What is being recorded goes on, and STOP works: it goes to the worker itself. Start `haploop serve` again, and open the address that it prints.",
+    refused: "This page's token is not valid: open the address that `haploop serve` printed last.",
+  }[how];
+}
+addEventListener("storage", (event) => { if (event.key === "haploop-token") location.reload(); });
+
+// STOP: to the worker itself first, which needs no server; then by way of the server.
+let ways = null;
+async function greet() {
+  try {
+    const found = await get("/api/hello");
+    if (ways && ways.stop.url !== found.stop.url) return location.reload(); // another worker: the page's policy names the old one
+    ways = found;
+    sessionStorage.setItem("haploop-stop", JSON.stringify(found.stop));
+    document.dispatchEvent(new CustomEvent("hello", { detail: found }));
+    if ($("exposed")) $("exposed").textContent = found.exposed;
+  } catch (error) { /* the socket says what is wrong */ }
+}
+
+export async function stop() {
+  said("reaching", "Reaching the safe state ...");
+  const known = ways ? ways.stop : JSON.parse(sessionStorage.getItem("haploop-stop") || "null");
+  const attempts = [];
+  if (known) attempts.push(() => fetch(known.url, { method: "POST", body: known.token }));
+  attempts.push(() => fetch("/api/stop", { method: "POST", headers: { "X-Haploop-Token": token() } }));
+  for (const attempt of attempts) {
+    try {
+      const found = await (await attempt()).json();
+      if (found.error) continue;
+      return said(found.state, found.sentence);
+    } catch (error) { /* the next way */ }
+  }
+  said("unconfirmed", "Neither the worker nor the server answers. Switch the amplifier off by hand.");
+}
+
+function said(how, sentence) {
+  const place = $("stopped");
+  place.className = `banner ${how === "safe" ? "safe" : how === "reaching" ? "info" : "error"}`;
+  place.textContent = sentence ? `STOP: ${sentence}` : "";
+}
+
+const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"], ["/study", "Study"], ["/table", "Table"], ["/buttons", "Digital buttons"]];
+
+function bar() {
+  const links = pages.map(([path, name]) => el("a", { href: path, "aria-current": path === location.pathname ? "page" : null }, name));
+  const header = el("header", { class: "bar" },
+    el("button", { id: "stop", type: "button", onclick: stop, "aria-keyshortcuts": "Escape" }, "STOP", el("kbd", {}, "Esc")),
+    el("nav", { "aria-label": "Pages" }, ...links),
+    el("span", { class: "rig", id: "rig" }), el("span", { class: "badge hidden", id: "simulated" }, "SIMULATED"));
+  document.body.prepend(header,
+    el("div", { id: "exposed", class: "banner exposed", role: "note" }),
+    el("div", { id: "connection", class: "banner error", role: "alert" }),
+    el("div", { id: "stopped", class: "banner", role: "alert" }),
+    el("div", { id: "said", class: "banner error", role: "alert" }),
+    el("div", { id: "job", class: "banner info", role: "status" }));
+}
+
+let shownStop = -1, shownJob = "";
+function drawBar(now) {
+  $("rig").textContent = `Rig ${now.rig ?? ""}`;
+  $("simulated").classList.toggle("hidden", !now.simulated);
+  if (now.stop && now.stop.number && `${now.stop.number}${now.stop.state}` !== shownStop) {
+    shownStop = `${now.stop.number}${now.stop.state}`;
+    // Another tab's, or an older one, once a new job runs.
+    if (!(now.job && ["running", "waiting"].includes(now.job.state) && now.stop.state === "safe")) said(now.stop.state, now.stop.sentence);
+  }
+  if (now.job && now.job.state === "running" && now.stop.state !== "reaching") $("stopped").textContent = "";
+  const job = now.job;
+  const text = now.gone ? now.gone : !job ? "" : { waiting: `${job.title}: opening the rig`, running: `${job.title}: running`, done: `${job.title}: done`,
+    stopped: `${job.title}: stopped`, failed: `${job.title}: ${job.sentence}`, unconfirmed: job.sentence }[job.state];
+  if (text !== shownJob) {
+    shownJob = text;
+    $("job").className = `banner ${now.gone || (job && ["failed", "unconfirmed"].includes(job.state)) ? "error" : job && job.state === "done" ? "safe" : "info"}`;
+    $("job").textContent = text;
+  }
+}
+
+export const busy = (now) => Boolean(now.job && ["waiting", "running"].includes(now.job.state));
+
+// Keys: Esc is STOP everywhere; letters act only outside of fields, and can be switched off.
+const keys = new Map();
+export const key = (name, action) => keys.set(name, action);
+addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && !forParticipant) { event.preventDefault(); return stop(); }
+  if (event.ctrlKey || event.altKey || event.metaKey || event.repeat) return undefined;
+  if (event.target.closest && event.target.closest("input, select, textarea")) return undefined;
+  if (localStorage.getItem("haploop-keys") === "off") return undefined;
+  const action = keys.get(event.key.toLowerCase());
+  if (action) { event.preventDefault(); action(); }
+  return undefined;
+}, true);
+
+// Sounds are made here, so that no file has to come from anywhere. A browser lets them begin with a click or a key.
+let audio = null;
+for (const kind of ["pointerdown", "keydown"]) addEventListener(kind, () => { audio ??= new AudioContext(); audio.resume(); }, { capture: true });
+const tones = { now: [[880, 0, 0.12]], good: [[660, 0, 0.09], [990, 0.1, 0.14]], bad: [[220, 0, 0.16], [180, 0.18, 0.28]] };
+export const sounds = [];
+export function sound(kind) {
+  sounds.push(kind);
+  document.body.dataset.sound = kind;
+  if (!audio || localStorage.getItem("haploop-sounds") === "off") return;
+  for (const [frequency, begin, length] of tones[kind]) {
+    const tone = audio.createOscillator(), volume = audio.createGain(), at = audio.currentTime + begin;
+    tone.frequency.value = frequency;
+    volume.gain.setValueAtTime(0, at);
+    volume.gain.linearRampToValueAtTime(0.25, at + 0.01);
+    volume.gain.linearRampToValueAtTime(0, at + length);
+    tone.connect(volume).connect(audio.destination);
+    tone.start(at);
+    tone.stop(at + length);
+  }
+}
+
+export function remembered(box, name) {
+  box.checked = localStorage.getItem(name) !== "off";
+  box.addEventListener("change", () => localStorage.setItem(name, box.checked ? "on" : "off"));
+}
+
+if (!forParticipant) { bar(); on("state", drawBar); }
+if (token()) { greet(); connect(); }
+else connected("refused");

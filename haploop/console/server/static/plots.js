@@ -1,0 +1,26 @@
+// uPlot with our colours, a legend of our own, and a size that follows the page.
+import { el } from "./console.js";
+
+export const colours = ["#0072b2", "#d55e00", "#009e73", "#a6468a", "#6a6a00", "#555555"];
+
+export function plot(place, title, options) {
+  const box = el("div", { class: "plot" });
+  place.append(box);
+  const height = options.height || 190;
+  const made = new uPlot({
+    width: Math.max(200, box.clientWidth), height, legend: { show: false }, cursor: { show: false }, pxAlign: 0,
+    scales: { x: { time: false, ...(options.x || {}) }, y: options.y || {} },
+    axes: [{ label: options.xLabel, size: 44, labelSize: 18, ...(options.xAxis || {}) }, { label: options.yLabel, size: 62, labelSize: 20 }],
+    series: [{}, ...options.series], bands: options.bands,
+  }, options.data || [[], ...options.series.map(() => [])], box);
+  box.firstChild.setAttribute("role", "img");
+  box.firstChild.setAttribute("aria-label", title);
+  new ResizeObserver(() => made.setSize({ width: Math.max(200, box.clientWidth), height })).observe(box);
+  return made;
+}
+
+export function legend(names) {
+  return el("div", { class: "legend" }, ...names.map((name, k) => el("span", {}, el("span", { class: `swatch c${k % colours.length}` }), name)));
+}
+
+export const line = (k, extra = {}) => ({ stroke: colours[k % colours.length], width: 1.5, points: { show: false }, spanGaps: false, ...extra });

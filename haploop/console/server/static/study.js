@@ -1,0 +1,43 @@
+import { $, busy, el, fill, get, newest, on, say, start, state } from "./console.js";
+import { sitting } from "./sitting.js";
+
+sitting($("sitting"));
+let known = "";
+
+document.addEventListener("hello", async () => {
+  const found = await get("/api/files");
+  fill($("study"), ...found.studies.map((name) => el("option", { value: name }, name)));
+  if (!found.studies.length) say("There is no study in the data folder yet: make one with `haploop study new FOLDER` there.", "info");
+  await show(true);
+});
+$("study").addEventListener("change", () => show(true));
+
+const ask = newest();
+async function show(anew) {
+  const name = $("study").value;
+  if (!name) return;
+  let found;
+  try { found = await ask(`/api/study?study=${encodeURIComponent(name)}`); } catch (error) { say(error.message, "error"); return; }
+  if (!found) return;
+  if (state) enable(state);
+  if (anew) {
+    fill($("who"), el("option", { value: "" }, "all"), ...found.participants.map((one) => el("option", { value: one }, one)));
+    fill($("button"), el("option", { value: "" }, "all"), ...found.buttons.map((one) => el("option", { value: one }, one)));
+  }
+  fill($("entries"), ...found.entries.map((entry) => el("tr", {}, el("td", {}, entry.participant), el("td", {}, entry.button), el("td", {}, `${entry.accepted} of ${entry.of}`),
+    el("td", {}, `${entry.bad} bad, ${entry.rejected} rejected`), el("td", {}, entry.consented ? "confirmed" : "-"),
+    el("td", {}, entry.in_progress ? "recording" : entry.accepted === entry.of ? "complete" : entry.interrupted ? "interrupted; the next run goes on" : "due"))));
+}
+
+$("form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  await start("study", { study: $("study").value, participant: $("who").value, button: $("button").value, notes: $("notes").value });
+});
+const enable = (now) => { $("start").disabled = busy(now) || !$("study").value; };
+on("state", (now) => {
+  enable(now);
+  const preflight = now.preflight, ready = preflight && (preflight.status === "green" || preflight.override);
+  $("gate").textContent = ready ? "" : "First run the preflight, or give a reason on its page why it does not matter today.";
+  const mark = JSON.stringify([now.session && now.session.verdicts.length, now.session && now.session.participant, now.session && now.session.button, now.job && now.job.state]);
+  if (mark !== known) { known = mark; show(false); }
+});

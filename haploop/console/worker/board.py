@@ -1,0 +1,48 @@
+"""The board: the one snapshot of what the worker does, from which every page is drawn.
+
+A snapshot rather than a stream of events, so that a page that was reloaded, a second tab and a server that
+was started again all show the same without a history.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from typing import Any
+
+__all__ = ["Board"]
+
+
+class Board:
+    """Named values of JSON's types with a version that grows with every change. For any thread."""
+
+    def __init__(self, **values: Any) -> None:
+        self._values = values
+        self._version = 1
+        self._changed = threading.Condition()
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a value; not to be changed in place."""
+        with self._changed:
+            return self._values[name]
+
+    def set(self, **values: Any) -> None:
+        """Replace values."""
+        with self._changed:
+            self._values |= values
+            self._version += 1
+            self._changed.notify_all()
+
+    def change(self, name: str, by: Callable[[Any], Any]) -> None:
+        """Replace a value by a function of it, in one step."""
+        with self._changed:
+            self._values[name] = by(self._values[name])
+            self._version += 1
+            self._changed.notify_all()
+
+    def snapshot(self, after: int = 0, timeout: float = 0.0) -> str:
+        """Return values and `version` as JSON, once the version is above `after`, or after `timeout` s."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._version > after, timeout)
+            return json.dumps({**self._values, "version": self._version})

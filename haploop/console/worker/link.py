@@ -1,0 +1,132 @@
+"""Find, start and talk to a worker."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from haploop.console.worker.address import Address, address_path
+from haploop.instruments import ConfigurationError, InstrumentError, RealClock, RigFile
+from haploop.instruments.driver import Mode
+
+__all__ = ["WorkerLink", "find_worker", "start_worker"]
+
+_START = 60.0
+"""s for a worker to start: importing alone takes seconds on a slow disk."""
+_ANSWER = 30.0
+"""s for an answer: longer than the snapshot's long poll and the safe state take."""
+
+
+class WorkerLink:
+    """A worker that was found. Each call is one request, and raises InstrumentError when it has gone."""
+
+    def __init__(self, address: Address) -> None:
+        self.address = address
+
+    def state(self, after: int = 0) -> dict[str, Any]:
+        """Return the snapshot, once its version is above `after` or after ten seconds."""
+        found: dict[str, Any] = json.loads(self._ask("GET", "/state", b"", {"X-After": str(after)})[1])
+        return found
+
+    def command(self, name: str, values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        """Send a command; return its status (200, 400 or 409) and answer."""
+        status, body = self._ask("POST", f"/{name}", json.dumps(values).encode(), {})
+        found: dict[str, Any] = json.loads(body)
+        return status, found
+
+    def allow(self, origins: list[str]) -> None:
+        """Let pages of these origins send STOP."""
+        self._ask("POST", "/origins", json.dumps(origins).encode(), {})
+
+    def stop(self) -> dict[str, Any]:
+        """Reach the safe state; return what came of it."""
+        found: dict[str, Any] = json.loads(
+            self._ask("POST", "/stop", self.address.stop_token.encode(), {})[1]
+        )
+        return found
+
+    def end(self) -> None:
+        """Reach the safe state and end the worker; nothing when it has gone."""
+        with suppress(InstrumentError, ValueError):
+            self.command("end", {})
+
+    def _ask(self, method: str, path: str, body: bytes, headers: Mapping[str, str]) -> tuple[int, bytes]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.address.port, timeout=_ANSWER)
+        try:
+            token = {"Authorization": f"Bearer {self.address.token}"}
+            connection.request(method, path, body, {**token, **headers})
+            answer = connection.getresponse()
+            return answer.status, answer.read()
+        except (OSError, http.client.HTTPException) as error:
+            raise InstrumentError(
+                f"The console's worker (process {self.address.pid}) does not answer ({error}): if it has "
+                "died, the relay box opens by itself; switch the amplifier off by hand if in doubt."
+            ) from None
+        finally:
+            connection.close()
+
+
+def find_worker(file: RigFile, simulate: Mode | None) -> WorkerLink | None:
+    """Return the running worker of a rig; None when there is none."""
+    address = Address.read(address_path(file, simulate))
+    if address is None:
+        return None
+    link = WorkerLink(address)
+    try:
+        link.state()
+    except (InstrumentError, ValueError):
+        return None
+    return link
+
+
+def start_worker(
+    rig: str, file: RigFile, simulate: Mode | None, data: Path, virtual_time: bool = False
+) -> WorkerLink:
+    """Return the running worker of a rig, or start one that outlives this program.
+
+    Its errors go to `console-worker.log` in the rig's state folder. Raises ConfigurationError when the
+    running one has another data folder, and InstrumentError when none comes up.
+    """
+    found = find_worker(file, simulate)
+    if found is not None:
+        if Path(found.address.data) != data.expanduser().resolve():
+            raise ConfigurationError(
+                f"A console of the rig {file.name!r} runs already, with the data folder "
+                f"{found.address.data}: name that one with --data, or end it with `haploop serve --stop`."
+            )
+        return found
+    path = address_path(file, simulate)
+    path.unlink(missing_ok=True)
+    command = [sys.executable, "-m", "haploop.console.worker", "--rig", rig, "--data", str(data)]
+    command += ["--simulate", simulate] if simulate else []
+    command += ["--virtual-time"] if virtual_time else []
+    log = path.with_name("console-worker.log")
+    with log.open("ab") as errors:
+        begin = errors.tell()
+        # In a session of its own: Ctrl-C at the terminal is the server's, which then ends the worker.
+        apart: dict[str, Any] = (
+            {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined,unused-ignore]
+            if os.name == "nt"
+            else {"start_new_session": True}
+        )
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors, **apart
+        )
+    clock = RealClock()
+    until = clock.now() + _START
+    while clock.now() < until:
+        found = find_worker(file, simulate)
+        if found is not None:
+            return found
+        if process.poll() is not None:
+            break
+        clock.sleep(0.1)
+    said = log.read_bytes()[begin:].decode(errors="replace").strip().splitlines()
+    raise InstrumentError(f"The console's worker did not start: {said[-1] if said else f'see {log}'}")

@@ -1,0 +1,49 @@
+"""A page names files in one folder, and no others."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from haploop.console.data_folder import DataFolder
+from haploop.instruments import ConfigurationError
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "/etc/passwd",
+        "../secret.h5",
+        "recordings/../../secret.h5",
+        "recordings//x.h5",
+        ".hidden",
+        "recordings/.P01.h5.lock",
+        "C:/secret.h5",
+        "recordings\\..\\..\\secret.h5",
+        "a\0b",
+        "<script>",
+        None,
+        ["recordings"],
+    ],
+)
+def test_a_name_that_leads_elsewhere_is_refused(tmp_path, name):
+    with pytest.raises(ConfigurationError, match="no file of the console's data folder"):
+        DataFolder(tmp_path / "data").path(name)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need rights there")
+def test_a_link_that_leads_elsewhere_is_refused(tmp_path):
+    data = tmp_path / "data"
+    data.mkdir()
+    (tmp_path / "secret.h5").write_text("secret")
+    (data / "link.h5").symlink_to(tmp_path / "secret.h5")
+    with pytest.raises(ConfigurationError, match="no file of"):
+        DataFolder(data).path("link.h5")
+
+
+def test_a_name_and_its_path_lead_to_each_other(tmp_path):
+    data = DataFolder(tmp_path)
+    assert data.path("recordings/P01-latch.h5") == tmp_path.resolve() / "recordings" / "P01-latch.h5"
+    assert data.name(data.path("a study/recordings/P01.h5")) == "a study/recordings/P01.h5"

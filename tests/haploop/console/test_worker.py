@@ -1,0 +1,275 @@
+"""The worker on a simulated rig: what its commands do, and the ways from STOP to the safe state."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from haploop.acquisition import Recording
+from haploop.console.data_folder import DataFolder
+from haploop.console.worker import Address, WorkerLink, jobs
+from haploop.console.worker import worker as workers
+from haploop.console.worker.listener import Listener
+from haploop.console.worker.worker import Worker
+from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
+
+DEADLINE = 60.0
+
+
+def until(what: Callable[[], object]) -> None:
+    end = time.monotonic() + DEADLINE
+    while not what():
+        assert time.monotonic() < end, "It did not come."
+        time.sleep(0.01)
+
+
+def made(tmp_path, real_time: bool = False) -> Worker:
+    return Worker(load_rig_file("simulated"), None, DataFolder(tmp_path), real_time=real_time)
+
+
+@contextmanager
+def pages(worker: Worker, do: Callable[[], object]) -> Iterator[None]:
+    """Runs the worker in this thread, which has to be the main one, and `do` in another."""
+    problems: list[BaseException] = []
+
+    def act() -> None:
+        try:
+            do()
+        except BaseException as error:
+            problems.append(error)
+        finally:
+            worker.end()
+
+    thread = threading.Thread(target=act)
+    thread.start()
+    worker.run()
+    thread.join()
+    yield
+    if problems:
+        raise problems[0]
+
+
+def ended(worker: Worker) -> bool:
+    return worker.board["job"]["state"] not in ("waiting", "running")
+
+
+def begin(worker: Worker, kind: str, **parameters: object) -> None:
+    worker.command("start", {"kind": kind, "parameters": parameters})
+
+
+def test_a_session_with_a_rejection_a_note_and_a_pause(tmp_path):
+    worker = made(tmp_path, real_time=True)
+    board = worker.board
+
+    def operator() -> None:
+        with pytest.raises(ConfigurationError, match="preflight is not green"):
+            begin(worker, "record", button="toggle", participant="P01", presses=3)
+        worker.command("override", {"reason": "a test"})
+        worker.command("auto", {"on": False})
+        begin(worker, "record", button="toggle", participant="P01", presses=3)
+        with pytest.raises(ConfigurationError, match="busy"):
+            begin(worker, "record", button="toggle", participant="P02", presses=3)
+        for count in (1, 2):
+            until(lambda count=count: board["request"] and board["request"].get("press") == count)
+            with suppress(ConfigurationError):
+                worker.command("press", {})
+            until(lambda count=count: len(board["session"]["verdicts"]) == count)
+        last = board["session"]["verdicts"][-1]
+        worker.command("reject", last)
+        until(lambda: not board["session"]["verdicts"][-1]["accepted"])
+        with pytest.raises(ConfigurationError, match="not accepted"):
+            worker.command("reject", last)  # the other tab's
+        worker.command("pause", {"on": True})
+        worker.command("note", {"text": "Shoe fell."})
+        time.sleep(0.3)
+        assert board["request"]["press"] in (2, 3)
+        worker.command("auto", {"on": True})
+        worker.command("pause", {"on": False})
+        until(lambda: board["request"] is None or board["request"]["attempt"] > 1 or ended(worker))
+        with suppress(ConfigurationError):  # the press that had waited for its key
+            worker.command("press", {})
+        until(lambda: ended(worker))
+
+    with pages(worker, operator):
+        assert board["job"]["state"] == "done", board["job"]
+    recording = Recording.open(tmp_path / "recordings" / "P01-toggle.h5")
+    kinds = [event.kind for event in recording.events]
+    assert recording.complete and len(recording.accepted) == 3
+    assert {"paused", "resumed", "note"} <= set(kinds)
+    assert [(v.number, v.attempt) for v in recording.verdicts if "rejected" in v.flags] == [(2, 1)]
+    assert recording.header.notes == "Preflight overridden: a test"
+
+
+def test_stop_in_the_middle_reaches_the_safe_state_and_keeps_the_recording(tmp_path):
+    worker, told = made(tmp_path), []
+
+    def operator() -> None:
+        worker.command("override", {"reason": "a test"})
+        begin(worker, "record", button="push", participant="P01", presses=150)
+        until(lambda: worker.board["session"] and len(worker.board["session"]["verdicts"]) >= 3)
+        told.append(worker.stop())
+        until(lambda: ended(worker))
+
+    with pages(worker, operator):
+        assert (told[0]["state"], worker.board["job"]["state"]) == ("safe", "stopped")
+    recording = Recording.open(tmp_path / "recordings" / "P01-push.h5")
+    assert recording.state == "interrupted" and len(recording.accepted) >= 3
+
+
+def test_stop_reaches_the_safe_state_from_its_own_thread_when_the_job_hangs(tmp_path, monkeypatch):
+    """A call of a driver that does not return, and holds the interrupt back."""
+    monkeypatch.setattr(workers, "_GRACE", 0.2)
+    worker, told, made_safe = made(tmp_path), [], threading.Event()
+    hanging, free = threading.Event(), threading.Event()
+
+    def hang(rig):
+        safe = rig.make_safe
+
+        def make_safe() -> None:
+            safe()
+            made_safe.set()
+
+        rig.make_safe = make_safe
+        hanging.set()
+        while not free.is_set():
+            with suppress(KeyboardInterrupt):
+                free.wait(0.05)
+        return {}
+
+    monkeypatch.setitem(jobs.JOBS, "hang", jobs.Job(lambda _tools, _wanted: hang, lambda _: "Hang"))
+
+    def operator() -> None:
+        begin(worker, "hang")
+        until(hanging.is_set)
+        told.append(worker.stop())
+        assert not ended(worker) and made_safe.is_set()
+        free.set()
+        until(lambda: ended(worker))
+
+    with pages(worker, operator):
+        assert told[0]["state"] == "safe" and "has not ended yet" in told[0]["sentence"]
+
+
+def test_stop_without_a_job_opens_the_rig_and_makes_it_safe(tmp_path):
+    worker, told = made(tmp_path), []
+    with pages(worker, lambda: told.append(worker.stop())):
+        assert told[0]["state"] == "safe" and worker.board["job"]["kind"] == "safe"
+
+
+def test_a_safe_state_that_was_not_confirmed_is_said_so(tmp_path, monkeypatch):
+    from haploop.instruments.safety import SafeState
+
+    def fail(_self):
+        raise InstrumentError("The safe state was not confirmed: the relay is stuck.")
+
+    worker, told = made(tmp_path), []
+
+    def operator() -> None:
+        worker.command("override", {"reason": "a test"})
+        begin(worker, "record", button="push", participant="P01", presses=100)
+        until(lambda: worker.board["run"] is not None)
+        monkeypatch.setattr(SafeState, "reach", fail)
+        told.append(worker.stop())
+        until(lambda: ended(worker))
+        told.append(worker.stop())
+
+    with pages(worker, operator):
+        assert [one["state"] for one in told] == ["unconfirmed", "unconfirmed"]
+        assert "the relay is stuck" in told[0]["sentence"]
+
+
+def test_what_a_page_asks_wrongly_is_one_sentence(tmp_path):
+    worker = made(tmp_path)
+    worker.command("override", {"reason": "a test"})
+    for wanted, what in (
+        ({"button": "<script>", "participant": "P01", "presses": 3}, "<script>"),
+        ({"button": "latch", "participant": "../P01", "presses": 3}, "P01"),
+        ({"button": "latch", "participant": "P01", "presses": "many"}, "whole number"),
+        ({"button": "latch", "participant": "P01", "presses": 3, "notes": "x" * 300}, "notes"),
+    ):
+        with pytest.raises(ConfigurationError, match=what):
+            begin(worker, "record", **wanted)
+    for kind, wanted in (
+        ("study", {"study": "../elsewhere"}),
+        ("map", {"points": "0,one"}),
+        ("map", {"name": "../map"}),
+        ("check", {"button": "/etc/passwd"}),
+        ("make", {"recordings": []}),
+        ("safe", {}),
+        ("anything", {}),
+    ):
+        with pytest.raises(ConfigurationError):
+            begin(worker, kind, **wanted)
+    for name in ("reject", "pause", "press", "answer", "explode"):
+        with pytest.raises(ConfigurationError):
+            worker.command(name, {"on": True})
+    with pytest.raises(ConfigurationError, match="The reason"):
+        worker.command("override", {"reason": " "})
+    assert worker.board["job"] is None
+
+
+# The listener
+
+
+@pytest.fixture
+def listener(tmp_path):
+    found = Listener(made(tmp_path), "token", "stop-token")
+    found.worker.stop = lambda: {"state": "safe", "sentence": "Safe.", "number": 1}  # type: ignore[method-assign]
+    threading.Thread(target=found.serve_forever, args=(0.01,), daemon=True).start()
+    yield found
+    found.shutdown()
+    found.server_close()
+
+
+def ask(listener, method, path, body=b"", **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", listener.port, timeout=10)
+    connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+    answer = connection.getresponse()
+    found = answer.status, answer.read(), answer.headers
+    connection.close()
+    return found
+
+
+def test_the_listener_opens_for_its_tokens_only(listener):
+    assert ask(listener, "GET", "/state")[0] == 403
+    assert ask(listener, "GET", "/state", Authorization="Bearer stop-token")[0] == 403
+    assert json.loads(ask(listener, "GET", "/state", Authorization="Bearer token")[1])["rig"] == "simulated"
+    assert ask(listener, "POST", "/override", b'{"reason": "none"}')[0] == 403
+    assert ask(listener, "POST", "/stop", b"token")[0] == 403
+    assert ask(listener, "POST", "/stop", b"")[0] == 403
+    assert json.loads(ask(listener, "POST", "/stop", b"stop-token")[1])["state"] == "safe"
+    assert ask(listener, "POST", "/override", b"[]", Authorization="Bearer token")[0] == 400
+    assert ask(listener, "POST", "/override", b"{", Authorization="Bearer token")[0] == 400
+    assert ask(listener, "POST", "/explode", b"{}", Authorization="Bearer token")[0] == 409
+
+
+def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
+    page = "http://127.0.0.1:8735"
+    assert ask(listener, "POST", "/stop", b"stop-token", Origin=page)[0] == 403
+    link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data"))
+    link.allow([page])
+    status, _, headers = ask(listener, "POST", "/stop", b"stop-token", Origin=page)
+    assert (status, headers["Access-Control-Allow-Origin"]) == (200, page)
+    assert ask(listener, "POST", "/stop", b"stop-token", Origin="http://evil.example")[0] == 403
+    assert ask(listener, "POST", "/stop", b"stop-token", Host="evil.example")[0] == 403
+    assert ask(listener, "GET", "/state", Authorization="Bearer token", Host="evil.example")[0] == 403
+
+
+def test_the_worker_has_a_page_with_nothing_but_stop(listener):
+    status, body, headers = ask(listener, "GET", "/")
+    assert status == 200 and b"STOP" in body and b"stop.js" in body
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert b"fetch" in ask(listener, "GET", "/stop.js")[1]
+
+
+def test_a_worker_that_has_gone_is_one_sentence(listener):
+    gone = WorkerLink(Address(1, 9, "token", "stop-token", "data"))
+    with pytest.raises(InstrumentError, match="does not answer"):
+        gone.state()
+    gone.end()
