@@ -27,7 +27,7 @@ __all__ = ["list_files"]
 
 _VERSION = 1
 """Part of the index's name: to be raised when `Entry` changes."""
-_REJECTIONS = "rejections.jsonl"
+_REJECTIONS = "rejections.json"
 _ALONE = 400
 """Files up to which one process reads them: starting others takes seconds."""
 _NAMES = [field.name for field in fields(Entry)]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from datetime import datetime
 from pathlib import Path
+
+import h5py
 
 from haploop.exchange.views import PressTable, Signals, optional
 from haploop.instruments.files import new_file
@@ -58,8 +59,10 @@ def write_recording(signals: Signals, presses: PressTable, path: Path) -> None:
         start, stop = row["onset_s"], row["release_s"]
         if start is not None and stop is not None:
             file.add_trial(start_time=float(start), stop_time=float(stop), **values)
-    with new_file(path) as part, warnings.catch_warnings():
-        # It wants the suffix .nwb, which the file gets when it is complete.
-        warnings.filterwarnings("ignore", message="The file path provided", category=UserWarning)
-        with pynwb.NWBHDF5IO(str(part), "w") as out:
-            out.write(file)
+    # The part is locked already, against the removal of leftovers, and HDF5's own lock would fail.
+    with (
+        new_file(path) as part,
+        h5py.File(part, "w", locking=False) as raw,
+        pynwb.NWBHDF5IO(file=raw, mode="w") as out,
+    ):
+        out.write(file)

@@ -177,14 +177,14 @@ def test_a_calibration_is_exported_by_a_command(calibrated: Calibrated, tmp_path
     file = tmp_path / "calibration.h5"
     calibrated.calibration.save(file)
     for name in ("a.uff", "a.mat"):
-        arguments = ["export", str(file), "--to", str(tmp_path / name)]
+        arguments = ["export", str(file), "--to", name.partition(".")[2], "--out", str(tmp_path / name)]
         result = CliRunner().invoke(cli, arguments, obj=CommandState())
         assert result.exit_code == 0, result.output
         assert ("Simulated" in result.output) == calibrated.rig.simulated
     (back,) = read_uff(tmp_path / "a.uff")
     assert back.velocity == pytest.approx(calibrated.calibration.response.velocity, rel=1e-10)
     assert np.array_equal(loadmat(tmp_path / "a.mat")["poles"].ravel(), calibrated.calibration.model.poles)
-    for wrong, said in (("a.uff", "is not overwritten"), ("a.txt", ".uff or .mat")):
-        arguments = ["export", str(file), "--to", str(tmp_path / wrong)]
+    for to, said in (("uff", "is not overwritten"), ("wav", "choose csv, mat, netcdf, uff")):
+        arguments = ["export", str(file), "--to", to, "--out", str(tmp_path / "a.uff")]
         result = CliRunner().invoke(cli, arguments, obj=CommandState())
         assert result.exit_code == 2 and said in " ".join(result.output.split())

@@ -14,7 +14,6 @@ import pytest
 from scipy.io import loadmat
 
 import haploop
-from haploop.acquisition import hdf5
 from haploop.calibration import Check, Drive
 from tests.haploop.exchange.conftest import Files
 
@@ -51,7 +50,7 @@ def test_a_table_opens_in_pandas(files: Files, tmp_path: Path, kind: str) -> Non
     out = exported(files, kind, "csv", tmp_path, ".csv")
     table = pandas.read_csv(out)
     about = json.loads(out.with_name(out.name + ".json").read_text(encoding="utf-8"))["about"]
-    assert about["simulated"] and about["content_hash"] == hdf5.content_hash(getattr(files, kind))
+    assert about["simulated"] and about["content_hash"] == haploop.content_hash(getattr(files, kind))
     rate = round(1 / table["time [s]"][1])
     assert rate == (5000 if kind in ("recording", "representative", "check") else 50_000)
     for name, (values, unit) in expected(files, kind).items():
