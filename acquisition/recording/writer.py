@@ -24,6 +24,7 @@ import numpy as np
 from haploop.acquisition.checksum import add_checksum, created
 from haploop.acquisition.recording.file_format import (
     EVENT,
+    METADATA,
     VERDICT,
     Event,
     Header,
@@ -199,7 +200,7 @@ class Writer:
             ) from None
 
     def _preallocate(self, temporary: Path) -> None:
-        with created(temporary) as file:
+        with created(temporary, METADATA) as file:
             write_header(file, self._header, "recording")
             places = []
             for name, dtype, length in (

@@ -18,7 +18,7 @@ from .history import describe as describe
 from .history import difference as difference
 from .history import listing as listing
 from .history import simulated as simulated
-from .listing import show_listing as show_listing
+from .catalogue import show_listing as show_listing
 from .log import show_log as show_log
 from .meter import Meter as Meter
 from .recalibration import OUTCOME_TITLES as OUTCOME_TITLES

@@ -142,7 +142,7 @@ def test_a_stranger_s_file_is_refused(run: Run, tmp_path: Any) -> None:
         file["x"] = 1
     result = run("show", path)
     assert result.exit_code == 2
-    assert "was not written by haploop" in result.stderr
+    assert "was not written by this version of haploop" in result.stderr
 
 
 def test_a_picture_takes_no_file_s_place(demo: Demo, run: Run, tmp_path: Any) -> None:

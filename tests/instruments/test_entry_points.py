@@ -232,7 +232,7 @@ def test_the_schema_has_its_table(lamp: Any) -> None:
             r"line 2: unknown key 'lmp'; did you mean 'lamp'\? If another package",
         ),
         ("zzz = 3\n", "line 2: unknown key 'zzz'; known keys are .*lamp"),
-        ('lamp = "acme-lamp"\n', "line 2: lamp: "),
+        ('lamp = "acme-lamp"\n', "line 2: lamp must be a table"),
         ('[lamp]\nport = "COM9"\n', r"line 2: the key 'lamp\.driver' is missing"),
     ],
 )

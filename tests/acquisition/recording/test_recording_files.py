@@ -142,7 +142,7 @@ def test_the_checksums_are_those_that_the_format_describes(finished, tmp_path):
             a = file.attrs
             names = ["button", "participant", "study", "session", "rig_name", "daq", "software", "started"]
             header = {name: a[name] for name in names}
-            header |= {name: file[name].asstr()[()] for name in ("rig", "protocol", "notes")}
+            header |= {name: file[name].asstr()[()] for name in ("rig", "protocol", "notes", "about")}
             header |= {"state": a["state"], "presses": int(a["presses"]), "simulated": bool(a["simulated"])}
             header |= {"rate_hz": float(a["rate_hz"]), "rest": float(a["rest"])}
             header |= {name: a[name].tolist() for name in ("channels", "full_scale", "delays")}

@@ -75,7 +75,7 @@ def test_what_is_wrong_is_named_in_one_sentence(tmp_path: Path, text: str, says:
         ('base = "minimal"\n\n[daq.channels.extra]\nrange = 1\n', "line 3: the key 'daq.channels.extra.term"),
         (
             'base = "haptable"\n[relay]\nsettle = 0.1\ndead_man = 0\n',
-            "rig.toml, line 4: relay.dead_man: .* greater than or equal to 0.1",
+            "rig.toml, line 4: relay.dead_man must be 0.1 or more",
         ),
         ('base = "haptable"\nlimits.peak_to_peak = -1\n', "rig.toml, line 2: limits.peak_to_peak"),
         (

@@ -241,15 +241,15 @@ def test_a_wrong_range_shows_in_the_data(kind: str) -> None:
     clock.sleep(2)
     if kind == "twin":
         laser = twin(settings(), plant)
-        noise = plant.read("laser", times).std()
+        noise = plant.read(["laser"], times[np.newaxis]).std()
         laser.set_range(0.05)
-        assert plant.read("laser", times).std() == pytest.approx(noise / 10, rel=0.1)
+        assert plant.read(["laser"], times[np.newaxis]).std() == pytest.approx(noise / 10, rel=0.1)
         return
     with wire(settings(), plant) as address:
         laser = Ofv5000.open(settings(**address), clock)
-        noise = plant.read("laser", times).std()
+        noise = plant.read(["laser"], times[np.newaxis]).std()
         laser.set_range(0.05)
-        assert plant.read("laser", times).std() == pytest.approx(noise / 10, rel=0.1)
+        assert plant.read(["laser"], times[np.newaxis]).std() == pytest.approx(noise / 10, rel=0.1)
         laser.close()
 
 

@@ -66,7 +66,7 @@ def test_the_guides_kind_acts_on_schedule_and_says_so(open: OpenRig) -> None:
     ("change", "says"),
     [
         ({"volt": 1}, "unknown key 'volt'; did you mean 'volts'"),
-        ({"volts": -1}, "greater than 0"),
+        ({"volts": -1}, "above 0"),
         ({"channel": "gauge9"}, "kind 'acme-hum' names the channel 'gauge9'"),
     ],
 )
