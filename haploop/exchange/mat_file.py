@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat, savemat
 
-from haploop.exchange.views import Channel, Responses, Signals
+from haploop.exchange.views import Channel, Responses, Signals, even_rate
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import new_file
@@ -64,9 +64,9 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     longest = max((len(v) for v in vectors.values()), default=0)
     vectors = {name: v for name, v in vectors.items() if len(v) == longest > 1}
     times = [vectors.pop(name) for name in _TIMES if name in vectors]
-    stated = [float(content[name]) for name in _RATES if np.isscalar(content.get(name))]
+    stated = [float(content[name]) for name in _RATES if isinstance(content.get(name), int | float)]
     if times and not stated:
-        stated = [float((longest - 1) / np.ptp(times[0]))] if np.ptp(times[0]) > 0 else []
+        stated = [even_rate(path, times[0])]
     rate = stated[0] if stated else rate_hz
     if rate is None:
         raise DataError(f"{path} states no sample rate: state it (--rate).")
