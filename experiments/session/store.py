@@ -147,9 +147,7 @@ class Store:
         """
         folder = self.folder / participant
         with self.hold(f"The experiment {self.experiment.file.name!r}"):
-            if (
-                not re.fullmatch(r"[A-Za-z0-9]+", participant) or folder.is_symlink() or not folder.is_dir()
-            ):
+            if not re.fullmatch(r"[A-Za-z0-9]+", participant) or folder.is_symlink() or not folder.is_dir():
                 known = ", ".join(self.participants()) or "nobody"
                 raise DataError(f"There is nothing of {participant} in {self.folder}, only of {known}.")
             files = tuple(
