@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from haploop.exchange.views import (
+    Cell,
     Channel,
     PressTable,
     Responses,
@@ -55,7 +56,14 @@ def write_presses(table: PressTable, path: Path) -> None:
         writer = csv.DictWriter(file, list(table.units))
         writer.writeheader()
         for row in table.rows:
-            writer.writerow({name: "" if value is None else value for name, value in row.items()})
+            writer.writerow({name: _cell(value) for name, value in row.items()})
+
+
+def _cell(value: Cell) -> Cell:
+    """A text that a spreadsheet would take for a formula gets an apostrophe before it."""
+    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return f"'{value}"
+    return "" if value is None else value
 
 
 def read_signals(path: Path, rate_hz: float | None) -> Signals:
@@ -76,8 +84,7 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     if not len(values) or values.shape[1] != len(headings):
         raise DataError(f"{path} has {len(headings)} headings, and its rows do not have as many numbers.")
     channels = []
-    for heading, column in zip(headings, values.T, strict=True):
-        heading = heading.strip()
+    for heading, column in zip(map(str.strip, headings), values.T, strict=True):
         match = _UNIT.search(heading)
         name, unit = (heading[: match.start()].strip(), match["unit"].strip()) if match else (heading, "")
         if name.lower() in ("time", "t"):

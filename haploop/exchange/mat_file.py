@@ -22,7 +22,7 @@ _TIMES = ("time", "t", "Time")
 def write_signals(signals: Signals, path: Path) -> None:
     """`time`, `rate_hz`, each channel by its name, and the structures `units`, `delays` and `about`."""
     values: dict[str, Any] = {"time": signals.time, "rate_hz": signals.rate_hz, "title": signals.title}
-    names = [_variable(c.name) for c in signals.channels]
+    names = _variables([c.name for c in signals.channels])
     for name, channel in zip(names, signals.channels, strict=True):
         values[name] = channel.values
     values["units"] = {name: c.unit for name, c in zip(names, signals.channels, strict=True)} | {"time": "s"}
@@ -76,6 +76,20 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     units = units if isinstance(units, dict) else {}
     channels = tuple(Channel(name, str(units.get(name, "")), v) for name, v in vectors.items())
     return Signals(path.stem, rate, channels, channels[0].name, about if isinstance(about, dict) else {})
+
+
+def _variables(names: list[str]) -> list[str]:
+    """Names of variables, each different from the others and from those of our own."""
+    taken = {"time", "rate_hz", "title", "units", "delays", "about"}
+    found = []
+    for name in names:
+        own = plain = _variable(name)
+        number = 2
+        while own in taken:
+            own, number = f"{plain[:27]}_{number}", number + 1
+        taken.add(own)
+        found.append(own)
+    return found
 
 
 def _variable(name: str) -> str:
