@@ -110,8 +110,8 @@ def numbers(text: str) -> list[int] | None:
         begin, end = int(first), int(last or first)
         if not begin <= end <= _MOST_POINTS:
             raise ConfigurationError(
-                f"Points go from a smaller number to a larger one, {_MOST_POINTS} at most; {part[:20]!r} does "
-                "not."
+                f"Points go from a smaller number to a larger one, {_MOST_POINTS} at most; {part[:20]!r} "
+                "does not."
             )
         found += range(begin, end + 1)
     return found or None
