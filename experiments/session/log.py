@@ -54,13 +54,15 @@ class EventLog:
             path.parent.parent.mkdir(parents=True, exist_ok=True)
             # Answers of people are their keeper's, as recordings are.
             path.parent.mkdir(mode=0o700, exist_ok=True)
-            self._file = open(path, "ab", opener=_private)  # noqa: SIM115  closed by close()
-            if fragment:
+            self._file = open(path, "ab", opener=private)  # noqa: SIM115  closed by close()
+            if not self.events:
+                self._file.truncate(0)  # a first line that was cut off holds no answer
+            elif fragment:
                 self._file.write(b"\n")
             sync_folder(path.parent)
         except OSError as error:
             raise ConfigurationError(f"{path} cannot be written: {os_error_text(error)}.") from None
-        if self.events or cut_off:
+        if self.events:
             self.add("resumed", cut_off=cut_off)
 
     def add(self, kind: str, **values: Any) -> Event:
@@ -117,7 +119,7 @@ def read_log(path: Path, only_first: bool = False) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def _private(path: str, flags: int) -> int:
+def private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 

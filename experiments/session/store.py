@@ -10,7 +10,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Any
 
 from haploop.acquisition import file_name
 from haploop.experiments.protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
-from haploop.experiments.session.log import Event, read_log
+from haploop.experiments.session.log import Event, private, read_log
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
 from haploop.instruments.safety import hold
@@ -63,9 +63,15 @@ class Store:
         self.folder = Path(folder)
 
     def participants(self) -> tuple[str, ...]:
-        """Pseudonyms with a session, sorted."""
+        """Pseudonyms with a session, sorted. Raises DataError when a withdrawal was not finished."""
         if not self.folder.is_dir():
             return ()
+        withdrawn = self._withdrawn()
+        for path in self.folder.iterdir():
+            if path.name.casefold() in withdrawn and path.is_dir():
+                raise DataError(
+                    f"{path.name} has withdrawn, and not everything was deleted: withdraw {path.name} again."
+                )
         return tuple(
             sorted(path.name for path in self.folder.iterdir() if (path / "session-1.jsonl").is_file())
         )
@@ -120,7 +126,7 @@ class Store:
                 raise ConfigurationError(
                     f"{participant} and {who} differ only in upper and lower case: use {who}."
                 )
-        if participant not in slots and participant in {one.participant for one in self.withdrawals()}:
+        if participant.casefold() in self._withdrawn():
             raise ConfigurationError(
                 f"{participant} has withdrawn: use a pseudonym that was not used before."
             )
@@ -141,7 +147,7 @@ class Store:
         """
         folder = self.folder / participant
         with self.hold(f"The experiment {self.experiment.file.name!r}"):
-            if not re.fullmatch(r"[A-Za-z0-9]+", participant) or not folder.is_dir():
+            if not re.fullmatch(r"[A-Za-z0-9]+", participant) or folder.is_symlink() or not folder.is_dir():
                 known = ", ".join(self.participants()) or "nobody"
                 raise DataError(f"There is nothing of {participant} in {self.folder}, only of {known}.")
             files = tuple(
@@ -151,28 +157,38 @@ class Store:
             )
             now = datetime.now(UTC).isoformat(timespec="seconds")
             # Before anything is deleted: if this stops halfway, the note tells that a withdrawal was begun.
-            with (self.folder / _WITHDRAWALS).open("a", encoding="utf-8") as notes:
-                notes.write(json.dumps({"participant": participant, "time": now, "files": files}) + "\n")
+            path = self.folder / _WITHDRAWALS
+            note = json.dumps({"participant": participant, "time": now, "files": files}) + "\n"
+            with open(path, "ab", opener=private) as notes:
+                if path.read_bytes()[-1:] not in (b"", b"\n"):
+                    note = "\n" + note  # after a note that was cut off
+                notes.write(note.encode())
                 notes.flush()
                 os.fsync(notes.fileno())
             try:
                 shutil.rmtree(folder)
             except OSError as error:
                 raise DataError(
-                    f"{error.filename} cannot be deleted ({os_error_text(error)}): close what uses it, and "
-                    f"withdraw {participant} again."
+                    f"{error.filename or folder} cannot be deleted ({os_error_text(error)}): close what uses "
+                    f"it, and withdraw {participant} again."
                 ) from None
         return Withdrawal(participant, files, now)
 
     def withdrawals(self) -> tuple[Withdrawal, ...]:
-        """Withdrawals so far."""
+        """Withdrawals so far. A note that was cut off is left out: nothing had been deleted yet."""
         path = self.folder / _WITHDRAWALS
         if not path.is_file():
             return ()
-        lines = path.read_text(encoding="utf-8").splitlines()
-        return tuple(
-            Withdrawal(v["participant"], tuple(v["files"]), v["time"]) for v in map(json.loads, lines)
-        )
+        found = []
+        for line in path.read_bytes().split(b"\n"):
+            with suppress(ValueError):
+                note = json.loads(line)
+                found.append(Withdrawal(note["participant"], tuple(note["files"]), note["time"]))
+        return tuple(found)
+
+    def _withdrawn(self) -> set[str]:
+        """Those who have withdrawn, without regard to case."""
+        return {one.participant.casefold() for one in self.withdrawals()}
 
     def _replayed(
         self, path: Path, participant: str, session: int, events: tuple[Event, ...]

@@ -37,6 +37,15 @@ class DataFolder:
             )
         return path
 
+    def shown(self, path: Path) -> str:
+        """Return the name of a path that was found below this folder; "" for one that `path` refuses."""
+        name = path.relative_to(self.root).as_posix()
+        try:
+            self.path(name)
+        except ConfigurationError:
+            return ""
+        return name
+
     def name(self, path: Path) -> str:
         """Return the name of a path below this folder, with forward slashes."""
         return path.resolve().relative_to(self.root).as_posix()

@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from haploop.exchange.views import (
+    Cell,
     Channel,
     PressTable,
     Responses,
     Signals,
+    even_rate,
     read_sidecar,
     write_sidecar,
 )
@@ -23,7 +25,8 @@ from haploop.instruments.files import new_file
 
 __all__ = ["read_signals", "write_presses", "write_responses", "write_signals"]
 
-_HEADING = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+_UNIT = re.compile(r"[\[(](?P<unit>[^\[(\])]*)[\])]$")
+_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
 
 
 def write_signals(signals: Signals, path: Path) -> None:
@@ -53,7 +56,14 @@ def write_presses(table: PressTable, path: Path) -> None:
         writer = csv.DictWriter(file, list(table.units))
         writer.writeheader()
         for row in table.rows:
-            writer.writerow({name: "" if value is None else value for name, value in row.items()})
+            writer.writerow({name: _cell(value) for name, value in row.items()})
+
+
+def _cell(value: Cell) -> Cell:
+    """A text that a spreadsheet would take for a formula gets an apostrophe before it."""
+    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return f"'{value}"
+    return "" if value is None else value
 
 
 def read_signals(path: Path, rate_hz: float | None) -> Signals:
@@ -74,11 +84,13 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     if not len(values) or values.shape[1] != len(headings):
         raise DataError(f"{path} has {len(headings)} headings, and its rows do not have as many numbers.")
     channels = []
-    for heading, column in zip(headings, values.T, strict=True):
-        match = _HEADING.fullmatch(heading)
-        name, unit = (match["name"], match["unit"] or "") if match else (heading, "")
+    for heading, column in zip(map(str.strip, headings), values.T, strict=True):
+        match = _UNIT.search(heading)
+        name, unit = (heading[: match.start()].strip(), match["unit"].strip()) if match else (heading, "")
         if name.lower() in ("time", "t"):
-            rate_hz = _rate(path, column)
+            if unit not in _SECONDS:
+                raise DataError(f"{path} gives its time in {unit!r}: give it in {', '.join(_SECONDS)[2:]}.")
+            rate_hz = even_rate(path, column * _SECONDS[unit])
         else:
             channels.append(Channel(name, unit, np.asarray(column)))
     if rate_hz is None:
@@ -87,14 +99,6 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
         raise DataError(f"{path} has no column beside the time.")
     beside = read_sidecar(path)
     return Signals(path.stem, rate_hz, tuple(channels), channels[0].name, beside.get("about", {}))
-
-
-def _rate(path: Path, time: FloatArray) -> float:
-    steps = np.diff(time)
-    if not len(steps) or not steps.min() > 0 or np.ptp(steps) > 0.01 * steps.mean():
-        raise DataError(f"{path} is not sampled at a constant rate: resample it first.")
-    # A time with few digits gives a rate that is off in the last of them.
-    return float(f"{1 / steps.mean():.6g}")
 
 
 def _write(path: Path, headings: list[str], columns: FloatArray) -> None:

@@ -38,6 +38,8 @@ _ACCELERATIONS = {
 }  # fmt: skip
 """m/s^2 per unit."""
 _LONGEST = Window().longest
+_SLOWEST, _FASTEST = 100.0, 1e8
+"""Samples per second of a file: a press of half a second has fifty, and the fastest cards take 10^7."""
 
 
 def is_response_file(path: str | Path) -> bool:
@@ -73,6 +75,11 @@ def import_press(
         raise DataError(f"There is no file {path}: check the name.")
     signals = READERS[path.suffix.lower()](path, rate_hz)
     taken = _acceleration(path, signals, channel, scale)
+    if not _SLOWEST <= signals.rate_hz <= _FASTEST:
+        raise ConfigurationError(
+            f"{path} would have {signals.rate_hz:g} samples/s: from {_SLOWEST:g} to {_FASTEST:g} are "
+            "possible, so look at its time or at --rate."
+        )
     values = _per_unit(path, taken, scale) * taken.values
     if not np.all(np.isfinite(values)) or not np.ptp(values):
         raise DataError(f"The channel {taken.name!r} of {path} is constant, or not finite.")
@@ -89,7 +96,7 @@ def import_press(
         activation_index=min(switched, length - 1),
         members=1,
         spread=np.zeros(length),
-        bandwidth_hz=min(signals.rate_hz / 2, RATE_HZ / 2, float(signals.about.get("bandwidth_hz", np.inf))),
+        bandwidth_hz=min(signals.rate_hz / 2, RATE_HZ / 2, _number(path, signals, "bandwidth_hz") or np.inf),
         sources=((path.name, hashlib.sha256(path.read_bytes()).hexdigest()),),
         left_out=(),
         method="imported",
@@ -153,11 +160,11 @@ def _window(
 ) -> tuple[slice, int, str]:
     """Samples to take, the activation's index among those at `RATE_HZ`, and a clause on both."""
     rate_hz, window = signals.rate_hz, Window()
-    stated = signals.about.get("activation_s")
+    stated = _number(path, signals, "activation_s")
     if activation is not None:
         at, how = activation, "activated where the operator said"
     elif stated is not None:
-        at, how = float(stated), "activated where the file says"
+        at, how = stated, "activated where the file says"
     else:
         centred = values - np.median(values)
         at, how = float(np.argmax(np.abs(centred))) / rate_hz, "activated at its largest acceleration"
@@ -170,6 +177,16 @@ def _window(
         start = max(0, round((at - window.before) * rate_hz))
         stop = min(len(values), round((at + window.after) * rate_hz))
     return slice(start, stop), round((at - start / rate_hz) * RATE_HZ), how
+
+
+def _number(path: Path, signals: Signals, name: str) -> float | None:
+    """What the file says about itself; None when it does not. Raises DataError for anything but a number."""
+    said = signals.about.get(name)
+    if said is None:
+        return None
+    if not isinstance(said, int | float) or not 0 <= said < np.inf:
+        raise DataError(f"{path} gives {name} as {str(said)[:40]!r}, which is no number of zero or more.")
+    return float(said)
 
 
 def _beside(signals: Signals, names: tuple[str, ...], unit: str, cut: slice, length: int) -> FloatArray:

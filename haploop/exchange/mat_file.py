@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat, savemat
 
-from haploop.exchange.views import Channel, Responses, Signals
+from haploop.exchange.views import Channel, Responses, Signals, even_rate
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import new_file
@@ -22,7 +22,7 @@ _TIMES = ("time", "t", "Time")
 def write_signals(signals: Signals, path: Path) -> None:
     """`time`, `rate_hz`, each channel by its name, and the structures `units`, `delays` and `about`."""
     values: dict[str, Any] = {"time": signals.time, "rate_hz": signals.rate_hz, "title": signals.title}
-    names = [_variable(c.name) for c in signals.channels]
+    names = _variables([c.name for c in signals.channels])
     for name, channel in zip(names, signals.channels, strict=True):
         values[name] = channel.values
     values["units"] = {name: c.unit for name, c in zip(names, signals.channels, strict=True)} | {"time": "s"}
@@ -64,9 +64,9 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     longest = max((len(v) for v in vectors.values()), default=0)
     vectors = {name: v for name, v in vectors.items() if len(v) == longest > 1}
     times = [vectors.pop(name) for name in _TIMES if name in vectors]
-    stated = [float(content[name]) for name in _RATES if np.isscalar(content.get(name))]
+    stated = [float(content[name]) for name in _RATES if isinstance(content.get(name), int | float)]
     if times and not stated:
-        stated = [float((longest - 1) / np.ptp(times[0]))] if np.ptp(times[0]) > 0 else []
+        stated = [even_rate(path, times[0])]
     rate = stated[0] if stated else rate_hz
     if rate is None:
         raise DataError(f"{path} states no sample rate: state it (--rate).")
@@ -76,6 +76,20 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     units = units if isinstance(units, dict) else {}
     channels = tuple(Channel(name, str(units.get(name, "")), v) for name, v in vectors.items())
     return Signals(path.stem, rate, channels, channels[0].name, about if isinstance(about, dict) else {})
+
+
+def _variables(names: list[str]) -> list[str]:
+    """Names of variables, each different from the others and from those of our own."""
+    taken = {"time", "rate_hz", "title", "units", "delays", "about"}
+    found = []
+    for name in names:
+        own = plain = _variable(name)
+        number = 2
+        while own in taken:
+            own, number = f"{plain[:27]}_{number}", number + 1
+        taken.add(own)
+        found.append(own)
+    return found
 
 
 def _variable(name: str) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.exchange.views import Channel, Signals, write_json
+from haploop.exchange.views import Channel, Signals, even_rate, write_json
 from haploop.instruments import DataError
 
 __all__ = ["read_signals", "write_signals"]
@@ -49,17 +49,18 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
             Channel(str(c["name"]), str(c["unit_str"]), np.asarray(c["data"], dtype=np.float64).ravel())
             for c in found
         )
-        rates = {_rate(c) for c in found}
+        rates = {_rate(path, c) for c in found}
         about = found[0].get("haploop", {}) if found else {}
-    except (ValueError, KeyError, TypeError, AttributeError, ZeroDivisionError) as error:
+        if not isinstance(about, dict):
+            raise TypeError("haploop: no object")
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(f"{path} does not follow SEP-005 ({type(error).__name__}: {error}).") from None
     if len(rates) != 1 or len({len(c.values) for c in channels}) != 1:
         raise DataError(f"{path} holds channels of several rates or lengths: export one group at a time.")
     return Signals(path.stem, rates.pop(), channels, channels[0].name, about)
 
 
-def _rate(channel: dict[str, object]) -> float:
+def _rate(path: Path, channel: dict[str, object]) -> float:
     if channel.get("fs"):
         return float(str(channel["fs"]))
-    time = np.asarray(channel["time"], dtype=np.float64)
-    return float(f"{(len(time) - 1) / np.ptp(time):.9g}")
+    return even_rate(path, np.asarray(channel["time"], dtype=np.float64).ravel())

@@ -25,6 +25,7 @@ __all__ = [
     "PressTable",
     "Responses",
     "Signals",
+    "even_rate",
     "optional",
     "read_sidecar",
     "sidecar",
@@ -107,6 +108,15 @@ class Envelope:
         return f"{said} {SIMULATED}" if self.about["simulated"] else said
 
 
+def even_rate(path: Path, time: FloatArray) -> float:
+    """Samples per second of a file's column of time (s). Raises DataError when its steps are not equal."""
+    steps = np.diff(time)
+    if not len(steps) or not steps.min() > 0 or not np.ptp(steps) <= 0.01 * steps.mean():
+        raise DataError(f"{path} is not sampled at a constant rate: resample it first.")
+    # A time with few digits gives a rate that is off in the last of them.
+    return float(f"{1 / steps.mean():.6g}")
+
+
 def optional(module: str, extra: str) -> Any:
     """Import a module of an optional extra. Raises ConfigurationError, which names the extra."""
     try:
@@ -138,11 +148,11 @@ def read_sidecar(path: Path) -> dict[str, Any]:
         return {}
     try:
         found = json.loads(beside.read_text(encoding="utf-8"))
-        if isinstance(found, dict):
-            return found
-    except ValueError:
-        pass
-    raise DataError(f"{beside} is no JSON object: move it away, or export {path.name} again.")
+    except (OSError, ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict) or not isinstance(found.get("about", {}), dict):
+        raise DataError(f"{beside} is no JSON object: move it away, or export {path.name} again.")
+    return found
 
 
 def write_json(path: Path, value: object) -> None:

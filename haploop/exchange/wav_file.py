@@ -14,7 +14,7 @@ import numpy as np
 from scipy.io import wavfile
 from scipy.signal import resample_poly
 
-from haploop.exchange.views import Channel, Signals, read_sidecar, write_sidecar
+from haploop.exchange.views import Channel, Signals, read_sidecar, sidecar, write_sidecar
 from haploop.instruments import DataError
 from haploop.instruments.files import new_file
 
@@ -67,8 +67,19 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     values = values[:, None] if values.ndim == 1 else values
     beside = read_sidecar(path)
     labels = beside.get("channels", [])
-    if len(labels) == values.shape[1]:
-        scales = beside.get("unit_per_count", [1.0] * len(labels))
+    if "channels" in beside:
+        scales = beside.get("unit_per_count", [1.0] * values.shape[1])
+        if not (
+            isinstance(labels, list)
+            and isinstance(scales, list)
+            and len(labels) == len(scales) == values.shape[1]
+            and all(isinstance(label, dict) and {"name", "unit"} <= label.keys() for label in labels)
+            and all(isinstance(scale, int | float) for scale in scales)
+        ):
+            raise DataError(
+                f"{sidecar(path)} does not name each of the {values.shape[1]} channels of {path.name} with "
+                "unit and scale: move it away, or export the file again."
+            )
     else:
         labels = [{"name": f"channel {n + 1}", "unit": ""} for n in range(values.shape[1])]
         # 8-bit WAV is the only unsigned kind: its middle is 128.

@@ -58,8 +58,6 @@ def data_routes(data: DataFolder) -> list[Route]:
                 return JSONResponse({"error": f"There is no file {error.filename}."}, 404)
             if isinstance(found, bytes):
                 return Response(found, media_type="image/png")
-            if isinstance(found, bytes):
-                return Response(found, media_type="image/png")
             return JSONResponse(_plain(found))
 
         return Route(path, answer)
@@ -70,7 +68,6 @@ def data_routes(data: DataFolder) -> list[Route]:
         route("/api/study", _study),
         route("/api/calibration", _calibration),
         route("/api/history", _history),
-        route("/api/trend", _trend),
         route("/api/trend", _trend),
         route("/api/map", _map),
         route("/api/shape", _shape),
@@ -93,7 +90,7 @@ def _plain(value: Any) -> Any:
 
 def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
     def names(pattern: str) -> list[str]:
-        return sorted(data.name(path) for path in data.root.glob(pattern) if not path.name.startswith("."))
+        return sorted(filter(None, map(data.shown, data.root.glob(pattern))))
 
     return {
         "recordings": names("recordings/*.h5") + names("*/recordings/*.h5"),

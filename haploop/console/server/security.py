@@ -42,8 +42,9 @@ class Access:
     @property
     def hosts(self) -> tuple[str, ...]:
         """Values of Host under which the console is asked."""
-        names = ("127.0.0.1", "localhost") if is_loopback(self.address) else (self.address,)
-        return tuple(f"{name}:{self.port}" for name in dict.fromkeys(names))
+        own = f"[{self.address}]" if ":" in self.address else self.address
+        names = ("127.0.0.1", "localhost") if own in ("127.0.0.1", "localhost") else (own,)
+        return tuple(f"{name}:{self.port}" for name in names)
 
     @property
     def origins(self) -> tuple[str, ...]:

@@ -53,6 +53,8 @@ _SPACE = 1e9
 _OLD_DAYS = 1.0
 """Age of the active calibration from which the preflight says so."""
 _ACTOR = "the console"
+_MOST_POINTS = 9999
+"""Largest number of a grid point that is looked for: a typing error must not fill the memory."""
 _LONGEST = 200
 """Bytes of a text that a page sends: what an event of a recording holds."""
 
@@ -105,7 +107,13 @@ def numbers(text: str) -> list[int] | None:
         first, _, last = part.partition("-")
         if not (first.isdecimal() and (last or first).isdecimal() and len(part) < 12):
             raise ConfigurationError(f"Points are numbers such as 0, 5, 12-20; {part[:20]!r} is none.")
-        found += range(int(first), int(last or first) + 1)
+        begin, end = int(first), int(last or first)
+        if not begin <= end <= _MOST_POINTS:
+            raise ConfigurationError(
+                f"Points go from a smaller number to a larger one, {_MOST_POINTS} at most; {part[:20]!r} "
+                "does not."
+            )
+        found += range(begin, end + 1)
     return found or None
 
 

@@ -93,7 +93,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             values = json.loads(body)
             if self.path == "/origins":
-                self.server.origins = {str(origin) for origin in values}
+                self.server.origins |= {str(origin) for origin in values}  # those of an earlier server too
                 return 200, {"done": True}
             return 200, self.server.worker.command(self.path[1:], values)
         except HaploopError as error:

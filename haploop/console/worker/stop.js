@@ -4,7 +4,7 @@ const said = document.getElementById("said");
 async function stop() {
   said.textContent = "Reaching the safe state ...";
   try {
-    const answer = await fetch("/stop", { method: "POST", body: location.hash.slice(1) });
+    const answer = await fetch("/stop", { method: "POST", body: location.hash.slice(1), signal: AbortSignal.timeout(25000) });
     const found = await answer.json();
     said.textContent = found.error || found.sentence;
   } catch (error) {

@@ -62,13 +62,16 @@ class Worker:
         self.file, self.data = file, data
         self._simulate, self._real_time = simulate, real_time
         self._clock = RealClock()
-        self._jobs: queue.Queue[tuple[int, str, Work, bool]] = queue.Queue()
+        self._jobs: queue.Queue[tuple[int, str, Work, bool, int]] = queue.Queue()
+        """Number, kind, work, whether it needs the rig, and the number of STOPs when it was asked for."""
         self._changing = threading.Lock()
         self._running = 0
         """Number of the running job; 0 without one."""
         self._count = 0
         self._rig: Rig | None = None
         self._operator: PageOperator | None = None
+        self._left_safe = False
+        """Whether the rig was opened and left in the safe state, confirmed, by the job that runs."""
         self._ended = threading.Event()
         self._abandoned = threading.Event()
         self._heard = self._clock.now()
@@ -102,12 +105,12 @@ class Worker:
             with suppress(KeyboardInterrupt):
                 silent_for = self._clock.now() - self._heard
                 try:
-                    number, kind, work, needs_rig = self._jobs.get(timeout=_POLL)
+                    job = self._jobs.get(timeout=_POLL)
                 except queue.Empty:
                     if silent_for > _ORPHANED:
                         self._ended.set()
                     continue
-                self._run(number, kind, work, needs_rig)
+                self._run(*job)
 
     def end(self) -> None:
         """End the worker after the safe state was reached. For any thread."""
@@ -164,7 +167,7 @@ class Worker:
         elif number:
             threading.Thread(target=self._otherwise, args=(number, asked), daemon=True).start()
         else:
-            self._add("safe", {})
+            self._add("safe", {})  # behind a job that waits, which is not begun any more
         until = self._clock.now() + _CONFIRMED
         while self.board["stop"]["state"] == "reaching" and self._clock.now() < until:
             self._clock.sleep(0.02)
@@ -226,6 +229,7 @@ class Worker:
     def _add(self, kind: str, wanted: Mapping[str, Any]) -> int:
         job = JOBS[kind]
         with self._changing:
+            stops = self.board["stop"]["number"]
             busy = self._running or not self._jobs.empty()
             if busy and kind != "safe":
                 raise ConfigurationError("The rig is busy: wait until the running job has ended, or stop it.")
@@ -233,6 +237,8 @@ class Worker:
         with self._changing:
             if (self._running or not self._jobs.empty()) and kind != "safe":
                 raise ConfigurationError("The rig is busy: wait until the running job has ended, or stop it.")
+            if kind != "safe":
+                self._refuse_after_stop(stops)
             self._count += 1
             number = self._count
             shown = {
@@ -246,8 +252,13 @@ class Worker:
             if job.gated:
                 self.board.set(session=None)
             self.board.set(job=shown, progress=None)
-            self._jobs.put((number, kind, work, job.needs_rig))
+            self._jobs.put((number, kind, work, job.needs_rig, stops))
         return number
+
+    def _refuse_after_stop(self, stops: int) -> None:
+        """Refuse a job that was asked for before the last STOP: it would begin after it."""
+        if self.board["stop"]["number"] != stops:
+            raise ConfigurationError("STOP came before this began, so it was not begun: start it again.")
 
     def _answer(self, values: Mapping[str, Any]) -> dict[str, Any]:
         operator, number = self._operator, values.get("number")
@@ -287,13 +298,18 @@ class Worker:
 
     # The main thread
 
-    def _run(self, number: int, kind: str, work: Work, needs_rig: bool) -> None:
-        with self._changing:
-            self._running = number
+    def _run(self, number: int, kind: str, work: Work, needs_rig: bool, stops: int) -> None:
         outcome: tuple[str, str, dict[str, Any]] = ("stopped", "Stopped by the operator.", {})
+        self._left_safe = False
         try:
+            with self._changing:
+                if kind != "safe":
+                    self._refuse_after_stop(stops)
+                self._running = number
             self._show_job(state="running")
             outcome = self._outcome(kind, work, needs_rig)
+        except ConfigurationError as error:
+            outcome = ("stopped", str(error), {})
         finally:
             # STOP may come once more, at any line: the board must show the end of the job all the same.
             with uninterrupted():
@@ -312,14 +328,19 @@ class Worker:
             return "failed", sentence, {}
 
     def _finish(self, state: str, sentence: str, result: dict[str, Any]) -> None:
+        self.board.set(request=None, run=None, live=None, progress=None, paused=False)
         with self._changing:
             self._running = 0
-        stop = self.board["stop"]
-        if stop["state"] == "reaching" or state == "unconfirmed":
-            confirmed = state != "unconfirmed"
-            self._say_stop(stop["number"], *(("safe", _SAFE) if confirmed else ("unconfirmed", sentence)))
-        self.board.set(request=None, run=None, live=None, progress=None, paused=False)
-        self._show_job(state=state, sentence=sentence, result=result)
+            stop = self.board["stop"]
+            if state == "unconfirmed":
+                self._say_stop(stop["number"], "unconfirmed", sentence)
+            elif stop["state"] == "reaching" and self._left_safe:
+                self._say_stop(stop["number"], "safe", _SAFE)
+            # STOP met a job before it had opened the rig, or one that has no use for it.
+            unread = self.board["stop"]["state"] == "reaching" and self._jobs.empty()
+            self._show_job(state=state, sentence=sentence, result=result)
+        if unread:
+            self._add("safe", {})
 
     def _on_rig(self, kind: str, work: Work) -> dict[str, Any]:
         """Open the rig, work, and leave it in the safe state. Raises _UnconfirmedError when that failed."""
@@ -337,14 +358,21 @@ class Worker:
                     stack.enter_context(Observer(rig, self.board))
                     overridden = (self.board["preflight"] or {}).get("override", "")
                     rig.audit.note("console", doing=kind, preflight_overridden=overridden)
-                    return work(rig)
+                    done = work(rig)
                 except BaseException as error:
                     failure = error
                     raise
         except InstrumentError as error:
             if error is failure:
+                self._left_safe = True
                 raise
             raise _UnconfirmedError(str(error)) from error
+        except BaseException as error:
+            self._left_safe = error is failure
+            raise
+        else:
+            self._left_safe = True
+            return done
         finally:
             self._rig = self._operator = None
 

@@ -248,3 +248,67 @@ def test_ratings_leave_as_a_tidy_table(tmp_path: Path) -> None:
     result = analyse_ratings(read_rows(tmp_path / "out.csv"))
     assert len(result.pairs) == 7 and len(result.people) == 8
     assert set(result.levels[0]) == {"physical", "digital"}
+
+
+def test_a_program_that_was_killed_in_its_first_line_leaves_no_damage(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    first = where.path_of("P01", 1).read_bytes().split(b"\n")[0].replace(b"P01", b"P02")
+    where.path_of("P02", 1).parent.mkdir()
+    where.path_of("P02", 1).write_bytes(first[:80])
+    run(where, "P02", None)
+    run(where, "P03")
+    assert [len(answers(where, who)) for who in ("P01", "P02", "P03")] == [52, 52, 52]
+
+
+def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    for who in ("P01", "P02"):
+        run(where, who)
+    where.withdraw("P01")
+    notes = where.folder / "withdrawals.jsonl"
+    assert os.name == "nt" or notes.stat().st_mode & 0o077 == 0
+    with notes.open("ab") as file:
+        file.write(b'{"participant": "P02", "ti')
+    run(where, "P03")
+    where.withdraw("P02")
+    assert [one.participant for one in where.withdrawals()] == ["P01", "P02"]
+    for who in ("P01", "p01", "P02"):
+        with pytest.raises(ConfigurationError, match="has withdrawn"):
+            run(where, who)
+
+
+@pytest.mark.parametrize("left", [1, 2])
+def test_a_withdrawal_that_stopped_halfway_is_finished_before_anything_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left: int
+) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    run(where, "P01")
+    run(where, "P02")
+
+    def halfway(folder: Path) -> None:
+        where.path_of("P01", 3 - left).unlink()
+        raise PermissionError(13, "Permission denied", str(where.path_of("P01", left)))
+
+    with monkeypatch.context() as patched:
+        patched.setattr("shutil.rmtree", halfway)
+        with pytest.raises(DataError, match="withdraw P01 again"):
+            where.withdraw("P01")
+    for use in (lambda: run(where, "P01"), lambda: run(where, "P03"), where.sessions):
+        with pytest.raises(DataError, match="withdraw P01 again"):
+            use()
+    where.withdraw("P01")
+    run(where, "P03")
+    assert where.participants() == ("P02", "P03")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="symbolic links need a right there")
+def test_a_folder_that_is_a_link_is_not_noted_as_withdrawn(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    (where.folder / "P01").rename(tmp_path / "elsewhere")
+    (where.folder / "P01").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(DataError, match="nothing of"):
+        where.withdraw("P01")
+    assert not where.withdrawals()

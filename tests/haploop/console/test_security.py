@@ -263,3 +263,24 @@ def test_each_start_has_its_own_tokens():
     one, other = Access("127.0.0.1", 1), Access("127.0.0.1", 1)
     assert len({one.token, other.token, one.participant, other.participant}) == 4
     assert one.url.split("#")[1] == one.token and len(one.token) > 40
+
+
+def test_a_link_that_leads_out_of_the_data_folder_is_not_listed_and_hides_no_file(page, tmp_path):
+    recordings = tmp_path / "data" / "recordings"
+    recordings.mkdir(parents=True)
+    (recordings / "P01-latch.h5").write_bytes(b"")
+    outside = tmp_path / "outside.h5"
+    outside.write_bytes(b"")
+    (recordings / "P02-latch.h5").symlink_to(outside)
+    (recordings / "P03-latch.h5").symlink_to(outside / "nothing")
+    answer = page.get("/api/files")
+    assert answer.status_code == 200 and answer.json()["recordings"] == ["recordings/P01-latch.h5"]
+
+
+@pytest.mark.parametrize(
+    ("address", "host"),
+    [("::1", "[::1]:80"), ("127.0.0.2", "127.0.0.2:80"), ("localhost", "127.0.0.1:80"), ("::", "[::]:80")],
+)
+def test_the_address_that_is_printed_is_the_one_that_is_listened_on(address, host):
+    access = Access(address, 80)
+    assert access.hosts[0] == host and access.url.startswith(f"http://{host}/#")

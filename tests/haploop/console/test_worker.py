@@ -156,6 +156,98 @@ def test_stop_reaches_the_safe_state_from_its_own_thread_when_the_job_hangs(tmp_
         assert told[0]["state"] == "safe" and "has not ended yet" in told[0]["sentence"]
 
 
+def test_a_job_that_was_asked_for_before_stop_does_not_begin_after_it(tmp_path, monkeypatch):
+    """One whose parameters were still being read, and one that waited for the main thread."""
+    worker, begun, refused = made(tmp_path), [], []
+    reading, read = threading.Event(), threading.Event()
+
+    def slow(_tools, _wanted):
+        reading.set()
+        assert read.wait(DEADLINE)
+        return begun.append
+
+    monkeypatch.setitem(jobs.JOBS, "slow", jobs.Job(slow, lambda _: "Slow"))
+    monkeypatch.setitem(jobs.JOBS, "quick", jobs.Job(lambda _tools, _wanted: begun.append, lambda _: "Quick"))
+
+    def start() -> None:
+        try:
+            begin(worker, "slow")
+        except ConfigurationError as error:
+            refused.append(str(error))
+
+    def operator() -> None:
+        asking = threading.Thread(target=start)
+        asking.start()
+        until(reading.is_set)
+        assert worker.stop()["state"] == "safe"
+        until(lambda: ended(worker) and not worker._running)
+        read.set()
+        asking.join()
+
+    with pages(worker, operator):
+        assert "STOP came before" in refused[0] and not begun
+    worker = made(tmp_path)
+    begin(worker, "quick")  # nobody takes it yet
+
+    def stop() -> None:
+        assert worker.stop()["state"] == "safe"
+
+    stopping = threading.Thread(target=stop)
+    stopping.start()
+    until(lambda: worker._jobs.qsize() == 2)
+    with pages(worker, stopping.join):
+        assert not begun
+
+
+def test_stop_in_a_job_without_the_rig_reads_the_rig_back_all_the_same(tmp_path, monkeypatch):
+    worker, told, working = made(tmp_path), [], threading.Event()
+    opened: list[object] = []
+    real = workers.open_rig
+
+    def counted(*given, **named):
+        opened.append(given)
+        return real(*given, **named)
+
+    def work(_rig):
+        working.set()
+        until(lambda: False)
+        return {}
+
+    monkeypatch.setattr(workers, "open_rig", counted)
+    job = jobs.Job(lambda _tools, _wanted: work, lambda _: "Paper", needs_rig=False)
+    monkeypatch.setitem(jobs.JOBS, "paper", job)
+
+    def operator() -> None:
+        begin(worker, "paper")
+        until(working.is_set)
+        told.append(worker.stop())
+
+    with pages(worker, operator):
+        assert told[0]["state"] == "safe" and len(opened) == 1
+
+
+def test_stop_says_when_the_rig_could_not_be_opened(tmp_path, monkeypatch):
+    worker, told, opening = made(tmp_path), [], threading.Event()
+
+    def refuse(*_given, **_named):
+        opening.set()
+        with suppress(KeyboardInterrupt):
+            until(lambda: worker.board["stop"]["state"] != "none")
+            time.sleep(0.1)
+        raise InstrumentError("The rig is in use by another program.")
+
+    monkeypatch.setattr(workers, "open_rig", refuse)
+    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+
+    def operator() -> None:
+        begin(worker, "any")
+        until(opening.is_set)
+        told.append(worker.stop())
+
+    with pages(worker, operator):
+        assert told[0]["state"] == "unconfirmed" and "another program" in told[0]["sentence"]
+
+
 def test_stop_without_a_job_opens_the_rig_and_makes_it_safe(tmp_path):
     worker, told = made(tmp_path), []
     with pages(worker, lambda: told.append(worker.stop())):
@@ -198,6 +290,8 @@ def test_what_a_page_asks_wrongly_is_one_sentence(tmp_path):
     for kind, wanted in (
         ("study", {"study": "../elsewhere"}),
         ("map", {"points": "0,one"}),
+        ("map", {"points": "12-5"}),
+        ("map", {"points": "0-99999999"}),
         ("map", {"name": "../map"}),
         ("check", {"button": "/etc/passwd"}),
         ("make", {"recordings": []}),

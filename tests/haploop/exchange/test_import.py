@@ -107,3 +107,64 @@ def test_what_cannot_be_read_is_one_sentence(
     result = run("import", tmp_path / name, "--out", tmp_path / "out.h5")
     assert result.exit_code == 2 and sentence in result.stderr and result.stderr.count("\n") == 1
     assert not (tmp_path / "out.h5").exists()
+
+
+def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path: Path) -> None:
+    time = np.arange(5000) / 5000
+    wave = np.exp(-(((time - 0.5) / 0.01) ** 2)) * np.sin(2 * np.pi * 200 * time)
+    made = []
+    for name, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6)):
+        path = tmp_path / f"{name}.csv"
+        table = np.stack([time * scale, wave], axis=1)
+        np.savetxt(path, table, header=f"Time ({name}),a [g]", comments="", delimiter=",")
+        made.append(haploop.import_press(path, "b").acceleration)
+    assert np.allclose(made[1], made[0]) and np.allclose(made[2], made[0])
+    path.write_text("time [fortnights],a [g]\n0,1\n1,2\n")
+    with pytest.raises(haploop.DataError, match="fortnights"):
+        haploop.import_press(path, "b")
+
+
+def test_an_uneven_time_is_refused_in_every_kind_of_file(tmp_path: Path) -> None:
+    time = np.sort(np.random.default_rng(0).random(5000))
+    wave = np.sin(2 * np.pi * 200 * time)
+    savemat(tmp_path / "a.mat", {"a": wave, "time": time})
+    one = {"name": "a", "unit_str": "g", "data": wave.tolist(), "time": time.tolist()}
+    (tmp_path / "a.json").write_text(json.dumps([one]))
+    for name in ("a.mat", "a.json"):
+        with pytest.raises(haploop.DataError, match="constant rate"):
+            haploop.import_press(tmp_path / name, "b", scale=1.0)
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        {"channels": [{}]},
+        {"channels": 5},
+        {"channels": [{"name": "a", "unit": "g"}], "unit_per_count": ["x"]},
+        {"channels": [{"name": "a", "unit": "g"}], "unit_per_count": []},
+        {"about": 5},
+        {"about": {"activation_s": "x"}},
+        {"about": {"bandwidth_hz": []}},
+    ],
+)
+def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path: Path, beside: dict[str, object]) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 5000, np.sin(np.arange(5000.0)).astype(np.float32))
+    path.with_name("a.wav.json").write_text(json.dumps(beside))
+    with pytest.raises(haploop.DataError):
+        haploop.import_press(path, "b", scale=1.0)
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -5.0, 1e-9, 1e12, np.inf, np.nan])
+def test_a_rate_that_no_press_has_is_one_sentence(tmp_path: Path, rate_hz: float) -> None:
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.sin(np.arange(5000.0)), header="a [g]", comments="")
+    with pytest.raises(haploop.ConfigurationError, match="samples/s"):
+        haploop.import_press(path, "b", rate_hz=rate_hz)
+
+
+def test_a_heading_of_many_spaces_takes_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a" + " " * 50_000 + "[x\n1\n2\n")
+    with pytest.raises(haploop.ConfigurationError, match="state how"):
+        haploop.import_press(path, "b", rate_hz=5000.0)

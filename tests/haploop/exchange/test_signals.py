@@ -15,6 +15,8 @@ from scipy.io import loadmat
 
 import haploop
 from haploop.calibration import Check, Drive
+from haploop.exchange import csv_file, mat_file
+from haploop.exchange.views import Channel, PressTable, Signals
 from tests.haploop.exchange.conftest import Files
 
 KINDS = ("recording", "representative", "drive", "check", "button")
@@ -222,3 +224,19 @@ def test_a_missing_library_is_named(files: Files, tmp_path: Path, monkeypatch: p
     with pytest.raises(haploop.ConfigurationError, match=r"pip install haploop\[parquet\]"):
         haploop.export_file(files.drive, "parquet", tmp_path / "a.parquet")
     assert not list(tmp_path.iterdir())
+
+
+def test_channels_with_names_alike_are_all_in_the_matlab_file(tmp_path: Path) -> None:
+    names = ["time", "foo-bar", "foo_bar", "a" * 31 + "1", "a" * 31 + "2"]
+    channels = tuple(Channel(name, "N", np.arange(3.0) + 10 * n) for n, name in enumerate(names))
+    mat_file.write_signals(Signals("x", 5000.0, channels, "time", {"simulated": False}), tmp_path / "a.mat")
+    found = loadmat(tmp_path / "a.mat", squeeze_me=True, simplify_cells=True)
+    assert len(found["units"]) == 6 and np.allclose(found["time"], np.arange(3) / 5000)
+    firsts = {float(value[0]) for name, value in found.items() if name in found["units"]}
+    assert firsts == {0.0, 10.0, 20.0, 30.0, 40.0}
+
+
+def test_no_text_of_a_table_is_a_formula(tmp_path: Path) -> None:
+    table = PressTable("x", {"rig": "", "force": "N"}, ({"rig": "=1+1", "force": -1.0},), {})
+    csv_file.write_presses(table, tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text().split() == ["rig,force", "'=1+1,-1.0"]

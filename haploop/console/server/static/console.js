@@ -133,8 +133,10 @@ export async function stop() {
   said("reaching", "Reaching the safe state ...");
   const known = ways ? ways.stop : JSON.parse(sessionStorage.getItem("haploop-stop") || "null");
   const attempts = [];
-  if (known) attempts.push(() => fetch(known.url, { method: "POST", body: known.token }));
-  attempts.push(() => fetch("/api/stop", { method: "POST", headers: { "X-Haploop-Token": token() } }));
+  // A worker that hangs as a whole takes the connection and never answers; one that works has 20 s of its own.
+  const patience = () => AbortSignal.timeout(25000);
+  if (known) attempts.push(() => fetch(known.url, { method: "POST", body: known.token, signal: patience() }));
+  attempts.push(() => fetch("/api/stop", { method: "POST", headers: { "X-Haploop-Token": token() }, signal: patience() }));
   for (const attempt of attempts) {
     try {
       const found = await (await attempt()).json();
