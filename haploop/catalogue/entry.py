@@ -74,7 +74,7 @@ def _hdf5(path: Path) -> Entry | None:
     try:
         kind = hdf5.kind_of(path)
     except HaploopError as error:
-        if "not written by haploop" in str(error):
+        if "not written by this version of haploop" in str(error):
             return None
         raise
     own = {"file": str(path), "kind": kind, "content_hash": content_hash(path)}

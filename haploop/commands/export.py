@@ -27,7 +27,7 @@ _FORMATS = (
 @click.option("--out", "-o", required=True, type=PATH, metavar="PATH", help="File to write.")
 @JSON
 def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
-    r"""Export FILE for other programs.
+    """Export FILE for other programs.
 
     FILE is a recording, a representative press, a drive, a check, a calibration, a digital button, the folder
     of a vibration map, or a study (its study.toml or its folder). A study, or several recordings, become a
@@ -44,7 +44,7 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 
     A file of a format without units gets a sidecar, PATH.json. Example:
     haploop export press.h5 --to wav48 --out press.wav
-    """
+    """  # noqa: D301 - click's mark must be the character itself
     done = haploop.export_file(files, format, out)
     if as_json:
         written = [str(file) for file in done.files]

@@ -2,6 +2,7 @@ from .analysis import show_identification as show_identification
 from .analysis import show_power as show_power
 from .analysis import show_ratings as show_ratings
 from .analysis import show_thresholds as show_thresholds
+from .catalogue import show_listing as show_listing
 from .check import show_check as show_check
 from .demo import show_demo as show_demo
 from .examination import show_findings as show_findings
@@ -18,7 +19,6 @@ from .history import describe as describe
 from .history import difference as difference
 from .history import listing as listing
 from .history import simulated as simulated
-from .catalogue import show_listing as show_listing
 from .log import show_log as show_log
 from .meter import Meter as Meter
 from .recalibration import OUTCOME_TITLES as OUTCOME_TITLES

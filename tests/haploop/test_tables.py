@@ -45,7 +45,7 @@ def test_no_name_is_taken_for_markup(run: Run, rig: Path, tmp_path: Path) -> Non
         ["doctor", "--rig", rig],
         ["calibrate", "--out", calibration, "--rig", rig],
         ["show", calibration],
-        ["export", calibration, "--to", tmp_path / "c [red].uff"],
+        ["export", calibration, "--to", "uff", "--out", tmp_path / "c [red].uff"],
         ["import", tmp_path / "c [red].uff", "--out", tmp_path / "i [red].h5", "--rig", rig],
         ["map", "--out", tmp_path / "map [red]", "--points", "0-1", "--patches", "A", "--rig", rig],
         ["show", tmp_path / "map [red]"],
