@@ -290,7 +290,7 @@ def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mod
 
 
 def assert_flat(sizes: list[Size]) -> None:
-    """From the first quarter to the last; of six hours, the halves: modules are loaded when they are needed."""
+    """From the first quarter to the last; of six hours, the halves: modules are loaded when needed."""
     part = max(len(sizes) // 4, 3)
     first, last = sizes[:part], sizes[-part:]
     assert max(size.threads for size in last) <= max(size.threads for size in first)

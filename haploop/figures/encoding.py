@@ -47,6 +47,9 @@ def lay_out(figure: Figure, dpi: float = DPI) -> FigureCanvasAgg:
         engine.execute(figure)
         # `savefig` would lay out again, and draw twice.
         figure.set_layout_engine("none")
+        for axes in figure.axes:
+            # The layout's last digits depend on the order in which its solver meets the panels.
+            axes.set_position([round(edge, 6) for edge in axes.get_position(original=True).bounds])
     return canvas
 
 
