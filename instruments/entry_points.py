@@ -6,6 +6,9 @@ package affects only the rigs that use it.
 
 from __future__ import annotations
 
+import os
+import sys
+from functools import lru_cache
 from importlib import metadata
 from inspect import isabstract
 from typing import Any
@@ -37,7 +40,7 @@ FAULTS, PLANTS, SIMULATION = "haploop.faults", "haploop.plants", "haploop.simula
 
 def installed(group: str) -> tuple[str, ...]:
     """Names of a group's entry points, sorted. Nothing is loaded."""
-    return tuple(sorted(metadata.entry_points(group=group).names))
+    return tuple(sorted(_found(group=group).names))
 
 
 def load(group: str, name: str) -> Any:
@@ -46,7 +49,7 @@ def load(group: str, name: str) -> Any:
     Raises ConfigurationError, which names the package, when it cannot be loaded or called, when two
     packages add the same name, and when none does.
     """
-    found = tuple(metadata.entry_points(group=group, name=name))
+    found = tuple(_found(group=group, name=name))
     if not found:
         raise ConfigurationError(
             f"There is no {_kind(group)} {name!r}; installed are {', '.join(installed(group)) or 'none'}."
@@ -73,7 +76,7 @@ def load(group: str, name: str) -> Any:
 def name_of(group: str, kind: type[Any]) -> str | None:
     """Return the name of the entry point that names a class, or None. Nothing is loaded."""
     value = f"{kind.__module__}:{kind.__qualname__}"
-    return next((entry.name for entry in metadata.entry_points(group=group) if entry.value == value), None)
+    return next((entry.name for entry in _found(group=group) if entry.value == value), None)
 
 
 def role_class(role: str) -> type[Any]:
@@ -117,6 +120,24 @@ def plant_class(name: str) -> type[BaseModel]:
     return kind  # type: ignore[no-any-return]
 
 
+def _found(**which: str) -> metadata.EntryPoints:
+    return _all(tuple((path, _changed(path)) for path in sys.path)).select(**which)
+
+
+@lru_cache(maxsize=1)
+def _all(_places: tuple[tuple[str, int | None], ...]) -> metadata.SelectableGroups:
+    """Read all entry points, which takes milliseconds for each of dozens of uses when a rig is opened; and
+    again when a package was added or removed, which changes the time of its folder."""
+    return metadata.entry_points()
+
+
+def _changed(path: str) -> int | None:
+    try:
+        return os.stat(path or os.curdir).st_mtime_ns
+    except OSError:
+        return None
+
+
 def _is_model(kind: object) -> bool:
     return isinstance(kind, type) and issubclass(kind, BaseModel)
 
@@ -127,6 +148,6 @@ def _kind(group: str) -> str:
 
 def named(group: str, name: str) -> str:
     """Describe an entry point by its name and its package, to begin a sentence."""
-    found = metadata.entry_points(group=group, name=name)
+    found = _found(group=group, name=name)
     packages = sorted(entry.dist.name if entry.dist else "(unknown)" for entry in found)
     return f"The {_kind(group)} {name!r} of the package {' and '.join(packages)}"

@@ -105,7 +105,6 @@ def lab(folder: Path, file: RigFile | str = "haptable") -> Iterator[Lab]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(opening, "_drivers", simulated)
         # Looked up anew at each opening, which is most of its time.
-        patch.setattr(metadata, "entry_points", cache(metadata.entry_points))
         patch.setattr(metadata, "version", cache(metadata.version))
         patch.setattr(opening, "RealClock", lambda: here.clock)
         patch.setattr("haploop.instruments.safety.limiter.now_utc", here.today)
