@@ -6,9 +6,11 @@ import json
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from rich.box import SIMPLE
 from rich.table import Table
 
+from haploop.cli import cli
 from haploop.instruments import load_rig_file
 from haploop.instruments.safety import Audit, state_folder
 from haploop.progress import Steps, note, print_line, print_table
@@ -17,17 +19,26 @@ from tests.haploop.conftest import Demo, Run
 HOSTILE = "lab [/x] [red] :smile:"
 
 
-@pytest.fixture
-def rig(tmp_path: Path) -> Path:
-    path = tmp_path / "lab [red] :smile:.toml"
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rig") / "lab [red] :smile:.toml"
     text = f'base = "simulated"\nname = {json.dumps(HOSTILE)}\n'
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def test_no_name_is_taken_for_markup(run: Run, rig: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def calibration(rig: Path) -> Path:
+    """One for all chains of commands: it takes seconds."""
+    path = rig.with_name("c [red].h5")
+    result = CliRunner().invoke(cli, ["calibrate", "--out", str(path), "--rig", str(rig)])
+    assert result.exit_code == 0, result.output
+    return path
+
+
+def test_no_name_is_taken_for_markup(run: Run, rig: Path, calibration: Path, tmp_path: Path) -> None:
     out, study = tmp_path / "out [/x]", tmp_path / "study [/x]"
-    recording, calibration = out / "P01-push.h5", tmp_path / "c [red].h5"
+    recording = out / "P01-push.h5"
     assert run("study", "new", study).exit_code == 0
     text = (study / "study.toml").read_text(encoding="utf-8").replace("presses = 10 ", "presses = 1 ")
     (study / "study.toml").write_text(text, encoding="utf-8")
@@ -43,7 +54,6 @@ def test_no_name_is_taken_for_markup(run: Run, rig: Path, tmp_path: Path) -> Non
         ["show", study / "recordings" / "P01-push.h5"],
         ["verify", recording],
         ["doctor", "--rig", rig],
-        ["calibrate", "--out", calibration, "--rig", rig],
         ["show", calibration],
         ["export", calibration, "--to", "uff", "--out", tmp_path / "c [red].uff"],
         ["import", tmp_path / "c [red].uff", "--out", tmp_path / "i [red].h5", "--rig", rig],
@@ -62,13 +72,12 @@ def test_no_name_is_taken_for_markup(run: Run, rig: Path, tmp_path: Path) -> Non
 
 
 def test_no_name_of_a_button_or_calibration_is_taken_for_markup(
-    run: Run, demo: Demo, rig: Path, tmp_path: Path
+    run: Run, demo: Demo, rig: Path, calibration: Path, tmp_path: Path
 ) -> None:
-    calibration, button = tmp_path / "c.h5", tmp_path / "b [red].h5"
+    button = tmp_path / "b [red].h5"
     presses = demo.folder / "recordings" / "P01-latch.h5"
     history = ["--calibrations", tmp_path / "history [red]", "--rig", rig]
     for args in (
-        ["calibrate", "--out", calibration, "--rig", rig],
         ["button", "make", presses, "--calibration", calibration, "--out", button, "--rig", rig],
         ["show", button],
         ["button", "check", button, "--rig", rig],
