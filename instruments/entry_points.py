@@ -6,11 +6,11 @@ package affects only the rigs that use it.
 
 from __future__ import annotations
 
-import os
 import sys
 from functools import lru_cache
 from importlib import metadata
 from inspect import isabstract
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
@@ -126,14 +126,16 @@ def _found(**which: str) -> metadata.EntryPoints:
 
 @lru_cache(maxsize=1)
 def _all(_places: tuple[tuple[str, int | None], ...]) -> metadata.SelectableGroups:
-    """Read all entry points, which takes milliseconds for each of dozens of uses when a rig is opened; and
-    again when a package was added or removed, which changes the time of its folder."""
+    """Read all entry points, once for the dozens of uses when a rig is opened: it takes milliseconds.
+
+    They are read again when a package was added or removed, which changes the time of its folder.
+    """
     return metadata.entry_points()
 
 
 def _changed(path: str) -> int | None:
     try:
-        return os.stat(path or os.curdir).st_mtime_ns
+        return Path(path).stat().st_mtime_ns
     except OSError:
         return None
 
