@@ -40,7 +40,7 @@ FAULTS, PLANTS, SIMULATION = "haploop.faults", "haploop.plants", "haploop.simula
 
 def installed(group: str) -> tuple[str, ...]:
     """Names of a group's entry points, sorted. Nothing is loaded."""
-    return tuple(sorted(_found(group=group).names))
+    return tuple(sorted(_found(group).names))
 
 
 def load(group: str, name: str) -> Any:
@@ -49,7 +49,7 @@ def load(group: str, name: str) -> Any:
     Raises ConfigurationError, which names the package, when it cannot be loaded or called, when two
     packages add the same name, and when none does.
     """
-    found = tuple(_found(group=group, name=name))
+    found = tuple(_found(group, name=name))
     if not found:
         raise ConfigurationError(
             f"There is no {_kind(group)} {name!r}; installed are {', '.join(installed(group)) or 'none'}."
@@ -76,7 +76,7 @@ def load(group: str, name: str) -> Any:
 def name_of(group: str, kind: type[Any]) -> str | None:
     """Return the name of the entry point that names a class, or None. Nothing is loaded."""
     value = f"{kind.__module__}:{kind.__qualname__}"
-    return next((entry.name for entry in _found(group=group) if entry.value == value), None)
+    return next((entry.name for entry in _found(group) if entry.value == value), None)
 
 
 def role_class(role: str) -> type[Any]:
@@ -120,17 +120,17 @@ def plant_class(name: str) -> type[BaseModel]:
     return kind  # type: ignore[no-any-return]
 
 
-def _found(**which: str) -> metadata.EntryPoints:
-    return _all(tuple((path, _changed(path)) for path in sys.path)).select(**which)
+def _found(group: str, **name: str) -> metadata.EntryPoints:
+    return _of(group, tuple((path, _changed(path)) for path in sys.path)).select(**name)
 
 
-@lru_cache(maxsize=1)
-def _all(_places: tuple[tuple[str, int | None], ...]) -> metadata.SelectableGroups:
-    """Read all entry points, once for the dozens of uses when a rig is opened: it takes milliseconds.
+@lru_cache(maxsize=32)
+def _of(group: str, _places: tuple[tuple[str, int | None], ...]) -> metadata.EntryPoints:
+    """Read the entry points of a group, once for all uses: it takes milliseconds.
 
     They are read again when a package was added or removed, which changes the time of its folder.
     """
-    return metadata.entry_points()
+    return metadata.entry_points(group=group)
 
 
 def _changed(path: str) -> int | None:
@@ -150,6 +150,6 @@ def _kind(group: str) -> str:
 
 def named(group: str, name: str) -> str:
     """Describe an entry point by its name and its package, to begin a sentence."""
-    found = _found(group=group, name=name)
+    found = _found(group, name=name)
     packages = sorted(entry.dist.name if entry.dist else "(unknown)" for entry in found)
     return f"The {_kind(group)} {name!r} of the package {' and '.join(packages)}"
