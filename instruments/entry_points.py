@@ -49,7 +49,7 @@ def load(group: str, name: str) -> Any:
     Raises ConfigurationError, which names the package, when it cannot be loaded or called, when two
     packages add the same name, and when none does.
     """
-    found = tuple(_found(group, name=name))
+    found = tuple(_found(group, name))
     if not found:
         raise ConfigurationError(
             f"There is no {_kind(group)} {name!r}; installed are {', '.join(installed(group)) or 'none'}."
@@ -120,8 +120,9 @@ def plant_class(name: str) -> type[BaseModel]:
     return kind  # type: ignore[no-any-return]
 
 
-def _found(group: str, **name: str) -> metadata.EntryPoints:
-    return _of(group, tuple((path, _changed(path)) for path in sys.path)).select(**name)
+def _found(group: str, name: str | None = None) -> metadata.EntryPoints:
+    found = _of(group, tuple((path, _changed(path)) for path in sys.path))
+    return found if name is None else found.select(name=name)
 
 
 @lru_cache(maxsize=32)
@@ -150,6 +151,6 @@ def _kind(group: str) -> str:
 
 def named(group: str, name: str) -> str:
     """Describe an entry point by its name and its package, to begin a sentence."""
-    found = _found(group, name=name)
+    found = _found(group, name)
     packages = sorted(entry.dist.name if entry.dist else "(unknown)" for entry in found)
     return f"The {_kind(group)} {name!r} of the package {' and '.join(packages)}"

@@ -397,7 +397,7 @@ class TestOperatorTwin(OperatorConformance):
 @pytest.fixture(scope="module")
 def verdicts() -> dict[str, set[str]]:
     """The tests that each broken driver has failed, from one run over all of them."""
-    command = [sys.executable, "-m", "pytest", "-rfE", "--tb=no", "-p", "no:cacheprovider"]
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-rfE", "--tb=no", "-p", "no:cacheprovider"]
     run = subprocess.run([*command, broken_drivers.__file__], capture_output=True, text=True, check=False)
     assert run.returncode == pytest.ExitCode.TESTS_FAILED, run.stdout + run.stderr
     failed: dict[str, set[str]] = {name: set() for name in broken_drivers.broken()}
