@@ -117,11 +117,8 @@ def opened(path: str | Path) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def created(path: Path, metadata: int = 2048) -> Iterator[h5py.File]:
+def created(path: Path) -> Iterator[h5py.File]:
     """Fill an existing, empty file with HDF5, after a user block; the caller adds the checksum.
-
-    HDF5 sets aside blocks of `metadata` bytes for all that is not data: if all of it fits into the first one,
-    none lies behind the data, where a truncated file would lose it.
 
     Raises OSError when the disk refuses. The HDF5 library does not see that: after a failed write it cannot
     close a file, keeps it open, and tells so on standard error when the program ends.
@@ -129,7 +126,7 @@ def created(path: Path, metadata: int = 2048) -> Iterator[h5py.File]:
     with path.open("rb+", buffering=0) as raw:
         disk = _Disk(raw)
         try:
-            with h5py.File(disk, "w", userblock_size=USER_BLOCK, meta_block_size=metadata) as file:
+            with h5py.File(disk, "w", userblock_size=USER_BLOCK) as file:
                 yield file
         except Exception:
             if disk.failure is None:

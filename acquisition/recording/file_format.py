@@ -34,7 +34,6 @@ __all__ = [
     "EVENT",
     "FLAGS",
     "FORMAT",
-    "METADATA",
     "VERDICT",
     "VERSION",
     "Codes",
@@ -61,8 +60,6 @@ __all__ = [
 
 FORMAT = "haploop recording"
 VERSION = 3
-METADATA = 1 << 16
-"""Bytes set aside for all that is not rows or samples: an ordinary rig file, study and notes fit."""
 CODES = 32768
 """Number of codes from 0 V to full scale: a sample is full_scale * code / CODES volts."""
 

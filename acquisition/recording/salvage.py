@@ -17,7 +17,6 @@ from haploop.acquisition.recording.file_format import (
     BLOCK,
     CODES,
     EVENT,
-    METADATA,
     VERDICT,
     Codes,
     Contents,
@@ -174,7 +173,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
     content_hash = contents.hash(header)
     try:
         with whole_file(path, replace=in_place, private=True) as temporary:
-            with created(temporary, METADATA) as file:
+            with created(temporary) as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash
                 # The samples come last and in time order, so that a truncated file loses only its end.

@@ -18,13 +18,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import h5py
 import numpy as np
 
 from haploop.acquisition.checksum import add_checksum, created
 from haploop.acquisition.recording.file_format import (
     EVENT,
-    METADATA,
     VERDICT,
     Event,
     Header,
@@ -200,7 +198,7 @@ class Writer:
             ) from None
 
     def _preallocate(self, temporary: Path) -> None:
-        with created(temporary, METADATA) as file:
+        with created(temporary) as file:
             write_header(file, self._header, "recording")
             places = []
             for name, dtype, length in (
@@ -208,14 +206,10 @@ class Writer:
                 ("presses", VERDICT, self._presses_left),
                 ("blocks", self._dtype, self._capacity),
             ):
-                plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-                plan.set_layout(h5py.h5d.CONTIGUOUS)
-                plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-                plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-                space = h5py.h5s.create_simple((length,))
-                kind = h5py.h5t.py_create(dtype, logical=True)
-                dataset = h5py.h5d.create(file.id, name.encode(), kind, space, plan)
-                places.append((dataset.get_offset(), length * dtype.itemsize))
+                rows = file.create_dataset(name, shape=(length,), dtype=dtype, fill_time="never")
+                # Given its place by a first row: when it is created, HDF5 may put a part of its header behind.
+                rows[:1] = np.zeros(1, dtype)
+                places.append((rows.id.get_offset(), length * dtype.itemsize))
         (self._events_at, _), (self._presses_at, _), (self._blocks_at, _) = places
         with temporary.open("r+b") as raw:
             for place, length in places:

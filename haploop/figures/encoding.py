@@ -49,7 +49,8 @@ def lay_out(figure: Figure, dpi: float = DPI) -> FigureCanvasAgg:
         figure.set_layout_engine("none")
         for axes in figure.axes:
             # The layout's last digits depend on the order in which its solver meets the panels.
-            axes.set_position([round(edge, 6) for edge in axes.get_position(original=True).bounds])
+            left, bottom, width, height = (round(e, 6) for e in axes.get_position(original=True).bounds)
+            axes.set_position((left, bottom, width, height))
     return canvas
 
 
