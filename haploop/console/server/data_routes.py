@@ -35,7 +35,7 @@ from haploop.console.server.conductor import store_of
 from haploop.figures import trend
 from haploop.instruments import DataError, HaploopError
 from haploop.instruments.arrays import FloatArray
-from haploop.show.experiment import experiment_values
+from haploop.show import experiment_values
 
 __all__ = ["data_routes"]
 

@@ -268,7 +268,8 @@ def test_ratings_are_complete_numbers_on_the_scale(console):
     ],
 )
 def test_what_cannot_begin_is_one_sentence_and_leaves_nothing(console, values, sentence):
-    (console.data / "x").mkdir()
+    for folder in ("x", "small/answers"):
+        (console.data / folder).mkdir()
     (console.data / "x" / "session-1.jsonl").write_text("of another folder\n", encoding="utf-8")
     assert sentence in console.begin(**values)["error"]
     assert not (console.data / "small" / "answers" / "P01").exists()
