@@ -6,6 +6,7 @@ from .catalogue import show_listing as show_listing
 from .check import show_check as show_check
 from .demo import show_demo as show_demo
 from .examination import show_findings as show_findings
+from .experiment import experiment_values as experiment_values
 from .experiment import show_experiment as show_experiment
 from .feeling import feeling_values as feeling_values
 from .file import FileContents as FileContents

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,9 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from haploop.console.data_folder import DataFolder
+from haploop.console.server.conductor import Conductor
 from haploop.console.server.data_routes import data_routes
+from haploop.console.server.experiment_routes import experiment_routes
 from haploop.console.server.follower import Follower
 from haploop.console.server.live_scope import LiveScope
 from haploop.console.server.security import PARTICIPANT, Access, Guard
@@ -26,7 +28,7 @@ from haploop.instruments import HaploopError, InstrumentError
 __all__ = ["application"]
 
 _STATIC = Path(__file__).parent / "static"
-PAGES = ("record", "study", "preflight", "table", "buttons", "participant")
+PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "participant")
 """Pages beside the first one: PAGE.html in the folder of static files."""
 _PERIOD = 0.04
 """s between two frames of the scope: 25 a second."""
@@ -35,14 +37,13 @@ _SNAPSHOT = 0.2
 """Longest wait for a snapshot before the counts of samples are sent anyway (s)."""
 
 
-def application(
-    access: Access,
-    follower: Follower,
-    scope: LiveScope,
-    data: DataFolder,
-    more: Sequence[BaseRoute] = (),
-) -> Starlette:
-    """Return the application. `more` are routes of other pages; their API must begin with /api/."""
+def application(access: Access, follower: Follower, scope: LiveScope, data: DataFolder) -> Starlette:
+    """Return the application."""
+    conductor = Conductor(data)
+    shown = {
+        True: lambda: {**follower.snapshot, "experiment": conductor.operator},
+        False: lambda: {**_for_participant(follower.snapshot), "experiment": conductor.participant},
+    }
 
     def page(name: str) -> Route:
         async def answer(_: Request) -> Response:
@@ -79,7 +80,7 @@ def application(
         )
 
     async def participant(_: Request) -> Response:
-        return JSONResponse(_for_participant(follower.snapshot))
+        return JSONResponse(shown[False]())
 
     async def socket(websocket: WebSocket) -> None:
         await websocket.accept()
@@ -87,9 +88,9 @@ def application(
             async with asyncio.timeout(_TOKEN_DEADLINE):
                 token = await websocket.receive_text()
             if access.opens(token, "/socket"):
-                await _serve(websocket, follower, scope, frames=True)
+                await _serve(websocket, follower, scope, shown[True], frames=True)
             elif access.opens(token, PARTICIPANT):
-                await _serve(websocket, follower, scope, frames=False)
+                await _serve(websocket, follower, scope, shown[False], frames=False)
             else:
                 await websocket.close(4401)
 
@@ -101,6 +102,7 @@ def application(
         with contextlib.suppress(asyncio.CancelledError, HaploopError):
             await task
         scope.close()
+        await asyncio.to_thread(conductor.end)
 
     routes: list[BaseRoute] = [
         *(page(name) for name in ("index", *PAGES)),
@@ -109,9 +111,9 @@ def application(
         Route("/api/command/{name}", command, methods=["POST"]),
         Route(PARTICIPANT, participant),
         *data_routes(data),
+        *experiment_routes(conductor, follower),
         WebSocketRoute("/socket", socket),
         Mount("/static", StaticFiles(directory=_STATIC)),
-        *more,
     ]
     app = Starlette(routes=routes, lifespan=lifespan)
     app.add_middleware(
@@ -120,7 +122,13 @@ def application(
     return app
 
 
-async def _serve(websocket: WebSocket, follower: Follower, scope: LiveScope, frames: bool) -> None:
+async def _serve(
+    websocket: WebSocket,
+    follower: Follower,
+    scope: LiveScope,
+    shown: Callable[[], dict[str, Any]],
+    frames: bool,
+) -> None:
     """Send snapshots, counts of samples and frames, until the page has gone.
 
     A frame holds all buckets since the last one, so a page that lags misses none, up to 20 s.
@@ -131,10 +139,9 @@ async def _serve(websocket: WebSocket, follower: Follower, scope: LiveScope, fra
         while not gone.done():
             if follower.count > count:
                 count = follower.count
-                shown = follower.snapshot if frames else _for_participant(follower.snapshot)
-                await websocket.send_text(json.dumps({"state": shown}))
+                await websocket.send_text(json.dumps({"state": shown()}))
             if not frames:
-                await follower.newer(count, 5.0)
+                await follower.newer(count, 0.5)  # and see whether the page has gone
                 continue
             number, following, frame = scope.frame(generation, since)
             if number != told or ticks % 10 == 0:
@@ -159,7 +166,7 @@ def _for_participant(snapshot: dict[str, Any]) -> dict[str, Any]:
     """What a participant may see: the prompt, and whether it waits."""
     request = snapshot.get("request")
     shown = None
-    if request is not None and request["kind"] in ("Press", "Rest"):
+    if request is not None and request["kind"] in ("Press", "Touch", "Rest"):
         keys = ("number", "kind", "text", "press", "of", "attempt", "duration", "patience")
         shown = {key: request[key] for key in keys if key in request}
     session = snapshot.get("session")

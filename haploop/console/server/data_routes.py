@@ -31,9 +31,11 @@ from haploop.calibration import (
 )
 from haploop.calibration.map import MapFolder
 from haploop.console.data_folder import DataFolder
+from haploop.console.server.conductor import store_of
 from haploop.figures import trend
 from haploop.instruments import DataError, HaploopError
 from haploop.instruments.arrays import FloatArray
+from haploop.show import experiment_values
 
 __all__ = ["data_routes"]
 
@@ -66,6 +68,7 @@ def data_routes(data: DataFolder) -> list[Route]:
         route("/api/files", _files),
         route("/api/presses", _presses),
         route("/api/study", _study),
+        route("/api/experiment", _experiment),
         route("/api/calibration", _calibration),
         route("/api/history", _history),
         route("/api/trend", _trend),
@@ -95,6 +98,7 @@ def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
     return {
         "recordings": names("recordings/*.h5") + names("*/recordings/*.h5"),
         "studies": [name.removesuffix("/study.toml") for name in names("*/study.toml")],
+        "experiments": [name.removesuffix("/experiment.toml") for name in names("*/experiment.toml")],
         "calibrations": names("calibrations-made/*.h5"),
         "maps": [name.removesuffix("/map.json") for name in names("maps/*/map.json")],
         "buttons": names("buttons/*.h5"),
@@ -169,6 +173,13 @@ def _study(data: DataFolder, asked: Mapping[str, str]) -> Any:
             for entry in study.progress()
         ],
     }
+
+
+def _experiment(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    store = store_of(data, asked.get("experiment", ""))
+    file = store.experiment.file
+    about = {"title": file.title or file.name, "groups": file.groups, "days": file.sessions}
+    return {**about, "consent": file.consent, **experiment_values(store)}
 
 
 def _calibration(data: DataFolder, asked: Mapping[str, str]) -> Any:

@@ -53,6 +53,12 @@ class Follower:
             pass
         return self.count
 
+    async def tell(self) -> None:
+        """Have all pages told again, because something beside the worker changed."""
+        async with self._changed:
+            self.count += 1
+            self._changed.notify_all()
+
     async def _show(self, snapshot: dict[str, Any]) -> None:
         async with self._changed:
             self.snapshot = snapshot

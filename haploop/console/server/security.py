@@ -17,7 +17,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 __all__ = ["Access", "Guard", "is_loopback"]
 
 PARTICIPANT = "/api/participant"
-"""The one path that the participant's token opens."""
+"""What a participant may see."""
+ANSWER = "/api/participant/answer"
 
 
 def is_loopback(address: str) -> bool:
@@ -37,7 +38,7 @@ class Access:
     token: str = field(default_factory=partial(secrets.token_urlsafe, 32))
     """Opens everything."""
     participant: str = field(default_factory=partial(secrets.token_urlsafe, 32))
-    """Opens the participant's page only: what they are asked, and nothing about anybody."""
+    """Opens the participant's page only: what they are asked, and their answer; nothing about anybody."""
 
     @property
     def hosts(self) -> tuple[str, ...]:
@@ -68,7 +69,7 @@ class Access:
 
     def opens(self, given: str, path: str) -> bool:
         """True when a token opens a path."""
-        words = [self.token, *([self.participant] if path == PARTICIPANT else [])]
+        words = [self.token, *([self.participant] if path in (PARTICIPANT, ANSWER) else [])]
         return any(hmac.compare_digest(given.encode(), word.encode()) for word in words)
 
 

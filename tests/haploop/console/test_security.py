@@ -107,7 +107,16 @@ def api(app):
 def test_every_route_but_pages_is_under_api(app):
     pages = {route.path for route in app.routes if isinstance(route, Route)} - {path for _, path in api(app)}
     pages = {path for path in pages if not path.startswith("/api/")}
-    assert pages == {"/", "/record", "/study", "/preflight", "/table", "/buttons", "/participant"}
+    assert pages == {
+        "/",
+        "/record",
+        "/study",
+        "/preflight",
+        "/table",
+        "/buttons",
+        "/experiment",
+        "/participant",
+    }
     assert len(api(app)) > 12
 
 
@@ -154,7 +163,7 @@ def test_with_the_token_a_page_commands_and_stops(page, link):
 def test_the_participants_token_opens_their_prompt_only(app, access):
     page = TestClient(app, base_url="http://127.0.0.1:8735", headers={"X-Haploop-Token": access.participant})
     for method, path in api(app):
-        expected = 200 if path == "/api/participant" else 403
+        expected = {"/api/participant": 200, "/api/participant/answer": 409}.get(path, 403)
         assert page.request(method, path).status_code == expected, (method, path)
     assert "P07" not in page.get("/api/participant").text, "they read nothing about anybody"
     assert page.get("/api/participant").json()["request"]["text"] == "Press."
@@ -171,7 +180,14 @@ def test_the_socket_says_nothing_before_the_token(page, access):
         assert socket.receive_json()["state"]["rig"] == SNAPSHOT["rig"]
     with page.websocket_connect("ws://127.0.0.1:8735/socket") as socket:
         socket.send_text(access.participant)
-        assert set(socket.receive_json()["state"]) == {"request", "paused", "simulated", "last", "running"}
+        assert set(socket.receive_json()["state"]) == {
+            "request",
+            "paused",
+            "simulated",
+            "last",
+            "running",
+            "experiment",
+        }
 
 
 @pytest.mark.parametrize("wrong", [{"Origin": "http://evil.example"}, {"Host": "evil.example:8735"}])
@@ -255,7 +271,7 @@ def test_another_address_is_said_on_every_page(app):
     assert "192.168.7.5:8735" in access.exposed
     assert access.hosts == ("192.168.7.5:8735",)
     # Every page takes it from /api/hello in console.js.
-    for name in ("index", "record", "study", "preflight", "table", "buttons"):
+    for name in ("index", "record", "study", "preflight", "table", "buttons", "experiment"):
         assert "console.js" in (STATIC / f"{name}.js").read_text(encoding="utf-8")
 
 

@@ -41,9 +41,11 @@ export async function picture(path) {
   return answer.blob();
 }
 
-export async function command(name, values = {}) {
+export const command = (name, values = {}) => post(`/api/command/${name}`, values);
+
+export async function post(path, values = {}) {
   try {
-    const answer = await fetch(`/api/command/${name}`, {
+    const answer = await fetch(path, {
       method: "POST", headers: { "X-Haploop-Token": token(), "Content-Type": "application/json" }, body: JSON.stringify(values),
     });
     const found = await answer.json();
@@ -153,7 +155,7 @@ function said(how, sentence) {
   place.textContent = sentence ? `STOP: ${sentence}` : "";
 }
 
-const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"], ["/study", "Study"], ["/table", "Table"], ["/buttons", "Digital buttons"]];
+const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"], ["/study", "Study"], ["/table", "Table"], ["/buttons", "Digital buttons"], ["/experiment", "Experiment"]];
 
 function bar() {
   const links = pages.map(([path, name]) => el("a", { href: path, "aria-current": path === location.pathname ? "page" : null }, name));

@@ -1,5 +1,6 @@
-// The participant's page: the prompt and a countdown. Its token opens nothing else.
+// The participant's page: the rig's prompt with a countdown, or an experiment's trials. Its token opens nothing else.
 import { $, on, sound } from "./console.js";
+import { trial } from "./trial.js";
 
 $("full").addEventListener("click", () => { document.documentElement.requestFullscreen().catch(() => {}); $("full").classList.add("hidden"); });
 document.addEventListener("fullscreenchange", () => $("full").classList.toggle("hidden", Boolean(document.fullscreenElement)));
@@ -8,8 +9,10 @@ let heard = null, began = 0, duration = 0, verdict = null;
 on("state", (now) => {
   const request = now.request;
   $("simulated").classList.toggle("hidden", !now.simulated);
+  trial(now);
+  $("full").classList.toggle("aside", Boolean(now.experiment));
   const press = Boolean(request && request.kind === "Press" && now.running && !now.paused);
-  $("prompt").textContent = now.paused ? "Pause. Please wait." : press ? request.text : request && request.kind === "Rest" ? "Hands off, please." : "Please wait.";
+  $("prompt").textContent = now.paused ? "Pause. Please wait." : press || (request && request.kind === "Touch") ? request.text : request && request.kind === "Rest" ? "Hands off, please." : "Please wait.";
   $("prompt").classList.toggle("now", press);
   const mark = now.last ? `${now.last.number} ${now.last.attempt} ${now.last.accepted}` : "";
   if (verdict !== null && mark && mark !== verdict) sound(now.last.accepted ? "good" : "bad");

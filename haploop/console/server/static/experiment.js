@@ -1,0 +1,68 @@
+// The operator conducts an experiment: chooses the session, presents each stimulus, and sees the answers.
+import { $, el, fill, get, key, newest, on, post, say, state } from "./console.js";
+
+let known = "";
+const running = () => state && state.experiment;
+
+document.addEventListener("hello", async (event) => {
+  $("participant").setAttribute("href", event.detail.participant);
+  const { experiments } = await get("/api/files");
+  fill($("experiment"), ...experiments.map((name) => el("option", { value: name }, name)));
+  if (!experiments.length) say("There is no experiment in the data folder yet: make one with `haploop experiment new FOLDER` there.", "info");
+  if (running()) $("experiment").value = running().experiment;
+  await show(true);
+});
+$("experiment").addEventListener("change", () => show(true));
+
+const ask = newest();
+async function show(anew) {
+  const name = $("experiment").value;
+  if (!name) return;
+  let found;
+  try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { say(error.message, "error"); return; }
+  if (!found) return;
+  $("about").textContent = `${found.title}. Groups: ${found.groups.join(", ")}; days: ${found.days}.`;
+  $("consent-label").classList.toggle("hidden", !found.consent);
+  if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));
+  fill($("entries"), ...found.sessions.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", {}, one.group), el("td", {}, one.session), el("td", {}, one.answers),
+    el("td", {}, one.complete ? "complete" : `due: ${one.due.block} ${one.due.trial}`), el("td", {}, one.resumed || ""))),
+  ...found.withdrawn.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", { colspan: "5" }, "withdrew"))));
+}
+
+$("form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const begun = await post("/api/experiment/begin", { experiment: $("experiment").value, participant: $("who").value, session: Number($("day").value) || null, consent: $("consent").checked });
+  $("consent").checked = false; // the next participant's is another one
+  if (begun) $("next").focus();
+});
+
+const buttons = {
+  next: () => post("/api/experiment/present", { turn: "" }), again: () => post("/api/experiment/present", { turn: running().turn }),
+  "by-hand": () => post("/api/experiment/done", { turn: running().turn }),
+  pause: () => post("/api/experiment/pause", { on: !running().paused }), end: () => post("/api/experiment/end"),
+};
+for (const [id, action] of Object.entries(buttons)) $(id).addEventListener("click", action);
+for (const [letter, id] of [["n", "next"], ["a", "again"], ["d", "by-hand"], ["p", "pause"]]) key(letter, () => $(id).click());
+
+on("state", (all) => {
+  const now = all.experiment, step = now && now.step, asked = Boolean(now && now.turn);
+  $("begin").disabled = Boolean(now);
+  $("where").textContent = now ? `${now.participant}, group ${now.group}, day ${now.session} of ${now.sessions}${Object.entries(now.levels).map(([name, level]) => `, ${name} ${level}`).join("")}` : "No session runs.";
+  $("prompt").textContent = !now ? "Nothing." : !step ? "The session is complete." : now.paused ? "Paused"
+    : `${asked ? "Waiting for the answer to" : "Present"}: ${step.stimulus}`;
+  $("prompt").classList.toggle("waiting", !now);
+  $("introduction").textContent = step ? now.introduction : "";
+  $("last").textContent = now && now.last ? `Last answer (${now.last.block} ${now.last.number}): ${said(now.last.answer)}` : "";
+  $("next").disabled = !step || now.paused || asked;
+  $("again").disabled = !asked || now.paused;
+  $("by-hand").disabled = !asked || now.paused || !now.by_hand;
+  $("pause").firstChild.textContent = now && now.paused ? "Go on" : "Pause";
+  $("pause").disabled = !step;
+  $("end").disabled = !now;
+  $("done").max = step ? step.of || 1 : 1;
+  $("done").value = step ? step.number - 1 : 0;
+  fill($("blocks"), ...(now ? now.blocks.map((name) => el("li", { "aria-current": step && step.block === name ? "step" : null }, step && step.block === name ? `${name}: ${step.number}${step.of ? ` of ${step.of}` : ""}` : name)) : []));
+  const mark = JSON.stringify([now && now.participant, now && now.session, now && now.last]);
+  if (mark !== known) { known = mark; show(false); }
+});
+const said = (answer) => (typeof answer === "object" && answer ? Object.entries(answer).map(([name, value]) => `${name} ${Math.round(value)}`).join(", ") : String(answer));
