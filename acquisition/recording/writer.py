@@ -207,7 +207,7 @@ class Writer:
                 ("blocks", self._dtype, self._capacity),
             ):
                 rows = file.create_dataset(name, shape=(length,), dtype=dtype, fill_time="never")
-                # Given its place by a first row: when it is created, HDF5 may put a part of its header behind.
+                # A first row gives it its place: on creation, HDF5 may put a part of the header behind it.
                 rows[:1] = np.zeros(1, dtype)
                 places.append((rows.id.get_offset(), length * dtype.itemsize))
         (self._events_at, _), (self._presses_at, _), (self._blocks_at, _) = places
