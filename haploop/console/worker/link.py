@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from haploop.console.worker.address import Address, address_path
 from haploop.instruments import ConfigurationError, InstrumentError, RealClock, RigFile
@@ -41,7 +42,7 @@ class WorkerLink:
 
     def command(self, name: str, values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
         """Send a command; return its status (200, 400 or 409) and answer."""
-        status, body = self._ask("POST", f"/{name}", json.dumps(values).encode(), {})
+        status, body = self._ask("POST", f"/command/{quote(name, safe='')}", json.dumps(values).encode(), {})
         found: dict[str, Any] = json.loads(body)
         return status, found
 

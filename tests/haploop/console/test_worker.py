@@ -415,13 +415,13 @@ def test_the_listener_opens_for_its_tokens_only(listener):
     assert ask(listener, "GET", "/state")[0] == 403
     assert ask(listener, "GET", "/state", Authorization="Bearer stop-token")[0] == 403
     assert json.loads(ask(listener, "GET", "/state", Authorization="Bearer token")[1])["rig"] == "simulated"
-    assert ask(listener, "POST", "/override", b'{"reason": "none"}')[0] == 403
+    assert ask(listener, "POST", "/command/override", b'{"reason": "none"}')[0] == 403
     assert ask(listener, "POST", "/stop", b"token")[0] == 403
     assert ask(listener, "POST", "/stop", b"")[0] == 403
     assert json.loads(ask(listener, "POST", "/stop", b"stop-token")[1])["state"] == "safe"
-    assert ask(listener, "POST", "/override", b"[]", Authorization="Bearer token")[0] == 400
-    assert ask(listener, "POST", "/override", b"{", Authorization="Bearer token")[0] == 400
-    assert ask(listener, "POST", "/explode", b"{}", Authorization="Bearer token")[0] == 409
+    assert ask(listener, "POST", "/command/override", b"[]", Authorization="Bearer token")[0] == 400
+    assert ask(listener, "POST", "/command/override", b"{", Authorization="Bearer token")[0] == 400
+    assert ask(listener, "POST", "/command/explode", b"{}", Authorization="Bearer token")[0] == 409
 
 
 def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
@@ -434,6 +434,14 @@ def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
     assert ask(listener, "POST", "/stop", b"stop-token", Origin="http://evil.example")[0] == 403
     assert ask(listener, "POST", "/stop", b"stop-token", Host="evil.example")[0] == 403
     assert ask(listener, "GET", "/state", Authorization="Bearer token", Host="evil.example")[0] == 403
+
+
+def test_a_page_names_commands_and_nothing_else_of_the_listener(listener):
+    link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data"))
+    for name in ("origins", "stop", "../origins", "/origins", "origins?", "state", "é\r\n"):
+        status, answer = link.command(name, ["http://evil.example"])  # type: ignore[arg-type]
+        assert status == 409 and "no command" in answer["error"], name
+    assert not listener.origins
 
 
 def test_the_worker_has_a_page_with_nothing_but_stop(listener):
