@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,9 +87,14 @@ def serve(
 
 
 def _stop(file: haploop.RigFile, simulate: Mode | None, as_json: bool) -> int:
-    from haploop.console.worker import find_worker  # noqa: PLC0415
+    from haploop.console.worker import WorkerHangsError, find_worker  # noqa: PLC0415
 
-    link = find_worker(file, simulate)
+    try:
+        link = find_worker(file, simulate)
+    except WorkerHangsError as hang:
+        with suppress(haploop.HaploopError):
+            hang.link.stop(deadline=1.0)  # it finds this STOP if it should go on
+        raise
     if link is None:
         raise haploop.ConfigurationError(f"No console of the rig {file.name!r} is running.")
     found = link.stop()

@@ -47,5 +47,21 @@ class DataFolder:
         return name
 
     def name(self, path: Path) -> str:
-        """Return the name of a path below this folder, with forward slashes."""
-        return path.resolve().relative_to(self.root).as_posix()
+        """Return the name of a path below this folder, with forward slashes.
+
+        Raises ConfigurationError for one that a link leads out of it.
+        """
+        try:
+            return path.resolve().relative_to(self.root).as_posix()
+        except (OSError, RuntimeError, ValueError):
+            raise ConfigurationError(
+                f"{path} leads out of the console's data folder {self.root}: put a folder or file in place "
+                "of the link."
+            ) from None
+
+    def study(self, name: object) -> Path:
+        """Return the folder of a study, as `path`, in which no link leads out to other recordings."""
+        folder = self.path(name)
+        for part in (folder / "study.toml", *folder.glob("recordings"), *folder.glob("recordings/*.h5")):
+            self.name(part)
+        return folder

@@ -152,7 +152,7 @@ def _means(values: FloatArray, step: int) -> FloatArray:
 
 
 def _study(data: DataFolder, asked: Mapping[str, str]) -> Any:
-    study = load_study(data.path(asked.get("study", "")))
+    study = load_study(data.study(asked.get("study", "")))
     return {
         "name": study.file.name,
         "participants": study.file.participants,

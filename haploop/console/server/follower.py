@@ -67,11 +67,15 @@ class Follower:
         self.scope.follow(snapshot.get("live"))
 
     async def _replace(self, origins: list[str]) -> None:
-        """Start another worker in place of one that has died, and have it reach the safe state."""
+        """Start another worker in place of one that has died, and have it reach the safe state.
+
+        One that lives has its rig, and is followed again when it answers.
+        """
         try:
-            self.link = await asyncio.to_thread(self._again)
+            before, self.link = self.link, await asyncio.to_thread(self._again)
             await self._allow(origins)
-            await asyncio.to_thread(self.link.stop)
+            if self.link.address != before.address:
+                await asyncio.to_thread(self.link.stop)
         except HaploopError as error:
             await self._show({**self.snapshot, "gone": str(error)})
             await asyncio.sleep(_RETRY)

@@ -16,6 +16,7 @@ from haploop.console.worker.address import Address, address_path, written
 from haploop.console.worker.listener import Listener
 from haploop.console.worker.worker import Worker
 from haploop.instruments import HaploopError, load_rig_file
+from haploop.instruments.safety import marked
 
 
 def main() -> int:
@@ -40,7 +41,9 @@ def main() -> int:
         # A program that was started in the background may ignore SIGINT, and STOP is one.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGTERM, end)
-        with written(address_path(file, options.simulate), address):
+        path = address_path(file, options.simulate)
+        # The mark says that this worker lives, also when it hangs.
+        with marked(path), written(path, address):
             threading.Thread(target=listener.serve_forever, name="haploop-listener", daemon=True).start()
             worker.run()
             listener.shutdown()

@@ -152,7 +152,7 @@ def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
 
 
 def _study(tools: Tools, wanted: Mapping[str, Any]) -> Work:
-    folder = tools.data.path(wanted.get("study", ""))
+    folder = tools.data.study(wanted.get("study", ""))
     study = load_study(folder)
     participants = [str(wanted["participant"])] if wanted.get("participant") else []
     buttons = [str(wanted["button"])] if wanted.get("button") else []

@@ -11,6 +11,7 @@ import json
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from typing import Any
+from urllib.parse import unquote
 
 from haploop.console.worker.worker import Worker
 from haploop.instruments import HaploopError
@@ -95,7 +96,8 @@ class _Handler(BaseHTTPRequestHandler):
             if self.path == "/origins":
                 self.server.origins |= {str(origin) for origin in values}  # those of an earlier server too
                 return 200, {"done": True}
-            return 200, self.server.worker.command(self.path[1:], values)
+            # Apart from the rest, so that a page, which names a command, names nothing else.
+            return 200, self.server.worker.command(unquote(self.path.removeprefix("/command/")), values)
         except HaploopError as error:
             return 409, {"error": str(error)}
         except (ValueError, TypeError, AttributeError, KeyError, RecursionError) as error:

@@ -44,6 +44,8 @@ _GRACE = 1.0
 """s from STOP until the safe state is reached by another thread."""
 _CONFIRMED = 20.0
 """s that an answer to STOP waits for the safe state: longer than all deadlines on the way."""
+_UNOPENED = 5.0
+"""s from STOP until it is said that a rig which is still being opened is not confirmed safe."""
 _POLL = 0.2
 _ORPHANED = 60.0
 """s without a server after which an idle worker ends."""
@@ -72,6 +74,10 @@ class Worker:
         self._operator: PageOperator | None = None
         self._left_safe = False
         """Whether the rig was opened and left in the safe state, confirmed, by the job that runs."""
+        self._late = False
+        """Whether a deadline, and not the rig, said of the last STOP that it is unconfirmed."""
+        self._interrupted = -math.inf
+        """Time of the last interrupt of a job."""
         self._ended = threading.Event()
         self._abandoned = threading.Event()
         self._heard = self._clock.now()
@@ -159,29 +165,34 @@ class Worker:
             number, stop = self._running, self.board["stop"]
             reaching = stop["state"] == "reaching"
             asked = stop["number"] + (not reaching)
+            self._late = False
             self._say_stop(asked, "reaching", "Reaching the safe state ...")
-            if number and not reaching:
-                _thread.interrupt_main(signal.SIGINT)
-        if reaching:
-            pass  # a second press of the button waits for the first one's result
-        elif number:
+            # A second press waits for the first one's result: it must not interrupt a file that is being
+            # finished. While the rig is still being opened, there is none.
+            now = self._clock.now()
+            if number and (not reaching or (self._rig is None and now - self._interrupted > _GRACE)):
+                self._interrupted = now
+                _interrupt_main()
+        if not reaching and number:
             threading.Thread(target=self._otherwise, args=(number, asked), daemon=True).start()
-        else:
+        elif not reaching:
             self._add("safe", {})  # behind a job that waits, which is not begun any more
         until = self._clock.now() + _CONFIRMED
         while self.board["stop"]["state"] == "reaching" and self._clock.now() < until:
             self._clock.sleep(0.02)
+        self._give_up(asked, f"The safe state was not confirmed within {_CONFIRMED:g} s")
         return dict(self.board["stop"])
 
     def _otherwise(self, number: int, asked: int) -> None:
         """Reach the safe state from this thread, if the main thread has not left job `number` in time."""
-        until = self._clock.now() + _GRACE
-        while self._clock.now() < until:
-            if self._running != number:
+        begun = self._clock.now()
+        while (rig := self._rig) is None or self._clock.now() < begun + _GRACE:
+            if self._running != number or self.board["stop"]["number"] != asked:
                 return
+            if self._clock.now() > begun + _UNOPENED:
+                self._give_up(asked, f"The rig has not been opened within {_UNOPENED:g} s", number)
             self._clock.sleep(0.05)
-        rig = self._rig
-        if rig is None or self._running != number:
+        if self._running != number:
             return
         try:
             rig.make_safe()
@@ -193,6 +204,15 @@ class Worker:
                 "safe",
                 f"{_SAFE} The job has not ended yet; it may be finishing its file.",
             )
+
+    def _give_up(self, asked: int, why: str, number: int | None = None) -> None:
+        """Say that STOP number `asked` is not confirmed, if it is not, and job `number` runs still."""
+        with self._changing:
+            stop = self.board["stop"]
+            waits = (stop["state"], stop["number"]) == ("reaching", asked)
+            if waits and number in (None, self._running):
+                self._late = True
+                self._say_stop(asked, "unconfirmed", f"{why}: switch the amplifier off by hand.")
 
     def _say_stop(self, asked: int, state: str, sentence: str) -> None:
         self.board.set(stop={"state": state, "sentence": sentence, "number": asked})
@@ -332,12 +352,16 @@ class Worker:
         with self._changing:
             self._running = 0
             stop = self.board["stop"]
+            waits = stop["state"] == "reaching" or self._late
             if state == "unconfirmed":
                 self._say_stop(stop["number"], "unconfirmed", sentence)
-            elif stop["state"] == "reaching" and self._left_safe:
+                waits = False
+            elif waits and self._left_safe:
                 self._say_stop(stop["number"], "safe", _SAFE)
+                waits = False
+            self._late &= waits
             # STOP met a job before it had opened the rig, or one that has no use for it.
-            unread = self.board["stop"]["state"] == "reaching" and self._jobs.empty()
+            unread = waits and self._jobs.empty()
             self._show_job(state=state, sentence=sentence, result=result)
         if unread:
             self._add("safe", {})
@@ -402,6 +426,15 @@ class Worker:
         self.board.change("session", add)
         if self.board["step"]:
             self.board.set(paused=True)
+
+
+def _interrupt_main() -> None:
+    """Interrupt the main thread as Ctrl-C does: also in a blocking system call, outside Windows."""
+    main = threading.main_thread().ident
+    if sys.platform == "win32" or main is None:
+        _thread.interrupt_main(signal.SIGINT)
+    else:
+        signal.pthread_kill(main, signal.SIGINT)
 
 
 class _UnconfirmedError(InstrumentError):

@@ -293,6 +293,25 @@ def test_a_link_that_leads_out_of_the_data_folder_is_not_listed_and_hides_no_fil
     assert answer.status_code == 200 and answer.json()["recordings"] == ["recordings/P01-latch.h5"]
 
 
+@pytest.mark.parametrize("linked", ["recordings", "recordings/P01-latch.h5", "study.toml"])
+def test_a_study_that_leads_out_of_the_data_folder_is_refused_in_a_sentence(page, tmp_path, linked):
+    inside, outside = tmp_path / "data" / "study", tmp_path / "outside"
+    for folder in (inside, outside):
+        (folder / "recordings").mkdir(parents=True)
+        study = 'name = "Test"\nparticipants = ["P01"]\nbuttons = ["latch"]\npresses = 3\n'
+        (folder / "study.toml").write_text(study)
+    (outside / "recordings" / "P01-latch.h5").write_bytes(b"")
+    if (inside / linked).is_dir():
+        (inside / linked).rmdir()
+    (inside / linked).unlink(missing_ok=True)
+    (inside / linked).symlink_to(outside / linked)
+    routes = ["study?study=study"]
+    routes += ["presses?file=study/recordings/P01-latch.h5"] if linked != "study.toml" else []
+    for route in routes:
+        answer = page.get(f"/api/{route}")
+        assert answer.status_code == 409 and "data folder" in answer.json()["error"], route
+
+
 @pytest.mark.parametrize(
     ("address", "host"),
     [("::1", "[::1]:80"), ("127.0.0.2", "127.0.0.2:80"), ("localhost", "127.0.0.1:80"), ("::", "[::]:80")],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -248,6 +249,86 @@ def test_stop_says_when_the_rig_could_not_be_opened(tmp_path, monkeypatch):
         assert told[0]["state"] == "unconfirmed" and "another program" in told[0]["sentence"]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no signal that breaks a system call")
+def test_stop_breaks_a_system_call_that_opens_the_rig(tmp_path, monkeypatch):
+    worker, told, opening = made(tmp_path), [], threading.Event()
+    real = workers.open_rig
+
+    def silent(*given, **named):
+        if opening.is_set():
+            return real(*given, **named)
+        opening.set()
+        time.sleep(20)
+        raise AssertionError("It was not interrupted.")
+
+    monkeypatch.setattr(workers, "open_rig", silent)
+    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+
+    def operator() -> None:
+        begin(worker, "any")
+        until(opening.is_set)
+        told.append(worker.stop())
+
+    began = time.monotonic()
+    with pages(worker, operator):
+        assert told[0]["state"] == "safe" and time.monotonic() - began < 15
+
+
+def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "_UNOPENED", 0.3)
+    worker, told, opening = made(tmp_path), [], threading.Event()
+    interrupts: list[BaseException] = []
+    real = workers.open_rig
+
+    def slow(*given, **named):
+        opening.set()
+        while len(interrupts) < 2:
+            try:
+                time.sleep(0.02)
+            except KeyboardInterrupt as one:
+                interrupts.append(one)
+        return real(*given, **named)
+
+    monkeypatch.setattr(workers, "open_rig", slow)
+    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+
+    def operator() -> None:
+        begin(worker, "any")
+        until(opening.is_set)
+        told.append(worker.stop())
+        told.append(worker.stop())
+
+    with pages(worker, operator):
+        assert [one["state"] for one in told] == ["unconfirmed", "safe"]
+        assert "switch the amplifier off" in told[0]["sentence"]
+
+
+def test_an_unconfirmed_stop_is_confirmed_when_the_rig_was_read_back(tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "_UNOPENED", 0.1)
+    worker, told, opening, free = made(tmp_path), [], threading.Event(), threading.Event()
+    real = workers.open_rig
+
+    def slow(*given, **named):
+        opening.set()
+        while not free.is_set():
+            with suppress(KeyboardInterrupt):
+                time.sleep(0.02)
+        return real(*given, **named)
+
+    monkeypatch.setattr(workers, "open_rig", slow)
+    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+
+    def operator() -> None:
+        begin(worker, "any")
+        until(opening.is_set)
+        told.append(worker.stop())
+        free.set()
+        until(lambda: worker.board["stop"]["state"] == "safe")
+
+    with pages(worker, operator):
+        assert told[0]["state"] == "unconfirmed"
+
+
 def test_stop_without_a_job_opens_the_rig_and_makes_it_safe(tmp_path):
     worker, told = made(tmp_path), []
     with pages(worker, lambda: told.append(worker.stop())):
@@ -334,13 +415,13 @@ def test_the_listener_opens_for_its_tokens_only(listener):
     assert ask(listener, "GET", "/state")[0] == 403
     assert ask(listener, "GET", "/state", Authorization="Bearer stop-token")[0] == 403
     assert json.loads(ask(listener, "GET", "/state", Authorization="Bearer token")[1])["rig"] == "simulated"
-    assert ask(listener, "POST", "/override", b'{"reason": "none"}')[0] == 403
+    assert ask(listener, "POST", "/command/override", b'{"reason": "none"}')[0] == 403
     assert ask(listener, "POST", "/stop", b"token")[0] == 403
     assert ask(listener, "POST", "/stop", b"")[0] == 403
     assert json.loads(ask(listener, "POST", "/stop", b"stop-token")[1])["state"] == "safe"
-    assert ask(listener, "POST", "/override", b"[]", Authorization="Bearer token")[0] == 400
-    assert ask(listener, "POST", "/override", b"{", Authorization="Bearer token")[0] == 400
-    assert ask(listener, "POST", "/explode", b"{}", Authorization="Bearer token")[0] == 409
+    assert ask(listener, "POST", "/command/override", b"[]", Authorization="Bearer token")[0] == 400
+    assert ask(listener, "POST", "/command/override", b"{", Authorization="Bearer token")[0] == 400
+    assert ask(listener, "POST", "/command/explode", b"{}", Authorization="Bearer token")[0] == 409
 
 
 def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
@@ -353,6 +434,14 @@ def test_the_listener_answers_the_consoles_pages_and_no_others(listener):
     assert ask(listener, "POST", "/stop", b"stop-token", Origin="http://evil.example")[0] == 403
     assert ask(listener, "POST", "/stop", b"stop-token", Host="evil.example")[0] == 403
     assert ask(listener, "GET", "/state", Authorization="Bearer token", Host="evil.example")[0] == 403
+
+
+def test_a_page_names_commands_and_nothing_else_of_the_listener(listener):
+    link = WorkerLink(Address(1, listener.port, "token", "stop-token", "data"))
+    for name in ("origins", "stop", "../origins", "/origins", "origins?", "state", "é\r\n"):
+        status, answer = link.command(name, ["http://evil.example"])  # type: ignore[arg-type]
+        assert status == 409 and "no command" in answer["error"], name
+    assert not listener.origins
 
 
 def test_the_worker_has_a_page_with_nothing_but_stop(listener):
