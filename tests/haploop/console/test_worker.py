@@ -296,6 +296,7 @@ def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(t
         begin(worker, "any")
         until(opening.is_set)
         told.append(worker.stop())
+        monkeypatch.setattr(workers, "_UNOPENED", 30.0)
         told.append(worker.stop())
 
     with pages(worker, operator):
