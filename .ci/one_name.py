@@ -39,9 +39,11 @@ def main(source: Path) -> None:
         if surplus:
             raise SystemExit(f"The wheel would install {', '.join(sorted(surplus))} beside haploop.")
 
-        venv.create(work / "empty", with_pip=True)
+        # This environment's pip installs, and what the script imports is compiled then: one of its own, and
+        # every module compiled, would take longer than all else here.
+        venv.create(work / "empty")
         python = work / "empty" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-        subprocess.run([python, "-m", "pip", "--quiet", "install", wheel], check=True)
+        subprocess.run([*pip, "--python", python, "install", "--no-compile", wheel], check=True)
         lab = work / "lab"
         lab.mkdir()
         for room in ROOMS:

@@ -94,7 +94,7 @@ class Modes:
         """Relative shift common to all poles, from later plays."""
         shifted, total = self, 1.0
         for _ in range(2):
-            normal, gradient, _power = _linear(shifted, plays)
+            normal, gradient = _Fitted.of(shifted, plays).linear()
             poles = slice(0, 2 * len(self.poles))
             total *= 1 + float(gradient[poles].sum() / normal[poles, poles].sum())
             shifted = Modes(self.poles * total, self.weights)
@@ -166,20 +166,22 @@ def _losses(modes: Modes, plays: Plays) -> FloatArray:
 def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, float]:
     """Refine modes to a minimum of the squared residual near the given ones; returns both."""
     best, cost, tried, damping = modes, np.inf, modes, 1e-3
-    kept: list[tuple[FloatArray, FloatArray, float]] = []
-    for _ in range(steps + 1):
-        linear = [_linear(tried, one) for one in plays]
-        now = sum(part[2] for part in linear)
+    for step in range(steps + 1):
+        fitted = [_Fitted.of(tried, one) for one in plays]
+        now = sum(float((one.left**2).sum()) for one in fitted)
         if now < cost:
             converged = cost - now < _CONVERGED * now
-            best, cost, kept = tried, now, linear
+            best, cost = tried, now
             damping /= 10
-            if converged:
+            if converged or step == steps:
                 break
+            linear = [one.linear() for one in fitted]
+            normal = np.sum([part[0] for part in linear], axis=0)
+            gradient = np.sum([part[1] for part in linear], axis=0)
+        elif step == steps:
+            break
         else:
             damping = max(30 * damping, 1e-4)
-        normal = np.sum([part[0] for part in kept], axis=0)
-        gradient = np.sum([part[1] for part in kept], axis=0)
         tried = _stepped(best, normal, gradient, damping)
     return best, cost
 
@@ -278,32 +280,44 @@ def _bounded(normal: FloatArray, gradient: FloatArray, low: FloatArray, high: Fl
     return np.asarray(x)
 
 
-def _linear(modes: Modes, plays: Plays) -> tuple[FloatArray, FloatArray, float]:
-    """Normal matrix, gradient and squared residual by logarithms of decay and frequency, and weights."""
-    p, patches = modes.poles, modes.weights.shape[0]
-    basis = _Basis.of(p, modes.weights, plays)
-    measured = stack(plays.velocity)
-    found, left = basis.solution(measured)
-    near, mirror = (fraction * fraction for fraction in _fractions(p, plays.f))
-    each, n, weights = basis.response.shape[1], len(p), modes.weights.shape[1] - 1
-    normal = np.zeros((2 * n + patches * weights,) * 2)
-    gradient = np.zeros(len(normal))
-    # Only those of the patches that played.
-    laws = np.add.outer(2 * n + np.array(plays.patches) * weights, np.arange(weights))
-    own = np.concatenate([np.arange(2 * n), laws.ravel()])
-    drives = np.array([*basis.linear_volts, np.ones(len(plays.f))]).T
-    for shares, rest in zip(found.T, left.T, strict=True):
-        ranges = np.array([shares[k * each : k * each + 2 * n] for k in range(drives.shape[1])])
-        one = (drives @ (ranges[:, :n] + 1j * ranges[:, n:])) * near
-        other = (drives @ (ranges[:, :n] - 1j * ranges[:, n:])) * mirror
-        change = [(one + other) * p.real, 1j * (one - other) * p.imag]
-        for k, operators in enumerate(plays.operators):
-            change.append((operators[1:] * (basis.response @ shares[k * each : (k + 1) * each])).T)
-        columns = stack(np.concatenate(change, axis=1))
-        within = basis.within(columns)
-        normal[np.ix_(own, own)] += columns.T @ columns - within.T @ within
-        gradient[own] += columns.T @ rest
-    return normal, gradient, float((left**2).sum())
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """Modes with the least squares of all other unknowns, (unknowns, points), and what is `left`."""
+
+    modes: Modes
+    plays: Plays
+    basis: _Basis
+    found: FloatArray
+    left: FloatArray
+
+    @classmethod
+    def of(cls, modes: Modes, plays: Plays) -> _Fitted:
+        basis = _Basis.of(modes.poles, modes.weights, plays)
+        return cls(modes, plays, basis, *basis.solution(stack(plays.velocity)))
+
+    def linear(self) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix and gradient by logarithms of decay and frequency, and weights."""
+        p, basis, plays = self.modes.poles, self.basis, self.plays
+        near, mirror = (fraction * fraction for fraction in _fractions(p, plays.f))
+        each, n, weights = basis.response.shape[1], len(p), self.modes.weights.shape[1] - 1
+        normal = np.zeros((2 * n + len(self.modes.weights) * weights,) * 2)
+        gradient = np.zeros(len(normal))
+        # Only those of the patches that played.
+        laws = np.add.outer(2 * n + np.array(plays.patches) * weights, np.arange(weights))
+        own = np.concatenate([np.arange(2 * n), laws.ravel()])
+        drives = np.array([*basis.linear_volts, np.ones(len(plays.f))]).T
+        for shares, rest in zip(self.found.T, self.left.T, strict=True):
+            ranges = np.array([shares[k * each : k * each + 2 * n] for k in range(drives.shape[1])])
+            one = (drives @ (ranges[:, :n] + 1j * ranges[:, n:])) * near
+            other = (drives @ (ranges[:, :n] - 1j * ranges[:, n:])) * mirror
+            change = [(one + other) * p.real, 1j * (one - other) * p.imag]
+            for k, operators in enumerate(plays.operators):
+                change.append((operators[1:] * (basis.response @ shares[k * each : (k + 1) * each])).T)
+            columns = stack(np.concatenate(change, axis=1))
+            within = basis.within(columns)
+            normal[np.ix_(own, own)] += columns.T @ columns - within.T @ within
+            gradient[own] += columns.T @ rest
+        return normal, gradient
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from filelock import FileLock
 
 from haploop.cli import cli
 
@@ -17,9 +18,18 @@ Run = Callable[..., Result]
 
 
 @dataclass(frozen=True)
+class Ended:
+    """How a command ended."""
+
+    exit_code: int
+    stdout: str
+    stderr: str
+
+
+@dataclass(frozen=True)
 class Demo:
     folder: Path
-    result: Result
+    result: Ended
     summary: dict[str, Any]
 
 
@@ -43,9 +53,17 @@ def run() -> Run:
 
 
 @pytest.fixture(scope="session")
-def demo(tmp_path_factory: pytest.TempPathFactory, mode: str) -> Demo:
-    folder = tmp_path_factory.mktemp("front") / "demo"
-    simulate = mode if mode in ("twin", "wire") else "twin"
-    result = CliRunner().invoke(cli, ["demo", "--json", "--out", str(folder), "--simulate", simulate])
-    assert result.exit_code in (0, 1), result.output
-    return Demo(folder, result, json.loads(result.stdout))
+def demo(tmp_path_factory: pytest.TempPathFactory, worker_id: str, mode: str) -> Demo:
+    """Read only. The worker that needs it first makes it, and the others wait for that."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "front"
+    shared.mkdir(exist_ok=True)
+    folder, told = shared / "demo", shared / "demo.json"
+    with FileLock(shared / "demo.lock"):
+        if not told.exists():
+            simulate = mode if mode in ("twin", "wire") else "twin"
+            result = CliRunner().invoke(cli, ["demo", "--json", "--out", str(folder), "--simulate", simulate])
+            assert result.exit_code in (0, 1), result.output
+            told.write_text(json.dumps([result.exit_code, result.stdout, result.stderr]), encoding="utf-8")
+    ended = Ended(*json.loads(told.read_text(encoding="utf-8")))
+    return Demo(folder, ended, json.loads(ended.stdout))
