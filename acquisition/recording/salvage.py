@@ -13,23 +13,19 @@ from numpy.typing import NDArray
 from haploop.acquisition import hdf5
 from haploop.acquisition.checksum import add_checksum, bounded, created, opened
 from haploop.acquisition.json_files import is_json, json_hash
-from haploop.acquisition.recording.file_format import (
+from haploop.acquisition.recording.file_format import CODES, Contents, Header, read_header, write_header
+from haploop.acquisition.recording.readings import file_problems
+from haploop.acquisition.recording.rows import (
     BLOCK,
-    CODES,
     EVENT,
     VERDICT,
     Codes,
-    Contents,
-    Header,
     block_dtype,
     events_in,
     finished_row,
-    read_header,
     samples_crc,
     whole,
-    write_header,
 )
-from haploop.acquisition.recording.readings import file_problems
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, whole_file
 from haploop.instruments.safety import is_marked
