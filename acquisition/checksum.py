@@ -128,7 +128,7 @@ def created(path: Path) -> Iterator[h5py.File]:
         try:
             with h5py.File(disk, "w", userblock_size=USER_BLOCK) as file:
                 yield file
-        except Exception:
+        except UNREADABLE:  # what was not written cannot be read back
             if disk.failure is None:
                 raise
         if disk.failure is not None:

@@ -1,33 +1,29 @@
 """Store values of JSON's types as text files: verified when read, and changed by one program at a time.
 
 A file is one JSON object: the kind of file (`format`, `format_version`), the version of haploop that wrote
-it (`software`), the SHA-256 of all other keys as canonical JSON (`content_hash`), and `content`. A list has
-one entry a line. A file is replaced whole, so that a kill at any moment leaves the old or the new content.
+it (`software`), `content`, and the hash of these (`content_hash`; see `json_text`). A file is replaced
+whole, so that a kill at any moment leaves the old or the new content.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from haploop.instruments import DataError, InstrumentError, RealClock
 from haploop.instruments.files import new_file, os_error_text, whole_file
+from haploop.instruments.json_text import KEYS, VERSION, as_file, content_hash, from_text
 from haploop.instruments.safety import marked
 
 __all__ = ["append_json", "changing", "is_json", "json_hash", "read_json", "write_json"]
 
-VERSION = 1
 _LARGEST = 1 << 28
 """Bytes of a file that are read; a list of 10^5 entries has a tenth of it."""
 _PATIENCE = 10.0
 """Seconds that a program waits for another one's change, which takes milliseconds."""
-_KEYS = {"format", "format_version", "software", "content_hash", "content"}
 
 
 def write_json(path: Path, kind: str, content: Any) -> str:
@@ -71,7 +67,7 @@ def read_json(path: Path, kind: str, holds: type) -> Any:
 
 def json_hash(path: Path) -> str:
     """Content hash of a file of any kind, verified. Raises DataError."""
-    return str(_read(path)["content_hash"])
+    return content_hash(_read(path))
 
 
 def is_json(path: Path) -> bool:
@@ -111,21 +107,10 @@ def changing(path: Path) -> Iterator[None]:
 
 
 def _text(path: Path, kind: str, content: Any) -> tuple[str, str]:
-    said = {
-        "format": f"haploop {kind}",
-        "format_version": VERSION,
-        "software": f"haploop {metadata.version('haploop')}",
-    }
     try:
-        content_hash = _hash({**said, "content": content})
-        if isinstance(content, list):
-            shown = "[\n" + ",\n".join(json.dumps(entry, allow_nan=False) for entry in content) + "\n]"
-        else:
-            shown = json.dumps(content, allow_nan=False, indent=1)
+        return as_file(kind, content)
     except ValueError:
         raise DataError(f"{path} was not written: a value is NaN or infinite. Measure again.") from None
-    head = json.dumps({**said, "content_hash": content_hash})[:-1]
-    return f'{head},\n"content": {shown}}}\n', content_hash
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -137,24 +122,15 @@ def _read(path: Path) -> dict[str, Any]:
         raise DataError(f"There is no file {path}: check the name.") from None
     except OSError as error:
         raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-    said: dict[str, Any] = {}
     try:
-        if len(raw) <= _LARGEST:
-            said = dict(json.loads(raw))
-        whole = said.keys() == _KEYS and said.pop("content_hash") == _hash(said)
-    except (ValueError, TypeError, RecursionError):
-        whole = False
-    if not whole:
-        raise DataError(f"{path} is damaged or was changed by hand: restore it from a copy.")
+        said = from_text(raw if len(raw) <= _LARGEST else b"")
+        if said.keys() != KEYS:
+            raise ValueError("keys")
+    except ValueError:
+        raise DataError(f"{path} is damaged or was changed by hand: restore it from a copy.") from None
     if said["format_version"] != VERSION:
         raise DataError(
             f"{path} has format {str(said['format_version'])[:20]} and this version reads {VERSION}: it was "
             f"written by {str(said['software'])[:60]}."
         )
-    return {**said, "content_hash": _hash(said)}
-
-
-def _hash(said: Mapping[str, Any]) -> str:
-    """SHA-256 (hex) of canonical JSON: keys sorted, no spaces, ASCII only."""
-    text = json.dumps(said, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return said

@@ -8,11 +8,16 @@ from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from haploop.pytest_plugin import OpenRig
 
 __all__ = ["OpenRig"]
+
+# An example takes as long as the machine is loaded.
+hypothesis.settings.register_profile("haploop", deadline=None)
+hypothesis.settings.load_profile("haploop")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -23,6 +23,8 @@ from haploop.calibration.map.folder import MapFolder, MapPlan
 from haploop.calibration.response import Response
 from haploop.calibration.response.uff import read_uff, write_uff
 from haploop.calibration.upkeep.history import History
+from haploop.experiments.analysis.power import load_power_plan
+from haploop.experiments.protocol import load_experiment
 from haploop.instruments import load_rig_file
 from haploop.instruments.config.ati_cal import read_ati_cal
 from tests.calibration.upkeep.test_history import publish
@@ -117,7 +119,21 @@ def uff(folder: Path) -> tuple[Path, Callable[[], Any]]:
     return path, lambda: read_uff(path)
 
 
-@pytest.mark.parametrize("make", [study, rig, ati, uff], ids=lambda make: make.__name__)
+def experiment(folder: Path) -> tuple[Path, Callable[[], Any]]:
+    path = folder / "experiment.toml"
+    path.write_bytes(load_experiment("matching").path.read_bytes())
+    return path, lambda: load_experiment(path)
+
+
+def power(folder: Path) -> tuple[Path, Callable[[], Any]]:
+    path = folder / "power.toml"
+    classes = "latch = 0.75\ntoggle = 0.75\npush = 0.75\n"
+    text = "".join(f"[correct.{s}.{c}]\n{classes}" for s in ("I", "II") for c in ("none", "given"))
+    path.write_text(f"people = [12]\ntrials = 10\n{text}", encoding="utf-8")
+    return path, lambda: load_power_plan(path)
+
+
+@pytest.mark.parametrize("make", [study, rig, ati, uff, experiment, power], ids=lambda make: make.__name__)
 @pytest.mark.timeout(3600)
 def test_a_changed_file_of_others_is_refused_in_one_sentence_or_read(
     make: Callable[[Path], tuple[Path, Callable[[], Any]]], tmp_path: Path, full: bool
@@ -132,7 +148,7 @@ def test_a_changed_file_of_others_is_refused_in_one_sentence_or_read(
     assert number > 10
 
 
-@pytest.mark.parametrize("make", [study, rig, ati, uff, *OURS.values()])
+@pytest.mark.parametrize("make", [study, rig, ati, uff, experiment, power, *OURS.values()])
 @pytest.mark.parametrize(
     "content",
     [b"[" * 100_000, b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"9" * 5000, b'{"format": ' * 20_000,

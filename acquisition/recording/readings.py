@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from haploop.acquisition.recording.file_format import EVENT, Event
+from haploop.acquisition.recording.rows import EVENT, Event
 from haploop.instruments import DataError, NewFile, Reading
 
 __all__ = ["AlongFile", "AlongReading", "file_problems", "files_in", "reading_event", "readings_in"]

@@ -12,19 +12,10 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from haploop.acquisition.checksum import opened
-from haploop.acquisition.recording.file_format import (
-    CODES,
-    Contents,
-    Event,
-    Header,
-    PressVerdict,
-    events_in,
-    from_codes,
-    read_header,
-    verdicts_in,
-)
+from haploop.acquisition.recording.file_format import CODES, Contents, Header, from_codes, read_header
 from haploop.acquisition.recording.readings import AlongFile, AlongReading, files_in, readings_in
 from haploop.acquisition.recording.rejections import without_rejected
+from haploop.acquisition.recording.rows import Event, PressVerdict, events_in, verdicts_in
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.instruments import DataError, Sensor, Sensors
 from haploop.instruments.arrays import BoolArray, FloatArray

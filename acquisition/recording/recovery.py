@@ -16,16 +16,9 @@ import h5py
 import numpy as np
 
 from haploop.acquisition.checksum import opened, stated, unreadable
-from haploop.acquisition.recording.file_format import (
-    EVENT,
-    Contents,
-    Event,
-    Header,
-    event_row,
-    read_header,
-    verdicts_in,
-)
+from haploop.acquisition.recording.file_format import Contents, Header, read_header
 from haploop.acquisition.recording.recording import Recording
+from haploop.acquisition.recording.rows import EVENT, Event, event_row, verdicts_in
 from haploop.acquisition.recording.salvage import intact_part, later_rows, read_blocks, write_finished
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import existing, os_error_text, publish

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from haploop.acquisition.json_files import append_json, read_json
-from haploop.acquisition.recording.file_format import PressVerdict
+from haploop.acquisition.recording.rows import PressVerdict
 from haploop.instruments import DataError
 
 __all__ = ["Rejection", "add_rejections", "without_rejected"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,26 +14,22 @@ from numpy.typing import NDArray
 from haploop.acquisition import hdf5
 from haploop.acquisition.checksum import add_checksum, bounded, created, opened
 from haploop.acquisition.json_files import is_json, json_hash
-from haploop.acquisition.recording.file_format import (
+from haploop.acquisition.recording.file_format import CODES, Contents, Header, read_header, write_header
+from haploop.acquisition.recording.readings import file_problems
+from haploop.acquisition.recording.rows import (
     BLOCK,
-    CODES,
     EVENT,
     VERDICT,
     Codes,
-    Contents,
-    Header,
     block_dtype,
     events_in,
     finished_row,
-    read_header,
     samples_crc,
     whole,
-    write_header,
 )
-from haploop.acquisition.recording.readings import file_problems
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, whole_file
-from haploop.instruments.safety import is_marked
+from haploop.instruments.safety import is_marked, log_problems
 
 __all__ = [
     "CHUNK",
@@ -122,7 +119,12 @@ def finish(path: Path, state: str = "finished") -> None:
 
 
 def content_hash(path: str | Path) -> str:
-    """Content hash stated in a file of any kind that haploop writes. Raises DataError."""
+    """Content hash stated in a file of any kind that haploop writes; of a log, that of all its bytes.
+
+    Raises DataError.
+    """
+    if _is_log(Path(path)):
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     if is_json(Path(path)):
         return json_hash(Path(path))
     with opened(path) as file:
@@ -133,9 +135,12 @@ def verify(path: str | Path) -> tuple[str, ...]:
     """Verify a file written by haploop; return one sentence for each problem, none when it is intact.
 
     Compares the checksum and the content hash, and the continuity of a recording. Raises DataError for a
-    file that is damaged or was changed; an unfinished recording can have damaged rows and still be read.
+    file that is damaged or was changed; an unfinished recording can have damaged rows and still be read, and
+    an audit log damaged lines.
     """
     path = Path(path)
+    if _is_log(path):
+        return log_problems(path)
     if is_json(path):
         json_hash(path)
         return ()
@@ -162,6 +167,10 @@ def verify(path: str | Path) -> tuple[str, ...]:
         problems.append(f"{path} has a press that ends after its last sample.")
     problems += file_problems(events_in(contents.events), path.parent)
     return tuple(problems)
+
+
+def _is_log(path: Path) -> bool:
+    return path.match("log-*.jsonl") and path.is_file()
 
 
 def write_finished(path: Path, header: Header, contents: Contents, state: str, in_place: bool) -> None:

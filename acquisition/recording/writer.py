@@ -21,18 +21,16 @@ from typing import Self
 import numpy as np
 
 from haploop.acquisition.checksum import add_checksum, created
-from haploop.acquisition.recording.file_format import (
+from haploop.acquisition.recording.file_format import Header, to_codes, write_header
+from haploop.acquisition.recording.rows import (
     EVENT,
     VERDICT,
     Event,
-    Header,
     PressVerdict,
     block_dtype,
     crc32,
     event_row,
-    to_codes,
     verdict_row,
-    write_header,
 )
 from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, whole_file

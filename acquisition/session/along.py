@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -43,15 +44,11 @@ class Along:
         self._left = 0
 
     def __enter__(self) -> Self:
-        started: list[_Poller] = []
-        try:
+        with ExitStack() as undo:
             for poller in self._pollers:
-                started.append(poller)
+                undo.callback(poller.stop)
                 poller.start(self._path.with_suffix(""), self._clock)
-        except BaseException:
-            for poller in started:
-                poller.stop()
-            raise
+            undo.pop_all()
         return self
 
     def __exit__(

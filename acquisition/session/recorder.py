@@ -1,22 +1,17 @@
-"""Recording presses: prompt for a press, detect it, check its quality, prompt for the next.
-
-Every sample goes to disk.
-"""
+"""Recording presses: every sample of a session goes to disk."""
 
 from __future__ import annotations
 
 import json
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
-from haploop.acquisition.presses import Detector, Protocol, QualityCheck, restlessness, segmentation_for
+from haploop.acquisition.presses import Protocol, segmentation_for
 from haploop.acquisition.recording import (
     Header,
     PressVerdict,
@@ -27,6 +22,7 @@ from haploop.acquisition.recording import (
     set_aside,
 )
 from haploop.acquisition.session.along import Along
+from haploop.acquisition.session.session_run import Session, SessionRun, ignore
 from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
 from haploop.instruments import (
     Block,
@@ -35,53 +31,20 @@ from haploop.instruments import (
     DataError,
     ForceTorque,
     InstrumentError,
-    Press,
     Request,
-    Rest,
     Rig,
     Sensor,
     Stream,
 )
-from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import check_destination
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import marked
 from haploop.instruments.signals import uninterrupted
 
-__all__ = ["MOST_PRESSES", "Session", "ignore", "record", "run_session"]
+__all__ = ["MOST_PRESSES", "record", "run_session"]
 
-_HISTORY = 1.0
-"""s: samples before a press kept for its quality check."""
 MOST_PRESSES = 1000
 """Largest number of presses in one recording, which is preallocated and read as a whole."""
-
-
-def ignore(*_told: object) -> None:
-    """Do nothing: the default callback."""
-
-
-@dataclass(frozen=True)
-class Session:
-    """One session: a participant's presses of a button, recorded into one file."""
-
-    path: Path
-    button: str
-    participant: str
-    pending: tuple[tuple[int, int], ...]
-    """Presses still due: (number, next attempt) of each."""
-    of: int
-    """Total number of presses, earlier sessions included."""
-    study: str = ""
-    number: str = ""
-    """Number of this session within a study."""
-    consent: str = ""
-    """Text of the consent event; "" for none."""
-    notes: str = ""
-    """Notes by the operator, kept in the recording."""
-    words: str = ""
-    """Prompt that replaces the default text of `Press`; may contain the names of its fields."""
-    about: Mapping[str, str | float | bool] = field(default_factory=dict)
-    """What is stored of the participant: columns and values."""
 
 
 def record(
@@ -171,12 +134,12 @@ def _recorded(
                 try:
                     publish = rig.live_run("record", str(path), stream.channels, stream.rate_hz)
                     blocks = _written(reader, writer, along, rig.clock, publish)
-                    run = _SessionRun(
+                    run = SessionRun(
                         rig, blocks, writer, header, force, session, p, progress, on_verdict, on_request
                     )
                     run.conduct()
                     along.finish(writer)
-                except BaseException as error:
+                except BaseException as error:  # Ctrl-C and SIGTERM among them
                     with uninterrupted():
                         _keep(reader, writer, along, rig.clock.now(), error)
                     raise
@@ -242,259 +205,6 @@ def _written(
         publish(block)
         along.follow(writer)
         yield block
-
-
-class _SessionRun:
-    """A running session, from the first block to the last: rest, presses, trail."""
-
-    def __init__(
-        self,
-        rig: Rig,
-        blocks: Iterator[Block],
-        writer: Writer,
-        header: Header,
-        force: ForceTorque,
-        session: Session,
-        p: Protocol,
-        progress: Progress,
-        on_verdict: Callable[[PressVerdict], None],
-        on_request: Callable[[Request], None],
-    ) -> None:
-        self._operator, self._blocks, self._writer, self._force = rig.operator, blocks, writer, force
-        self._session, self._p, self._rate_hz = session, p, header.rate_hz
-        self._progress, self._on_verdict, self._on_request = progress, on_verdict, on_request
-        self._gauges = [header.channels.index(name) for name in force.channels]
-        self._detector = self._new_detector()
-        self._check_quality = QualityCheck(writer.path, header, rig.sensors, p)
-        self._index = self._began = 0
-        self._rest: FloatArray = np.zeros((len(force.channels), 1))
-        self._recent: deque[Block] = deque()
-        self._pending = deque(session.pending)
-        self._done = session.of - len(session.pending)
-        self._attempts: dict[int, int] = {}
-        self._wait_left = p.wait
-        """s: remaining extra wait for a participant who is away."""
-        self._pause_left = p.pause
-        """s: remaining time for which the operator may pause."""
-        self._remind_at = p.patience
-        self._last: PressVerdict | None = None
-        """Verdict on the preceding press, while it is accepted."""
-
-    def conduct(self) -> None:
-        """Run the session to its end. Raises DataError and InstrumentError."""
-        if self._session.consent:
-            self._writer.note(0, "consent", self._session.consent)
-        self._tell(Rest(self._p.rest))
-        self._rest = self._settled()
-        self._writer.note(self._index, "rest", "Hands were off until here.")
-        self._began = self._index
-        self._count(0)
-        because = ""
-        while self._pending:
-            number, attempt = self._pending.popleft()
-            because = self._ask(number, attempt, because)
-            if not self._pending:
-                self._wait(self._p.trail)
-
-    def _ask(self, number: int, attempt: int, because: str) -> str:
-        """Prompt for a press and check it. Returns the reason for asking again, or "" when accepted."""
-        s = self._session
-        words = s.words.format(button=s.button, participant=s.participant, number=number, of=s.of)
-        self._paused()
-        request = Press(
-            s.button, s.participant, number, s.of, attempt, because, words, self._p.patience, self._wait_left
-        )
-        self._writer.note(self._index, "prompt", str(request))
-        self._tell(request)
-        self._await(request)
-        self._writer.note(self._index, "pressed", f"Press {number} of {s.of} was seen.")
-        verdict = self._check_last(number, attempt)
-        self._writer.write_verdict(verdict)
-        self._last = verdict if verdict.accepted else None
-        self._on_verdict(verdict)
-        if verdict.accepted:
-            self._count(+1)
-        else:
-            self._again(verdict)
-        return verdict.reason
-
-    def _await(self, request: Press) -> None:
-        """Wait until a press is over and hands are off again. Raises DataError."""
-        p, before, asked = self._p, len(self._detector.spans), self._index
-        began: int | None = None
-        self._remind_at = p.patience
-        while len(self._detector.spans) == before:
-            self._next()
-            if self._detector.pressing and began is None:
-                began = self._index
-                self._wait_left -= max(0.0, (began - asked) / self._rate_hz - p.patience)
-            if len(self._detector.spans) > before:
-                return
-            # A press that has begun is finished first.
-            if began is None and self._paused():
-                self._tell(request)
-                before, asked, self._remind_at = 0, self._index, p.patience
-            if began is None and (waited := self._overdue(asked, request)):
-                raise DataError(
-                    f"No press {request.number} of {request.of} arrived within {waited:g} s of the prompt; "
-                    f"{self._kept}."
-                )
-            if began is not None and self._index > began + p.patience * self._rate_hz:
-                cause = self._restlessness(
-                    [block.volts[self._gauges] for block in self._recent][-round(1 / p.block) :]
-                )
-                raise DataError(
-                    f"Press {request.number} of {request.of} did not end within {p.patience:g} s of its "
-                    f"beginning{f': {cause}' if cause else ''}; {self._kept}."
-                )
-
-    def _overdue(self, asked: int, request: Request) -> float:
-        """Waiting limit (s) if more time has passed since sample `asked`, else 0.
-
-        The request is repeated after `patience`, and then at doubling intervals.
-        """
-        waited = (self._index - asked) / self._rate_hz
-        limit = self._p.patience + self._wait_left
-        if waited > limit:
-            return limit
-        if waited > self._remind_at:
-            self._remind_at *= 2
-            self._tell(_still_waiting(request, limit - waited))
-        return 0.0
-
-    def _tell(self, request: Request) -> None:
-        self._operator.tell(request)
-        self._on_request(request)
-
-    def _check_last(self, number: int, attempt: int) -> PressVerdict:
-        """Check the quality of the press that has just ended."""
-        volts = np.concatenate([block.volts for block in self._recent], axis=1)
-        span = self._detector.spans[-1]
-        # The detector counts samples from the end of the rest.
-        span = span._replace(first=span.first + self._began, end=span.end + self._began)
-        verdict = self._check_quality(volts, self._recent[0].first, span, number, attempt)
-        # The next press is checked without any sample of this one.
-        self._recent.clear()
-        return verdict
-
-    def _again(self, verdict: PressVerdict) -> None:
-        """Queue another attempt at a press. Raises DataError after too many attempts."""
-        tried = self._attempts[verdict.number] = self._attempts.get(verdict.number, 0) + 1
-        if tried >= self._p.attempts:
-            raise DataError(
-                f"Press {verdict.number} of {self._session.of} was not accepted in {tried} attempts. Last "
-                f"reason: {verdict.reason} Check the button and the sensors, and start again; {self._kept}."
-            )
-        self._pending.appendleft((verdict.number, verdict.attempt + 1))
-
-    def _next(self) -> None:
-        """Process one block. Raises InstrumentError when the stream has ended."""
-        block = self._take()
-        self._detector.feed(self._force.to_si(block.volts[self._gauges] - self._rest)[2])
-
-    def _take(self) -> Block:
-        """Keep one block for the quality check, and do what the operator has asked for."""
-        block = self._block()
-        self._recent.append(block)
-        history = block.end - _HISTORY * self._rate_hz
-        while not self._detector.pressing and self._recent[0].end < history:
-            self._recent.popleft()
-        if self._operator.rejects() and self._last is not None:
-            self._reject(self._last)
-        for text in self._operator.notes():
-            self._writer.note(self._index, "note", text)
-        return block
-
-    def _paused(self) -> bool:
-        """Pause for as long as the operator wants, and `pause` allows; True when there was a pause.
-
-        The samples of a pause are recorded, and no press is looked for in them.
-        """
-        if not self._operator.paused() or self._pause_left <= 0:
-            return False
-        began = self._index
-        self._writer.note(began, "paused", "The operator paused the session.")
-        until = began + self._pause_left * self._rate_hz
-        while self._operator.paused() and self._index < until:
-            self._take()
-        self._pause_left -= (self._index - began) / self._rate_hz
-        ended = "The longest pause was over." if self._operator.paused() else "The operator went on."
-        self._writer.note(self._index, "resumed", ended)
-        self._detector, self._began = self._new_detector(), self._index
-        return True
-
-    def _new_detector(self) -> Detector:
-        return Detector(self._rate_hz, replace(self._p.segmentation, quiet=self._p.quiet))
-
-    def _reject(self, last: PressVerdict) -> None:
-        """Reject the preceding press for the operator."""
-        self._last = None
-        rejected = last._replace(
-            accepted=False, flags=(*last.flags, "rejected"), reason="The operator rejected it."
-        )
-        self._writer.write_verdict(rejected)
-        self._on_verdict(rejected)
-        self._count(-1)
-        self._again(rejected)
-
-    def _count(self, more: int) -> None:
-        self._done += more
-        session = self._session
-        doing = (
-            f"{session.participant}, {session.button}"
-            if session.study
-            else f"Record the {session.button} button"
-        )
-        self._progress(doing, self._done, session.of, "presses")
-
-    def _wait(self, duration: float) -> None:
-        end = self._index + duration * self._rate_hz
-        while self._index < end:
-            self._next()
-
-    def _settled(self) -> FloatArray:
-        """(6, 1) V: mean of the gauges over the first `p.rest` seconds without a hand. Raises DataError."""
-        p = self._p
-        recent: deque[FloatArray] = deque(maxlen=max(1, round(p.rest / p.block)))
-        reminder = Rest(p.rest)
-        while not (waited := self._overdue(0, reminder)):
-            recent.append(self._block().volts[self._gauges])
-            if len(recent) < (recent.maxlen or 0):
-                continue
-            # Block means suppress noise, but not the force of a hand.
-            means = np.stack([volts.mean(axis=1) for volts in recent], axis=1)
-            if np.ptp(self._force.to_si(means)[2]) < p.rest_spread:
-                self._wait_left -= max(0.0, self._index / self._rate_hz - p.patience)
-                return np.asarray(means.mean(axis=1, keepdims=True))
-        cause = self._restlessness(list(recent)) or "take hands off the button"
-        raise DataError(f"The force did not come to rest within {waited:g} s: {cause}, and start again.")
-
-    def _restlessness(self, recent: Sequence[FloatArray]) -> str:
-        """The cause of a restless force in recent blocks of the gauges, (6, samples) V each."""
-        return restlessness(self._force.to_si(np.concatenate(recent, axis=1))[2], self._rate_hz)
-
-    def _block(self) -> Block:
-        block = next(self._blocks, None)
-        if block is None:
-            raise InstrumentError(
-                f"The DAQ ended its stream early, at sample {self._index}: check the DAQ, and start again."
-            )
-        self._index = block.end
-        return block
-
-    @property
-    def _kept(self) -> str:
-        return f"the samples recorded so far are in {self._writer.path}"
-
-
-def _still_waiting(request: Request, left: float) -> Request:
-    """Return the request with how long the session waits from now on."""
-    if not isinstance(request, Press):
-        return request
-    minutes, seconds = divmod(round(left), 60)
-    time = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
-    because = f"Still waiting; without a press, the session ends in {time}."
-    return replace(request, because=because, patience=0.0, wait=left)
 
 
 def _keep(reader: StreamReader, writer: Writer, along: Along, now: float, error: BaseException) -> None:

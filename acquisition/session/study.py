@@ -25,7 +25,8 @@ from haploop.acquisition.recording import (
     file_name,
     finish,
 )
-from haploop.acquisition.session.recorder import Session, ignore, run_session
+from haploop.acquisition.session.recorder import run_session
+from haploop.acquisition.session.session_run import Session, ignore
 from haploop.acquisition.session.study_file import StudyFile, load_study_file
 from haploop.instruments import ConfigurationError, Consent, DataError, InstrumentError, Ready, Rig
 from haploop.instruments.progress import Progress, silent

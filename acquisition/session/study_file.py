@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInf
 from haploop.acquisition.presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from haploop.acquisition.recording import file_name
 from haploop.instruments import ConfigurationError
-from haploop.instruments.config import key_lines, parse_toml, place, validate
+from haploop.instruments.config import key_lines, parse_toml, place, read_text, validate
 
 __all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file", "williams_row"]
 
@@ -222,14 +222,7 @@ class StudyFile(_Section):
 def load_study_file(path: str | Path) -> StudyFile:
     """Read and validate a study file. Raises ConfigurationError: file, line, key, and what is wrong."""
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigurationError(
-            f"There is no study file {path}: create a study with `haploop study new FOLDER`."
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"The study file {path} cannot be read: {error}.") from None
+    text = read_text(path, f"There is no study file {path}: create a study with `haploop study new FOLDER`.")
     return validate(StudyFile, parse_toml(text, path), partial(place, [(str(path), key_lines(text))]))
 
 

@@ -19,7 +19,7 @@ from haploop.calibration.examination.sensor_check import (
     check_gravity,
     check_noise,
 )
-from haploop.instruments import HaploopError, InstrumentError, Rig, RigFile, open_rig
+from haploop.instruments import ConfigurationError, HaploopError, InstrumentError, Rig, RigFile, open_rig
 from haploop.instruments.driver import Mode
 from haploop.instruments.progress import Progress, silent
 
@@ -30,8 +30,11 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
     """Test every instrument and sensor of this rig, beginning with the tests that move nothing.
 
     `mass` (kg) is the mass that the operator is asked to put on the force sensor. `progress` is called
-    before and after each part. Raises InstrumentError only when the safe state could not be confirmed.
+    before and after each part. Raises ConfigurationError for a mass that is none, and InstrumentError only
+    when the safe state could not be confirmed.
     """
+    if not 0 < mass < math.inf:
+        raise ConfigurationError(f"{mass} kg is no mass for a force sensor: use one of 0.05 to 10 kg.")
     parts: list[tuple[str, str, bool, Callable[[], Iterator[Finding]]]] = [
         ("Identities", "rig", True, lambda: _identities(rig)),
         ("Settings", "rig", True, lambda: _settings(rig)),

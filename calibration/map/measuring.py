@@ -58,6 +58,9 @@ def map_plan(
         raise ConfigurationError(
             f"The amplifier of the rig {rig.name!r} has no channel for each patch: one patch at a time."
         )
+    for name, value, unit in (("level", level, "V"), ("period", period, "s"), ("every", every, "points")):
+        if value is not None and not 0 < value < np.inf:
+            raise ConfigurationError(f"A map cannot have {name} = {value}: use a number of {unit} above 0.")
     parallel = rig.limits_for(1 if rig.amplifier.inputs else len(names))
     most = _SHARE * min(rig.limits.peak, parallel.peak)
     tests = [chosen[round(k * (len(chosen) - 1) / 2)] for k in range(3)] if len(names) > 1 else []

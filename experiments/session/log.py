@@ -54,11 +54,12 @@ class EventLog:
             path.parent.parent.mkdir(parents=True, exist_ok=True)
             # Answers of people are their keeper's, as recordings are.
             path.parent.mkdir(mode=0o700, exist_ok=True)
-            self._file = open(path, "ab", opener=private)  # noqa: SIM115  closed by close()
+            # Without a buffer, which would be written once more on closing a full disk.
+            self._file = open(path, "ab", buffering=0, opener=private)  # noqa: SIM115  closed by close()
             if not self.events:
                 self._file.truncate(0)  # a first line that was cut off holds no answer
             elif fragment:
-                self._file.write(b"\n")
+                self._write(b"\n")
             sync_folder(path.parent)
         except OSError as error:
             raise ConfigurationError(f"{path} cannot be written: {os_error_text(error)}.") from None
@@ -71,8 +72,7 @@ class EventLog:
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
         event = Event(number, kind, now, round(self._clock.now(), 6), self._run, values)
         try:
-            self._file.write(_line(event))
-            self._file.flush()
+            self._write(_line(event))
             if self._durable:
                 os.fsync(self._file.fileno())
         except (OSError, ValueError) as error:
@@ -80,6 +80,10 @@ class EventLog:
             raise DataError(f"{self._path} cannot be written: {text}.") from None
         self.events.append(event)
         return event
+
+    def _write(self, line: bytes) -> None:
+        while line:
+            line = line[self._file.write(line) :]
 
     def close(self) -> None:
         """Close the file. May be called again."""

@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +20,7 @@ from haploop.experiments.protocol import Answer, Assignment, Course, Experiment,
 from haploop.experiments.session.log import Event, private, read_log
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
+from haploop.instruments.json_text import as_line, from_text
 from haploop.instruments.safety import hold
 
 __all__ = ["Store", "StoredSession", "Withdrawal"]
@@ -158,13 +158,18 @@ class Store:
             now = datetime.now(UTC).isoformat(timespec="seconds")
             # Before anything is deleted: if this stops halfway, the note tells that a withdrawal was begun.
             path = self.folder / _WITHDRAWALS
-            note = json.dumps({"participant": participant, "time": now, "files": files}) + "\n"
-            with open(path, "ab", opener=private) as notes:
-                if path.read_bytes()[-1:] not in (b"", b"\n"):
-                    note = "\n" + note  # after a note that was cut off
-                notes.write(note.encode())
-                notes.flush()
-                os.fsync(notes.fileno())
+            note = as_line({"participant": participant, "time": now, "files": files}).encode()
+            try:
+                with open(path, "ab", buffering=0, opener=private) as notes:
+                    if path.read_bytes()[-1:] not in (b"", b"\n"):
+                        note = b"\n" + note  # after a note that was cut off
+                    while note:
+                        note = note[notes.write(note) :]
+                    os.fsync(notes.fileno())
+            except OSError as error:
+                raise DataError(
+                    f"{path} cannot be written ({os_error_text(error)}), and nothing is deleted without it."
+                ) from None
             try:
                 shutil.rmtree(folder)
             except OSError as error:
@@ -175,15 +180,27 @@ class Store:
         return Withdrawal(participant, files, now)
 
     def withdrawals(self) -> tuple[Withdrawal, ...]:
-        """Withdrawals so far. A note that was cut off is left out: nothing had been deleted yet."""
+        """Withdrawals so far. A note that was cut off is left out: nothing had been deleted yet.
+
+        Raises DataError for notes that cannot be read or are damaged.
+        """
         path = self.folder / _WITHDRAWALS
-        if not path.is_file():
+        try:
+            lines = path.read_bytes().split(b"\n")
+        except FileNotFoundError:
             return ()
+        except OSError as error:
+            raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
         found = []
-        for line in path.read_bytes().split(b"\n"):
-            with suppress(ValueError):
-                note = json.loads(line)
+        for number, line in enumerate(lines, start=1):
+            try:
+                note = from_text(line)
                 found.append(Withdrawal(note["participant"], tuple(note["files"]), note["time"]))
+            except (ValueError, LookupError, TypeError):
+                if line.endswith(b"}"):
+                    raise DataError(
+                        f"{path}, line {number} is damaged: restore the file from a copy."
+                    ) from None
         return tuple(found)
 
     def _withdrawn(self) -> set[str]:

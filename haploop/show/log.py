@@ -36,6 +36,9 @@ def show_log(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None
     table.add_column(overflow="fold")
     program = None
     for entry in found:
+        if "rig" not in entry:  # a damaged line: nothing else is known of it
+            table.add_row("", str(entry["kind"]), str(entry["why"]))
+            continue
         when = _local(entry.get("time"))
         if program != (program := [entry.get(key) for key in _WHO]):
             by = f"{entry.get('user')}@{entry.get('host')}: {entry.get('command')}"

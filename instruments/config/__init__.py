@@ -14,7 +14,7 @@ from haploop.instruments.config.rig_file import (
     validate,
     validate_kind,
 )
-from haploop.instruments.config.toml_lines import key_lines, parse_toml, place
+from haploop.instruments.config.toml_lines import key_lines, parse_toml, place, read_text
 
 __all__ = [
     "AbortLimits",
@@ -28,6 +28,7 @@ __all__ = [
     "load_rig_file",
     "parse_toml",
     "place",
+    "read_text",
     "roles",
     "told",
     "validate",

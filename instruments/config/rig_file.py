@@ -23,9 +23,8 @@ from pydantic_core import ErrorDetails, InitErrorDetails
 
 from haploop.instruments import entry_points
 from haploop.instruments.config.ati_cal import read_ati_cal
-from haploop.instruments.config.toml_lines import Location, Places, key_lines, parse_toml, place
+from haploop.instruments.config.toml_lines import Location, Places, key_lines, parse_toml, place, read_text
 from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.files import os_error_text
 from haploop.instruments.limits import Limits
 from haploop.instruments.sensors import Sensors
 
@@ -365,18 +364,9 @@ def fault_kinds() -> Mapping[str, type[BaseModel]]:
 def _read(path: Path) -> str:
     if path.suffix == "" and path.name == str(path) and not path.exists():
         return _shipped(path.name)
-    try:
-        return path.read_text(encoding="utf-8-sig")  # Notepad begins a file with a byte order mark
-    except FileNotFoundError:
-        raise ConfigurationError(
-            f"There is no rig file {path}: use an existing file, or a shipped rig ({', '.join(_names())})."
-        ) from None
-    except UnicodeDecodeError:
-        raise ConfigurationError(f"The rig file {path} is not text in UTF-8: save it as that.") from None
-    except OSError as error:
-        raise ConfigurationError(
-            f"The rig file {path} cannot be read ({os_error_text(error)}): use an existing file."
-        ) from None
+    return read_text(
+        path, f"There is no rig file {path}: use an existing file, or a shipped rig ({', '.join(_names())})."
+    )
 
 
 def _names() -> list[str]:

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.files import os_error_text
 
-__all__ = ["Location", "Places", "key_lines", "parse_toml", "place"]
+__all__ = ["Location", "Places", "key_lines", "parse_toml", "place", "read_text"]
 
 Location = tuple[str | int, ...]
 """Location of a key: names of tables and keys, and indices within arrays."""
@@ -25,6 +26,18 @@ _TABLES = re.compile(rf"\s*\[\[\s*{_NAME}\s*\]\]")
 _KEY = re.compile(rf"\s*{_NAME}\s*=(.*)")
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'')
 _LONG = re.compile(r'"""|\'\'\'')
+
+
+def read_text(path: Path, missing: str) -> str:
+    """Text of a file that a person wrote. Raises ConfigurationError; `missing` says that there is none."""
+    try:
+        return path.read_text(encoding="utf-8-sig")  # Notepad begins a file with a byte order mark
+    except FileNotFoundError:
+        raise ConfigurationError(missing) from None
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"{path} is not text in UTF-8: save it as that.") from None
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be read: {os_error_text(error)}.") from None
 
 
 def parse_toml(text: str, path: Path) -> dict[str, Any]:

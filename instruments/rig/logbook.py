@@ -27,12 +27,12 @@ __all__ = ["log_entries", "reset_lockout"]
 def log_entries(rig: str | Path | RigFile, simulate: Mode | None = None) -> Iterator[Mapping[str, Any]]:
     """Read the audit log of rigs of this name, oldest entry first.
 
-    `rig` and `simulate` are as in `open_rig`: a simulated rig has a separate log. Raises
-    ConfigurationError.
+    `rig` and `simulate` are as in `open_rig`: a simulated rig has a separate log. A damaged line is an entry
+    "damaged" of every rig. Raises ConfigurationError, and DataError for a log that cannot be read.
     """
     file = rig if isinstance(rig, RigFile) else load_rig_file(rig)
     folder = state_folder(file, (simulate or file.simulate) is not None)
-    return (entry for entry in entries(folder) if entry.get("rig") == file.name)
+    return (entry for entry in entries(folder) if entry.get("rig", file.name) == file.name)
 
 
 def reset_lockout(rig: str | Path | RigFile, reason: str, simulate: Mode | None = None) -> None:

@@ -1,7 +1,7 @@
 """Keep volts within limits and bring a rig to its safe state."""
 
 from haploop.instruments.safety.abort_monitor import AbortMonitor, trip
-from haploop.instruments.safety.audit import Audit, entries, now_utc, state_folder, who
+from haploop.instruments.safety.audit import Audit, entries, log_problems, now_utc, state_folder, who
 from haploop.instruments.safety.deadline import exit_within, run_within
 from haploop.instruments.safety.limiter import Limiter, combined
 from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
@@ -26,6 +26,7 @@ __all__ = [
     "is_marked",
     "lockout_of",
     "lockouts_folder",
+    "log_problems",
     "marked",
     "now_utc",
     "reserve",

@@ -1,13 +1,13 @@
 """The audit log of connections, plays, trips and activations with their users: one JSON object per line.
 
 There is one append-only file per month. A line is one write to the operating system, and so survives
-a killed program; on hardware it is synced to the disk before anything is played.
+a killed program; on hardware it is synced to the disk before anything is played. Each line has a hash of its
+own (`json_text`), because several programs append to one file.
 """
 
 from __future__ import annotations
 
 import getpass
-import json
 import os
 import platform
 import sys
@@ -23,10 +23,14 @@ import platformdirs
 
 from haploop.instruments.config import RigFile
 from haploop.instruments.errors import ConfigurationError, DataError
+from haploop.instruments.files import os_error_text
 from haploop.instruments.frozen import Frozen
+from haploop.instruments.json_text import as_line, from_text
 
-__all__ = ["Audit", "entries", "now_utc", "state_folder", "who"]
+__all__ = ["Audit", "entries", "log_problems", "now_utc", "state_folder", "who"]
 
+_LONGEST_LINE = 1 << 20
+"""Bytes of a line that are read at once: a log without an end of line is damaged."""
 _LONGEST = 200
 """Characters of a command line that are kept."""
 
@@ -56,24 +60,27 @@ class Audit(Frozen):
         self._freeze()
 
     def note(self, kind: str, **fields: Any) -> None:
-        """Append a line. `fields` are of JSON's types. Raises DataError when it cannot be written."""
+        """Append a line; `fields` are of JSON's types. Raises DataError when it cannot be written."""
         now = self._wall()
         time = now.isoformat(timespec="milliseconds")
-        line = json.dumps({"time": time, "kind": kind, **fields, **self._about})
+        try:
+            line = as_line({"time": time, "kind": kind, **fields, **self._about})
+        except (ValueError, TypeError):
+            raise DataError(f"{kind!r} cannot be logged: {fields} is not of JSON's types.") from None
         path = self.folder / f"log-{now:%Y-%m}.jsonl"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             log = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
             try:
-                os.write(log, f"{line}\n".encode())
+                os.write(log, line.encode())
                 if self._durable:
                     os.fsync(log)
             finally:
                 os.close(log)
         except OSError as error:
             raise DataError(
-                f"The audit log {path} cannot be written ({error.strerror}), and nothing is played without "
-                "it: free disk space, or set HAPLOOP_STATE to a writable folder."
+                f"The audit log {path} cannot be written ({os_error_text(error)}), and nothing is played "
+                "without it: free disk space, or set HAPLOOP_STATE to a writable folder."
             ) from None
 
     def note_at_last(self, kind: str, **fields: Any) -> None:
@@ -83,14 +90,36 @@ class Audit(Frozen):
 
 
 def entries(folder: Path) -> Iterator[Mapping[str, Any]]:
-    """Every entry of a folder's logs, oldest first. A torn line is skipped."""
+    """Every entry of a folder's logs, oldest first.
+
+    A line that was torn, damaged or changed by hand is an entry "damaged" without any rig. Raises DataError
+    for a log that cannot be read.
+    """
     for path in sorted(folder.glob("log-*.jsonl")):
-        with path.open(encoding="utf-8", errors="replace") as lines:
-            for line in lines:
-                with suppress(ValueError):
-                    entry = json.loads(line)
-                    if isinstance(entry, dict):
-                        yield entry
+        yield from _entries(path)
+
+
+def log_problems(path: Path) -> tuple[str, ...]:
+    """One sentence for a log with damaged lines, none for an intact one. Raises DataError."""
+    damaged = [str(entry["why"]) for entry in _entries(path) if "rig" not in entry]
+    return (
+        (f"{path} has {len(damaged)} damaged line{'s' * (len(damaged) > 1)}. {damaged[0]}",)
+        if damaged
+        else ()
+    )
+
+
+def _entries(path: Path) -> Iterator[Mapping[str, Any]]:
+    try:
+        with path.open("rb") as lines:
+            for number, line in enumerate(iter(lambda: lines.readline(_LONGEST_LINE), b""), start=1):
+                try:
+                    yield from_text(line)
+                except ValueError:
+                    why = f"Line {number} of {path.name} was torn, damaged or changed by hand."
+                    yield {"kind": "damaged", "why": why}
+    except OSError as error:
+        raise DataError(f"The audit log {path} cannot be read: {os_error_text(error)}.") from None
 
 
 def who() -> dict[str, object]:
@@ -117,10 +146,11 @@ def state_folder(file: RigFile, simulated: bool) -> Path:
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(13, "permission denied")
     except (OSError, RuntimeError) as error:
+        why = os_error_text(error) if isinstance(error, OSError) else str(error).rstrip(".")
         if simulated and not given:
             return Path(tempfile.gettempdir()) / f"haploop-state-{who()['user']}" / "simulated"
         raise ConfigurationError(
             f"haploop keeps its audit log in {given or 'the user state folder'}, which cannot "
-            f"be written ({error}): set HAPLOOP_STATE to a writable folder."
+            f"be written ({why}): set HAPLOOP_STATE to a writable folder."
         ) from None
     return folder

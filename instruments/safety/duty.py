@@ -6,19 +6,20 @@ are the computer's calendar time, because two programs share no other clock.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from haploop.instruments.errors import DataError
+from haploop.instruments.json_text import as_file, of_file
 from haploop.instruments.safety import machine
 
 __all__ = ["MINUTE", "Span", "clear_old", "count_plays", "plays_of"]
 
 MINUTE = 60.0
 """Window of the duty (s)."""
+_KIND = "duty"
 _OLD = 86_400.0
 """Age of a file of a piece that is not used any more (s)."""
 
@@ -40,7 +41,7 @@ def plays_of(folder: Path, hardware: Collection[str], now: float) -> list[Span]:
             spans = _parsed(machine.read(path))
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, RecursionError):
+        except (OSError, ValueError):
             spans = [(now - MINUTE, now)]
             with suppress(OSError):
                 machine.write(path, _formatted(spans))
@@ -74,13 +75,13 @@ def clear_old(folder: Path, now: float) -> None:
 
 
 def _formatted(plays: Iterable[Span]) -> bytes:
-    return json.dumps([[round(start, 3), round(stop, 3)] for start, stop in plays]).encode()
+    return as_file(_KIND, [[round(start, 3), round(stop, 3)] for start, stop in plays])[0].encode()
 
 
 def _parsed(content: bytes) -> list[Span]:
     """Raises ValueError for anything else than what `_formatted` makes."""
     spans = []
-    listed = json.loads(content)
+    listed = of_file(_KIND, content)
     if not isinstance(listed, list):
         raise ValueError("no list")
     for entry in listed:

@@ -7,18 +7,17 @@ kept with its audit log.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.json_text import as_file, of_file
 from haploop.instruments.safety import machine
 
 __all__ = ["Lockout", "clear_lockout", "lockout_of", "lockouts_folder", "set_lockout"]
 
-_CLEARED = b"null"
-"""Content of a file whose lockout was cleared: another user's cannot be removed from a shared folder."""
+_KIND = "lockout"
 
 
 @dataclass(frozen=True)
@@ -54,19 +53,20 @@ def lockouts_folder(audit: Path, simulated: bool) -> Path:
 def lockout_of(folder: Path, hardware: Collection[str]) -> Lockout | None:
     """The first lockout of any of these pieces of hardware; None when they have none.
 
-    A file that cannot be read counts as a lockout.
+    A file that cannot be read, or does not match its hash, counts as a lockout.
     """
     for piece in sorted(hardware):
         path = _path(folder, piece)
         try:
-            found = json.loads(machine.read(path))
+            found = of_file(_KIND, machine.read(path))
             if found is not None:
                 return Lockout(**found)
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, TypeError, RecursionError) as error:
-            why = f"its lockout file {path} cannot be read: {error}"
-            return Lockout("an unknown time", why, "unknown", "")
+        except OSError as error:
+            return _unknown(f"its lockout file {path} cannot be read: {error.strerror}")
+        except (ValueError, TypeError):
+            return _unknown(f"its lockout file {path} is damaged or was changed by hand")
     return None
 
 
@@ -75,7 +75,7 @@ def set_lockout(folder: Path, hardware: Collection[str], lockout: Lockout) -> No
     for piece in sorted(hardware):
         if lockout_of(folder, {piece}) is None:
             folder.mkdir(parents=True, exist_ok=True)
-            machine.write(_path(folder, piece), json.dumps(asdict(lockout)).encode())
+            machine.write(_path(folder, piece), _text(asdict(lockout)))
 
 
 def clear_lockout(folder: Path, hardware: Collection[str]) -> None:
@@ -84,13 +84,22 @@ def clear_lockout(folder: Path, hardware: Collection[str]) -> None:
         path = _path(folder, piece)
         try:
             machine.read(path)
-            machine.write(path, _CLEARED)
+            # Another user's cannot be removed from a shared folder.
+            machine.write(path, _text(None))
         except FileNotFoundError:
             continue
         except OSError as error:
             raise ConfigurationError(
                 f"The lockout file {path} cannot be cleared ({error.strerror}): remove what is there."
             ) from None
+
+
+def _text(content: dict[str, str] | None) -> bytes:
+    return as_file(_KIND, content)[0].encode()
+
+
+def _unknown(why: str) -> Lockout:
+    return Lockout("an unknown time", why, "unknown", "")
 
 
 def _path(folder: Path, piece: str) -> Path:

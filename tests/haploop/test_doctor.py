@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from haploop.calibration.examination import Finding, examine
-from haploop.instruments import Rig
+from haploop.instruments import ConfigurationError, Rig
 from tests.conftest import OpenRig
 from tests.haploop.conftest import Run
 
@@ -94,6 +94,12 @@ def test_a_rig_without_a_table_is_tested_for_what_it_has(open: OpenRig, mode: st
     findings = examine(open("minimal"))
     assert {f.instrument for f in findings} == {"daq", "force", "acceleration"}
     assert {f.status for f in findings} == {"green"}
+
+
+@pytest.mark.parametrize("mass", [float("nan"), float("inf"), 0.0, -0.5])
+def test_a_mass_that_is_none_is_refused(open: OpenRig, mass: float) -> None:
+    with pytest.raises(ConfigurationError, match="is no mass"):
+        examine(open("minimal"), mass)
 
 
 class TestCommand:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haploop.instruments import LimitError, Limits
+from haploop.instruments.limits import sounding
 
 RATE_HZ = 50_000.0
 LIMITS = Limits(
@@ -97,3 +98,109 @@ def test_measured_volts_are_held_against_min_max_and_peak_to_peak() -> None:
     for measured in (tone(60), tone(30) + 30, tone(30) - 30, np.full(5, np.nan)):
         with pytest.raises(LimitError, match="The patch got"):
             LIMITS.check_measured(measured, 1.1)
+
+
+# By hand: 10 samples/s, 1 F; the drive begins at sample 3 with a step of 1 V and ends with one.
+SMALL = np.array([0.0, 0.0, 0.0, 1.0, 3.0, -2.0, 1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("limit", "at", "below", "says"),
+    [
+        ("min", -2.0, -1.5, "falls to -2 V at sample 5, 0.5 V beyond the -1.5 V"),
+        ("max", 3.0, 2.5, "rises to 3 V at sample 4, 0.5 V beyond the 2.5 V"),
+        ("peak_to_peak", 5.0, 4.0, "has a peak-to-peak voltage of 5 V at sample 4, 1 V beyond the 4 V"),
+        ("slew", 50.0, 49.0, "slews at 50 V/s at sample 5, 1 V/s beyond the 49 V/s"),
+        ("current_peak", 50.0, 49.0, "draws a peak of 50 A at sample 5, 1 A beyond the 49 A"),
+        ("current_average", 12.0, 11.0, "draws on average 12 A at sample 3, 1 A beyond the 11 A"),
+        ("max_duration", 0.4, 0.3, "lasts 0.4 s at sample 6, 0.1 s beyond the 0.3 s"),
+        ("max_offset", 0.75, 0.5, "has an offset of 0.75 V at sample 3, 0.25 V beyond the 0.5 V"),
+    ],
+)
+def test_each_limit_is_exact_and_says_by_how_much_and_where(
+    limit: str, at: float, below: float, says: str
+) -> None:
+    exact = Limits(**{"capacitance": 1.0, limit: at})
+    exact.check(SMALL, 10.0)
+    exact.check(SMALL + 0.0, 10.0)
+    with pytest.raises(LimitError) as refused:
+        Limits(**{"capacitance": 1.0, limit: below}).check(SMALL, 10.0, "a patch")
+    assert str(refused.value) == f"The drive {says} of a patch."
+
+
+def test_an_end_is_where_it_is_and_rounding_is_allowed_and_no_more() -> None:
+    for ends, sample, most in (([0.5, 1.0, -0.25], 0, 0.5), ([0.5, 1.0, -0.7], 2, 0.7)):
+        drive = np.array(ends)
+        Limits(max_end=most).check(drive, 10.0)
+        with pytest.raises(LimitError, match=f"starts or ends at {most} V at sample {sample}, 0.3 V beyond"):
+            Limits(max_end=most - 0.3).check(drive, 10.0)
+    for most in (1e-3, 1.0, 1e3):
+        allowed = most + 0.9e-9 * max(1.0, most)
+        Limits(max=most).check(np.array([0.0, allowed, 0.0]), 10.0)
+        with pytest.raises(LimitError):
+            Limits(max=most).check(np.array([0.0, most + 1.1e-9 * max(1.0, most), 0.0]), 10.0)
+    with pytest.raises(LimitError, match="nan at sample 1:"):
+        LIMITS.check(np.array([0.0, np.nan, np.inf]), 10.0)
+    LIMITS.check(np.zeros(5), 10.0)
+    assert sounding(np.zeros(5)) == (0, 5) and sounding(SMALL) == (3, 7)
+
+
+@given(
+    drive=st.lists(st.integers(-9, 9), min_size=1, max_size=40).map(lambda v: np.array(v, float)),
+    rate_hz=st.sampled_from((1.0, 4.0, 10.0, 100.0)),
+)
+def test_the_current_is_that_of_the_worst_second(drive: np.ndarray, rate_hz: float) -> None:
+    sounds = np.trim_zeros(drive) if drive.any() else drive
+    current = np.abs(np.diff([0.0, *sounds, 0.0])) * rate_hz * 2.0
+    window = min(round(rate_hz), len(current))
+    worst = max(float(np.mean(current[k : k + window])) for k in range(len(current) - window + 1)) / 2
+    Limits(current_average=worst, capacitance=2.0).check(drive, rate_hz)
+    if worst:
+        with pytest.raises(LimitError, match="draws on average"):
+            Limits(current_average=worst - 1e-3, capacitance=2.0).check(drive, rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("limits", "factor", "binding"),
+    [
+        (Limits(max=30.0), 10.0, "30.0 V at the patch"),
+        (Limits(slew=100.0), 2.0, "100 V/s at the patch"),
+        (Limits(current_peak=25.0, capacitance=1.0), 0.5, "25 A into the patch"),
+        (Limits(current_average=3.0, capacitance=1.0), 0.25, "3 A on average into the patch"),
+        (Limits(max=30.0, slew=100.0), 2.0, "100 V/s at the patch"),
+    ],
+)
+def test_headroom_is_the_factor_up_to_the_first_limit(limits: Limits, factor: float, binding: str) -> None:
+    found, what = limits.headroom(SMALL[3:7], 10.0)
+    assert found == pytest.approx(factor, rel=1e-12) and what == binding
+    limits.check(SMALL * found, 10.0)
+    with pytest.raises(LimitError):
+        limits.check(SMALL * found * 1.001, 10.0)
+
+
+def test_zeros_have_any_headroom() -> None:
+    assert Limits(max=30.0, slew=100.0).headroom(np.zeros(5), 10.0) == (np.inf, "")
+
+
+def test_measured_volts_at_a_limit_are_within_it() -> None:
+    limits = Limits(min=-2.0, max=3.0, peak_to_peak=5.0)
+    limits.check_measured(np.array([-4.0, 6.0]), 2.0)
+    for beyond in ([-4.001, 5.0], [-3.0, 6.001]):
+        with pytest.raises(LimitError, match="-2 to 3 V and 5 V from peak to peak"):
+            limits.check_measured(np.array(beyond), 2.0)
+    with pytest.raises(LimitError):
+        Limits(peak_to_peak=5.0).check_measured(np.array([-5.0, 5.001]), 2.0)
+
+
+def test_the_stricter_of_each_limit_is_taken() -> None:
+    loose, strict = Limits(min=-5.0, max=5.0, capacitance=1.0), Limits(min=-4.0, max=6.0, capacitance=2.0)
+    both = loose.within(strict)
+    assert (
+        (both.min, both.max, both.capacitance)
+        == (-4.0, 5.0, 2.0)
+        == (
+            strict.within(loose).min,
+            strict.within(loose).max,
+            strict.within(loose).capacitance,
+        )
+    )

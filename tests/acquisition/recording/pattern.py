@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from haploop.acquisition import record
-from haploop.acquisition.recording.file_format import Header, PressVerdict, from_codes
+from haploop.acquisition.recording.file_format import Header, from_codes
+from haploop.acquisition.recording.rows import PressVerdict
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Recording, accepted_presses, load_study, representative, run_study, verify
-from haploop.acquisition.session import recorder
+from haploop.acquisition.session.session_run import SessionRun
 from haploop.instruments import (
     ConfigurationError,
     Consent,
@@ -201,7 +201,7 @@ def test_two_programs_do_not_record_one_study(small, tmp_path):
 
 def interrupted_at(block: int, monkeypatch):
     """Ctrl-C when that many blocks have been seen."""
-    take, seen = recorder._SessionRun._block, Counter()
+    take, seen = SessionRun._block, Counter()
 
     def taken(self):
         seen["blocks"] += 1
@@ -209,7 +209,7 @@ def interrupted_at(block: int, monkeypatch):
             raise KeyboardInterrupt
         return take(self)
 
-    monkeypatch.setattr(recorder._SessionRun, "_block", taken)
+    monkeypatch.setattr(SessionRun, "_block", taken)
 
 
 def killed_after(folder: Path, seed: int, presses: int, moment: float) -> None:

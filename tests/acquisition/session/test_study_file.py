@@ -82,7 +82,7 @@ def test_what_is_no_study_file(tmp_path):
         load_study(tmp_path)
     assert "is not valid TOML" in refused(tmp_path, "name = ")
     (tmp_path / "study.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match="is not text in UTF-8"):
         load_study(tmp_path)
 
 

@@ -197,6 +197,10 @@ def test_what_a_map_needs_is_asked_for(open: OpenRig) -> None:
         map_plan(rig, patches=["E"])
     with pytest.raises(ConfigurationError, match="no channel for each patch"):
         map_plan(rig, together=True)
+    for key in ("level", "period", "every"):
+        for value in (float("nan"), float("inf"), 0, -1):
+            with pytest.raises(ConfigurationError, match=f"{key} = "):
+                map_plan(rig, **{key: value})
 
 
 def test_all_patches_at_once(rigs: Rigs, request: pytest.FixtureRequest, tmp_path: Path) -> None:

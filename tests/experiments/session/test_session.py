@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from haploop.experiments.session import Store, export_answers, open_session, rea
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+from tests.mutating import mutations, refused
 
 
 class Stops:
@@ -276,6 +279,62 @@ def test_a_note_of_a_withdrawal_that_was_cut_off_stops_nobody(tmp_path: Path) ->
     for who in ("P01", "p01", "P02"):
         with pytest.raises(ConfigurationError, match="has withdrawn"):
             run(where, who)
+
+
+def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    run(where, "P01")
+    where.withdraw("P01")
+    notes = where.folder / "withdrawals.jsonl"
+    raw = notes.read_bytes()
+    for changed in mutations(raw, 200, seed=7):
+        notes.write_bytes(changed)
+        if not refused(where.withdrawals):
+            left = {one.participant for one in where.withdrawals()}
+            assert left == {"P01"} or not changed.rstrip().endswith(b"}")
+
+
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+from haploop.experiments.protocol import load_experiment
+from haploop.experiments.session import Store
+from haploop.experiments.session.log import EventLog
+from haploop.instruments import HaploopError, RealClock
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (400, 400))
+where = Store(load_experiment("matching"), sys.argv[1])
+log = EventLog(where.path_of("P09", 1), RealClock())
+try:
+    for number in range(10):
+        log.add("begun", slot=8, filling="x" * 60)
+except HaploopError as error:
+    print(error)
+log.close()
+try:
+    for number in range(10):
+        (where.folder / f"P{number:02d}").mkdir(exist_ok=True)
+        (where.folder / f"P{number:02d}" / ("x" * 100)).touch()
+        where.withdraw(f"P{number:02d}")
+except HaploopError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the disk is full by a limit on the size of files")
+def test_a_full_disk_is_one_sentence_and_keeps_what_was_answered(tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    said = result.stdout.splitlines()
+    assert len(said) == 2 and not result.stderr
+    assert "session-1.jsonl cannot be written: File too large." in said[0]
+    assert "withdrawals.jsonl cannot be written (File too large), and nothing is deleted" in said[1]
+    # What could not be noted was not deleted.
+    noted = len(Store(load_experiment("matching"), tmp_path).withdrawals())
+    assert 1 <= noted < 9 and (tmp_path / f"P{noted:02d}").is_dir() and not (tmp_path / "P00").exists()
+    assert 1 <= len(read_log(tmp_path / "P09" / "session-1.jsonl")) < 4
 
 
 @pytest.mark.parametrize("left", [1, 2])

@@ -14,9 +14,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, DataError, LimitError, load_rig_file, open_rig
+from haploop.acquisition import content_hash, verify
+from haploop.instruments import (
+    ConfigurationError,
+    DataError,
+    LimitError,
+    load_rig_file,
+    log_entries,
+    open_rig,
+)
 from haploop.instruments.config.rig_file import RigFile, validate
 from haploop.instruments.safety.audit import Audit, entries, state_folder
+from tests.mutating import mutations
 
 FILE = load_rig_file("simulated")
 DRIVE = 10 * np.sin(2 * np.pi * 250 * np.arange(5000) / 50_000) * np.hanning(5000)
@@ -92,14 +101,45 @@ def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path: Path) -> Non
     assert len(before) < 600
 
 
-def test_a_torn_line_hides_no_other(tmp_path: Path) -> None:
+def test_a_torn_or_changed_line_hides_no_other_and_is_told(tmp_path: Path) -> None:
     log = Audit(FILE, tmp_path, True)
     log.note("one")
     (path,) = tmp_path.glob("log-*.jsonl")
     with path.open("ab") as torn:
         torn.write(b'{"kind": "to\n\xff\xfe\n[1]\n')
     log.note("two")
-    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", "two"]
+    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", *3 * ["damaged"], "two"]
+    assert verify(path)[0].startswith(f"{path} has 3 damaged lines. Line 2 of {path.name} was torn")
+    path.write_bytes(path.read_bytes().replace(b'"kind": "two"', b'"kind": "too"'))
+    damaged = [entry for entry in entries(tmp_path) if entry["kind"] == "damaged"]
+    assert len(damaged) == 4 and "Line 5 of" in damaged[-1]["why"]
+    # Of any rig, because nothing else is known of it.
+    path.replace(state_folder(FILE, True) / path.name)
+    assert [entry["kind"] for entry in log_entries(FILE)] == ["one", *4 * ["damaged"]]
+
+
+def test_no_changed_line_is_taken_for_another(tmp_path: Path, full: bool) -> None:
+    log = Audit(FILE, tmp_path, True)
+    for kind in ("one", "two", "three"):
+        log.note(kind, peak=39.8, patches=["A"])
+    (path,) = tmp_path.glob("log-*.jsonl")
+    raw, whole = path.read_bytes(), list(entries(tmp_path))
+    assert verify(path) == () and content_hash(path) == hashlib.sha256(raw).hexdigest()
+    damaged = 0
+    for changed in mutations(raw, 500 if full else 100, seed=6):
+        path.write_bytes(changed)
+        found = list(entries(tmp_path))
+        assert all(entry in whole or "rig" not in entry for entry in found)
+        damaged += bool(verify(path))
+    assert damaged > (400 if full else 80)
+
+
+def test_what_json_does_not_have_is_not_logged(tmp_path: Path) -> None:
+    log = Audit(FILE, tmp_path, True)
+    for value in (float("nan"), float("inf"), Path("a"), {1, 2}):
+        with pytest.raises(DataError, match="'one' cannot be logged"):
+            log.note("one", value=value)
+    assert not list(entries(tmp_path))
 
 
 def test_two_programs_write_one_log_line_by_line(tmp_path: Path, full: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import pytest
 
 from haploop.instruments import DataError, LimitError, RigFile, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import DriveLimits
+from haploop.instruments.json_text import of_file
 from haploop.instruments.safety.duty import plays_of
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab
@@ -117,4 +117,4 @@ def test_what_is_kept_stays_small(here: Lab, tmp_path: Path) -> None:
         for _ in range(60):
             rig.excite(TONE[::100] * 0, ["A"], ["drive"])
             here.clock.sleep(2)
-    assert all(len(json.loads(path.read_bytes())) < 40 for path in tmp_path.glob("*.duty"))
+    assert all(len(of_file("duty", path.read_bytes())) < 40 for path in tmp_path.glob("*.duty"))

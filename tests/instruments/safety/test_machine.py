@@ -26,7 +26,9 @@ from pathlib import Path
 from haploop.instruments.safety import machine
 from haploop.instruments.safety.lock import InUse, hold
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
+from haploop.instruments.json_text import as_file
 if len(sys.argv) > 2:
+    as_file("lockout", None)  # the other user may not read this one's environment
     machine._place = lambda: Path(sys.argv[2])
     os.umask(0o077)
     os.setgid(65534)
