@@ -71,8 +71,13 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
     return findings
 
 
-def examine_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> list[Finding]:
-    """Open each instrument by itself, for a rig that cannot be opened because of `error`."""
+def examine_each(
+    file: RigFile, simulate: Mode | None, error: HaploopError, *, plant: object = None
+) -> list[Finding]:
+    """Open each instrument by itself, for a rig that cannot be opened because of `error`.
+
+    `simulate` and `plant` as they were given to `open_rig`.
+    """
     findings: list[Finding] = []
     roles = [role for role in file.devices if role != "operator"]
     # A simulated plant is wired to the DAQ, so the other twins need it.
@@ -83,7 +88,7 @@ def examine_each(file: RigFile, simulate: Mode | None, error: HaploopError) -> l
             continue
         alone = file.model_copy(update={other: None for other in roles if other not in (role, needed)})
         try:
-            with open_rig(alone, simulate=simulate) as rig:
+            with open_rig(alone, simulate=simulate, plant=plant) as rig:
                 identity = _identity(rig, role)
                 findings.append(Finding("Identity", role, "green", f"{identity} responds."))
         except HaploopError as problem:

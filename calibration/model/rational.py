@@ -43,6 +43,8 @@ _COINCIDENT = 0.1
 """Distance of two poles, over their decay, within which one response cannot distinguish them."""
 _TRUST, _TRIES = 0.1, 3
 """Initial damping of the refinement's steps (Levenberg-Marquardt), and attempts at each."""
+_AS_FORESEEN, _LESS_THAN_FORESEEN = 0.75, 0.25
+"""Gain of a step over that of the linearised problem, above which damping falls, and below which it rises."""
 _NARROWEST = 0.02
 """Smallest half-power width of a fitted pole pair, over the lines' spacing."""
 _ALIKE = 30
@@ -84,7 +86,8 @@ class Lines:
     def gathered(self, values: FloatArray) -> FloatArray:
         """Combine real and imaginary parts (columns, 2, lines) into rows, (columns, 2 rows)."""
         if self.block > 1:
-            values = values.reshape(len(values), 2, -1, self.block).sum(axis=3) / np.sqrt(self.block)
+            # Twice as fast as a sum along a short axis.
+            values = sum(values[:, :, k :: self.block] for k in range(self.block)) / np.sqrt(self.block)
         return np.asarray(values.reshape(len(values), -1))
 
 
@@ -404,15 +407,22 @@ def _refined(poles: ComplexArray, lines: Lines, steps: int = _STEPS, settled: fl
         normal = change @ change.T - seen.T @ (best.inverse @ seen)
         gradient = change @ best.left
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        normal = normal / np.outer(scale, scale)
+        normal, gradient = normal / np.outer(scale, scale), gradient / scale
         before = best.power
         for _ in range(_TRIES):
-            step = np.linalg.solve(normal + trust * np.eye(len(scale)), gradient / scale) / scale
-            tried = Projection.of(_moved(best.poles, step, lines), lines)
-            if tried.power < before:
-                best, trust = tried, max(trust / 10, 1e-9)
+            step = np.linalg.solve(normal + trust * np.eye(len(scale)), gradient)
+            foreseen = float(step @ gradient + trust * step @ step) / len(lines.H)
+            if foreseen < settled * before:
                 break
-            trust = max(10 * trust, 1e-4)
+            tried = Projection.of(_moved(best.poles, step / scale, lines), lines)
+            kept = (before - tried.power) / foreseen
+            if kept > _AS_FORESEEN:
+                trust = max(trust / 10, 1e-9)
+            elif kept < _LESS_THAN_FORESEEN:
+                trust = max(10 * trust, 1e-4)
+            if kept > 0:
+                best = tried
+                break
         if best.power > (1 - settled) * before:
             break
     return best

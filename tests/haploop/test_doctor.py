@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 
-from haploop.calibration.examination import Finding, examine
-from haploop.instruments import ConfigurationError, Rig
+from haploop.calibration.examination import Finding, examine, examine_each
+from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file
+from haploop.instruments.config import RigFile
+from haploop.instruments.driver import Mode
+from haploop.mocks.plant import PlantSource, Surface, random_modal
 from tests.conftest import OpenRig
 from tests.haploop.conftest import Run
 
@@ -100,6 +104,22 @@ def test_a_rig_without_a_table_is_tested_for_what_it_has(open: OpenRig, mode: st
 def test_a_mass_that_is_none_is_refused(open: OpenRig, mass: float) -> None:
     with pytest.raises(ConfigurationError, match="is no mass"):
         examine(open("minimal"), mass)
+
+
+def test_each_instrument_is_opened_on_the_plant_that_was_given(mode: Mode) -> None:
+    seen: list[str] = []
+
+    class Watched(PlantSource):
+        def make(self, file: RigFile, rng: np.random.Generator) -> Surface:
+            seen.append(file.name)
+            return random_modal(rng).make(file, rng)
+
+    file = load_rig_file("haptable")
+    findings = examine_each(file, mode, InstrumentError("The box does not answer."), plant=Watched())
+    opened = [finding for finding in findings if finding.name == "Identity" and finding.instrument != "rig"]
+    assert {finding.status for finding in opened} == {"green"}
+    assert len(seen) == len(opened) >= 4
+    assert findings[-2].sentence == "The box does not answer."
 
 
 class TestCommand:
