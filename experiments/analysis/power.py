@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,9 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from haploop.experiments.analysis.anova import anova
 from haploop.experiments.analysis.proportions import Interval, wilson_interval
-from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import key_lines, place, validate
+from haploop.instruments.config import load_model
 from haploop.instruments.progress import Progress, silent
 
 __all__ = ["Power", "PowerPlan", "load_power_plan", "power_of"]
@@ -79,17 +77,7 @@ class Power:
 
 def load_power_plan(path: str | Path) -> PowerPlan:
     """Read and validate a plan. Raises ConfigurationError: file, line, key, and what is wrong."""
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-        raw: dict[str, Any] = tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigurationError(f"There is no file {path}: docs/experiments.md shows a plan.") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}.") from None
-    return validate(PowerPlan, raw, partial(place, [(str(path), key_lines(text))]))
+    return load_model(Path(path), PowerPlan, f"There is no file {path}: docs/experiments.md shows a plan.")
 
 
 def power_of(

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import re
-import tomllib
 from dataclasses import dataclass
-from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from haploop.instruments import ConfigurationError
-from haploop.instruments.config import key_lines, place, validate
+from haploop.instruments.config import load_model
 
 __all__ = [
     "Block",
@@ -225,19 +222,11 @@ def load_experiment(path: str | Path) -> Experiment:
     )
     if path.is_dir():
         path = path / "experiment.toml"
-    try:
-        text = path.read_text(encoding="utf-8")
-        raw: dict[str, Any] = tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigurationError(
-            f"There is no experiment {path}: make one with `haploop experiment new FOLDER`, or "
-            f"name an example ({', '.join(example_names())})."
-        ) from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}.") from None
-    file = validate(ExperimentFile, raw, partial(place, [(str(path), key_lines(text))]))
+    absent = (
+        f"There is no experiment {path}: make one with `haploop experiment new FOLDER`, or "
+        f"name an example ({', '.join(example_names())})."
+    )
+    file = load_model(path, ExperimentFile, absent)
     return Experiment(path, file, hashlib.sha256(file.model_dump_json().encode()).hexdigest())
 
 
