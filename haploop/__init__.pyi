@@ -72,6 +72,8 @@ from .exchange import export_file as export_file
 from .exchange import import_press as import_press
 from .exchange import import_response as import_response
 from .exchange import is_response_file as is_response_file
+from .experiments import AGAIN as AGAIN
+from .experiments import Presenter as Presenter
 from .experiments import Session as Session
 from .experiments import Store as Store
 from .experiments import analyse_identification as analyse_identification
@@ -83,6 +85,7 @@ from .experiments import load_experiment as load_experiment
 from .experiments import load_power_plan as load_power_plan
 from .experiments import open_session as open_session
 from .experiments import power_of as power_of
+from .experiments import prepare_surface as prepare_surface
 from .experiments import read_rows as read_rows
 from .experiments import run_session as run_session
 from .figures import animate_map as animate_map

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import zlib
 from dataclasses import fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInf
 from haploop.acquisition.presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from haploop.acquisition.recording import file_name
 from haploop.instruments import ConfigurationError
-from haploop.instruments.config import key_lines, parse_toml, place, read_text, validate
+from haploop.instruments.config import load_model
 
 __all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file", "williams_row"]
 
@@ -221,9 +220,8 @@ class StudyFile(_Section):
 
 def load_study_file(path: str | Path) -> StudyFile:
     """Read and validate a study file. Raises ConfigurationError: file, line, key, and what is wrong."""
-    path = Path(path)
-    text = read_text(path, f"There is no study file {path}: create a study with `haploop study new FOLDER`.")
-    return validate(StudyFile, parse_toml(text, path), partial(place, [(str(path), key_lines(text))]))
+    absent = f"There is no study file {path}: create a study with `haploop study new FOLDER`."
+    return load_model(Path(path), StudyFile, absent)
 
 
 def _refusal_as_value_error(participant: str, button: str) -> None:

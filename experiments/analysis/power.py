@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +14,7 @@ from haploop.experiments.analysis.anova import anova
 from haploop.experiments.analysis.proportions import Interval, wilson_interval
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import key_lines, parse_toml, place, read_text, validate
+from haploop.instruments.config import load_model
 from haploop.instruments.progress import Progress, silent
 
 __all__ = ["Power", "PowerPlan", "load_power_plan", "power_of"]
@@ -78,9 +77,7 @@ class Power:
 
 def load_power_plan(path: str | Path) -> PowerPlan:
     """Read and validate a plan. Raises ConfigurationError: file, line, key, and what is wrong."""
-    path = Path(path)
-    text = read_text(path, f"There is no file {path}: docs/experiments.md shows a plan.")
-    return validate(PowerPlan, parse_toml(text, path), partial(place, [(str(path), key_lines(text))]))
+    return load_model(Path(path), PowerPlan, f"There is no file {path}: docs/experiments.md shows a plan.")
 
 
 def power_of(

@@ -5,6 +5,7 @@ from haploop.experiments.contact.area import (
     Contact,
     ContactMeter,
     calibrate_meter,
+    drop_old_frames,
     learn_background,
 )
 from haploop.experiments.contact.button import (
@@ -22,6 +23,7 @@ from haploop.experiments.contact.finger import (
     FingerCalibration,
     activation_areas,
     calibrate_finger,
+    press_area,
     watch_touch,
 )
 
@@ -38,8 +40,10 @@ __all__ = [
     "activation_areas",
     "calibrate_finger",
     "calibrate_meter",
+    "drop_old_frames",
     "latency_of",
     "learn_background",
+    "press_area",
     "run_button",
     "verify_button",
     "watch_touch",

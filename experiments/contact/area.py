@@ -14,8 +14,16 @@ from scipy import ndimage
 
 from haploop.instruments import Camera, DataError, Frame
 from haploop.instruments.arrays import FloatArray
+from haploop.instruments.clock import Clock
 
-__all__ = ["Background", "Contact", "ContactMeter", "calibrate_meter", "learn_background"]
+__all__ = [
+    "Background",
+    "Contact",
+    "ContactMeter",
+    "calibrate_meter",
+    "drop_old_frames",
+    "learn_background",
+]
 
 _SATURATED = 250
 _DETECTED = 6.0
@@ -26,6 +34,8 @@ _EDGE = 4
 """Width of the border (pixels) that shows the light without a finger."""
 _SMALLEST = 60
 """Smallest blob (pixels) that counts as a finger."""
+_MOST_KEPT = 30
+"""Frames that a camera may keep while it is not read; a video file always has the next one."""
 _BLURRED = 5.0
 """Standard deviation of the blur (pixels) above which areas are not trusted."""
 
@@ -89,6 +99,19 @@ class ContactMeter:
                 "background anew."
             )
         return ""
+
+
+def drop_old_frames(camera: Camera, clock: Clock) -> None:
+    """Read away the frames that a camera kept while nobody read: the next one is taken after this returns.
+
+    A camera gives those at once, and OpenCV gives them the time at which they are read, so that an old finger
+    would count as a new one.
+    """
+    for _ in range(_MOST_KEPT):
+        before = clock.now()
+        camera.read()
+        if clock.now() - before > 0.5 / camera.rate_hz:
+            return
 
 
 def learn_background(camera: Camera, frames: int = 30) -> Background:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Literal
@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from haploop.calibration import Check, DigitalButton, Drive, check
-from haploop.experiments.contact.area import Contact, ContactMeter
+from haploop.experiments.contact.area import Contact, ContactMeter, drop_old_frames
 from haploop.instruments import Camera, ConfigurationError, DataError, Rig
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.progress import Progress, silent
@@ -32,6 +32,8 @@ BUDGET = 0.054
 frame to drive. For a finger that feels its own press there may be less."""
 _RISE = 5e-3
 """Time in which a drive without its lead-in rises (s)."""
+_PARTS = (1.0, 0.2, 0.02, 0.0)
+"""Parts of the lead-in that are tried to be left out."""
 _ONSET = 0.1
 """Share of the target's peak at which it counts as begun to be felt."""
 
@@ -53,12 +55,22 @@ class Activator:
         self._area, self._lifted, self._release = area, lifted, release
         # Armed only once the surface was seen free: a finger that rests there from the beginning is no press.
         self._state: Literal["waiting", "armed", "pressed", "released"] = "waiting"
+        self.lifts = 0
+        """Touches that ended, whether or not they had activated it."""
+        self._touched = False
+
+    @property
+    def pressed(self) -> bool:
+        """True from a press to its release, or to the end of the touch."""
+        return self._state == "pressed"
 
     def see(self, contact: Contact) -> Literal["press", "release"] | None:
         """What this frame brings about. A frame whose area is not to be trusted brings nothing about."""
         if contact.problem:
             return None
         area = contact.area
+        self.lifts += self._touched and area < self._lifted
+        self._touched = area >= self._lifted and self._state != "waiting"
         if area < self._lifted:
             was, self._state = self._state, "armed"
             return "release" if was == "pressed" and self._release is not None else None
@@ -103,6 +115,8 @@ class Played:
     """s from the middle of the frame's exposure to the first sample of the drive, at most."""
     onset: float
     """s from the middle of the exposure to where the target motion reaches a tenth of its peak."""
+    scale: float = 1.0
+    """Volts that were played, over those of the verified drive."""
 
 
 @dataclass(frozen=True)
@@ -136,9 +150,10 @@ def verify_button(
     """Play and measure a button without its lead-in; it may then be used on this rig today.
 
     A recorded press begins some tenths of a second before the button activates. At run time the finger has
-    pressed already, so that the drive begins where the target has had the share `left_out` of its energy. The
-    check is of exactly what will be played. Raises DataError when it does not pass, ConfigurationError for a
-    button of another world, and what `haploop.check` raises.
+    pressed already, so that the drive begins where the target has had the share `left_out` of its energy. A
+    table that rings long needs some of the volts before that: if the check does not pass, less is left out,
+    down to nothing. The check is of exactly what will be played. Raises DataError when not even the whole
+    drive passes, ConfigurationError for a button of another world, and what `haploop.check` raises.
     """
     if button.simulated != rig.simulated:
         kinds = {True: "simulated", False: "real"}
@@ -147,14 +162,15 @@ def verify_button(
             f"{rig.name!r} "
             f"is {kinds[rig.simulated]}: make a button on this rig."
         )
-    drive, left_out = without_lead_in(button.drive, left_out)
-    result = check(rig, drive, button.press, progress=progress)
-    if not result.passed:
-        raise DataError(
-            f"The digital {button.press.button} is not verified today ({' '.join(result.reasons)}): "
-            "make it again."
-        )
-    return VerifiedButton(button, result, rig, _today(), left_out)
+    for part in _PARTS:
+        drive, cut = without_lead_in(button.drive, part * left_out)
+        result = check(rig, drive, button.press, progress=progress)
+        if result.passed:
+            return VerifiedButton(button, result, rig, _today(), cut)
+    raise DataError(
+        f"The digital {button.press.button} is not verified today ({' '.join(result.reasons)}): "
+        "make it again."
+    )
 
 
 def without_lead_in(drive: Drive, left_out: float = 5e-3) -> tuple[Drive, float]:
@@ -184,11 +200,15 @@ def run_button(
     presses: int = 1,
     timeout: float = 30.0,
     release: VerifiedButton | None = None,
+    scale: float = 1.0,
+    ask: Callable[[], None] = lambda: None,
 ) -> tuple[Played, ...]:
     """Play the button each time that the finger activates it, until it was pressed `presses` times.
 
     The camera was started. `release` is played at each release, if the activator reports releases: the paper
     leaves open whether a digital push button should render them. Every drive goes through the rig's limiter.
+    With a `scale` other than 1 the volts are multiplied by it; the check is of 1. `ask` is called for each
+    touch that is to come: at first, after a press, and after a touch that did not activate the button.
 
     Raises DataError when no press comes within `timeout` (s), ConfigurationError for a button that is not
     verified today, and what `Rig.excite` raises.
@@ -197,20 +217,30 @@ def run_button(
     if release is not None:
         release.refuse_stale(rig)
     found: list[Played] = []
-    since = rig.clock.now()
-    while sum(one.kind == "press" for one in found) < presses:
+    pressed = asked = 0
+    """Presses so far, and the touch that was last asked for: one after so many lifts."""
+    drop_old_frames(camera, rig.clock)
+    begun, since = activator.lifts, rig.clock.now()
+    ask()
+    while pressed < presses or (release is not None and activator.pressed):
         contact = meter.measure(camera.read())
         if rig.clock.now() - since > timeout:
             raise DataError(f"The button was not pressed within {timeout:g} s. {contact.problem}".strip())
         kind = activator.see(contact)
+        if activator.lifts - begun > asked and pressed < presses:
+            asked = activator.lifts - begun
+            ask()
         chosen = verified if kind == "press" else release if kind == "release" else None
         if kind is None or chosen is None:
             continue
+        pressed += kind == "press"
         drive = chosen.check.drive
         timer = _Timer(rig)
-        rig.excite(drive.volts, (drive.patch,), (rig.monitor(drive.patch),), progress=timer)
-        latency = timer.begun - contact.time
-        found.append(Played(kind, contact, latency, latency + _onset(drive.target) / drive.rate_hz))
+        rig.excite(scale * drive.volts, (drive.patch,), (rig.monitor(drive.patch),), progress=timer)
+        latency = float(timer.begun - contact.time)
+        onset = latency + _onset(drive.target) / drive.rate_hz
+        found.append(Played(kind, contact, latency, onset, scale))
+        drop_old_frames(camera, rig.clock)
         since = rig.clock.now()
     return tuple(found)
 

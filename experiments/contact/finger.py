@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from haploop.experiments.contact.area import Contact, ContactMeter
+from haploop.experiments.contact.area import Contact, ContactMeter, drop_old_frames
 from haploop.instruments import Camera, DataError, Rig, Touch
 
-__all__ = ["FingerCalibration", "activation_areas", "calibrate_finger", "watch_touch"]
+__all__ = ["FingerCalibration", "activation_areas", "calibrate_finger", "press_area", "watch_touch"]
 
 LEAST_RATIO = 1.3
 """Smallest A_max over A_min with which three buttons can be told apart (our choice)."""
@@ -86,21 +86,30 @@ def calibrate_finger(
     pressures: tuple[Literal["light", "firm"], ...] = ("light", "firm")
     for pressure in pressures:
         for number in range(1, presses + 1):
-            rig.operator.tell(Touch(participant, pressure, number, presses))
-            contacts = watch_touch(camera, meter, timeout)
-            for contact in contacts:
-                if contact.problem:
-                    raise DataError(
-                        f"A {pressure} press of {participant} cannot be measured. {contact.problem}"
-                    )
-            seen = np.array([contact.area for contact in contacts])
-            area = float(np.median(seen[seen > 0.9 * seen.max()]))
+            area = press_area(rig, camera, meter, Touch(participant, pressure, number, presses), timeout)
             areas[pressure].append(area)
             on_press(pressure, number, area)
     found = FingerCalibration(participant, tuple(areas["light"]), tuple(areas["firm"]))
     if found.problem:
         raise DataError(found.problem)
     return found
+
+
+def press_area(
+    rig: Rig, camera: Camera, meter: ContactMeter, asked: Touch, timeout: float = _TIMEOUT
+) -> float:
+    """Ask for a press of the surface, and return the area (m^2) at which it rests.
+
+    Raises DataError for one whose images are not usable, or none within `timeout` (s); InstrumentError.
+    """
+    drop_old_frames(camera, rig.clock)
+    rig.operator.tell(asked)
+    contacts = watch_touch(camera, meter, timeout)
+    problem = next((contact.problem for contact in contacts if contact.problem), "")
+    if problem:
+        raise DataError(f"A {asked.pressure} press of {asked.participant} cannot be measured. {problem}")
+    seen = np.array([contact.area for contact in contacts])
+    return float(np.median(seen[seen > 0.9 * seen.max()]))
 
 
 def watch_touch(camera: Camera, meter: ContactMeter, timeout: float = _TIMEOUT) -> list[Contact]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import dataclass
-from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from haploop.instruments.config import key_lines, parse_toml, place, read_text, validate
+from haploop.instruments.config import load_model
 
 __all__ = [
     "Block",
@@ -105,6 +104,17 @@ class Block(_Section):
     """Whether the participant is told if an answer was right; or on which level of a session's factor."""
 
 
+class Surface(_Section):
+    """`[surface]`: how the rig plays the digital buttons of `[buttons]`."""
+
+    when: dict[str, str] = {}
+    """Levels of factors with which the stimulus is a digital button; by default each is."""
+    releases: dict[str, str] = {}
+    """Digital button files that are played at a release, by the same names as in `[buttons]`."""
+    target: Annotated[float, Field(ge=20e-6, le=1e-3)] = 100e-6
+    """Area (m^2) of the target by which the camera is calibrated."""
+
+
 class ExperimentFile(_Section):
     """A validated experiment file."""
 
@@ -119,7 +129,9 @@ class ExperimentFile(_Section):
     consent: bool = True
     """True when the operator must confirm each participant's consent."""
     buttons: dict[str, str] = {}
-    """Digital button files, beside this one, by the level of a factor that presents it."""
+    """Digital button files, beside this one, by the level of a factor that presents it: the rig plays them.
+    Without such a factor it is the one button whose amplitude is compared."""
+    surface: Surface = Surface()
     factor: tuple[Factor, ...] = ()
     question: Question = Question()
     comparison: Comparison | None = None
@@ -138,6 +150,7 @@ class ExperimentFile(_Section):
             if name in _RESERVED:
                 raise ValueError(f"a factor cannot be called {name!r}, because a column of the results is")
         self._question_fits()
+        self._buttons_fit()
         for block in self.block:
             if isinstance(block.feedback, dict):
                 for name, level in block.feedback.items():
@@ -176,6 +189,39 @@ class ExperimentFile(_Section):
                     )
                 if self.kind == "staircase":
                     _staircase_fits(self.comparison)
+
+    def _buttons_fit(self) -> None:
+        if not self.buttons:
+            if self.surface != Surface():
+                raise ValueError("[surface] is for digital buttons: list their files in [buttons]")
+            return
+        for name, level in self.surface.when.items():
+            if level not in self.levels_of(name, "trial"):
+                raise ValueError("[surface] when needs factors that vary by trial, and a level of each")
+        if (
+            self.kind in ("two-interval", "staircase")
+            and self.comparison
+            and (self.comparison.name != "amplitude" or self.comparison.standard < 0)
+        ):
+            raise ValueError(
+                "a rig that plays [buttons] compares their amplitude: [comparison] needs name = 'amplitude', "
+                "and values from 0 up, of the verified drive"
+            )
+        if not self.button_factor and not (len(self.buttons) == 1 and not self.trial_factors):
+            raise ValueError("[buttons] needs a file for each level of one factor that varies by trial")
+        if not set(self.surface.releases) <= set(self.buttons):
+            raise ValueError("[surface] releases must have names of [buttons]")
+        kinds = [block.kind for block in self.block]
+        if "finger" not in kinds[: kinds.index("trials") if "trials" in kinds else None]:
+            raise ValueError(
+                "[buttons] are activated by the contact area of a finger: put a block of the kind 'finger' "
+                "before the trials"
+            )
+
+    @property
+    def button_factor(self) -> str:
+        """Factor whose levels are the digital buttons; "" without one."""
+        return next((f.name for f in self.trial_factors if set(f.levels) == set(self.buttons)), "")
 
     def levels_of(self, name: str, varies: str) -> tuple[str, ...]:
         """Levels of a factor; () if there is none of this name that varies so."""
@@ -223,12 +269,11 @@ def load_experiment(path: str | Path) -> Experiment:
     )
     if path.is_dir():
         path = path / "experiment.toml"
-    text = read_text(
-        path,
-        f"There is no experiment {path}: make one with `haploop experiment new FOLDER`, or name an example "
-        f"({', '.join(example_names())}).",
+    absent = (
+        f"There is no experiment {path}: make one with `haploop experiment new FOLDER`, or "
+        f"name an example ({', '.join(example_names())})."
     )
-    file = validate(ExperimentFile, parse_toml(text, path), partial(place, [(str(path), key_lines(text))]))
+    file = load_model(path, ExperimentFile, absent)
     return Experiment(path, file, hashlib.sha256(file.model_dump_json().encode()).hexdigest())
 
 

@@ -23,6 +23,7 @@ __all__ = [
     "Assignment",
     "Course",
     "Step",
+    "digital_button",
     "group_of_slot",
     "right_answer",
     "session_levels",
@@ -68,6 +69,15 @@ class Step:
     """Of two intervals: the value in each; of a rating: the ends of the scale."""
     repetitions: int = 1
     """Of presses of a physical button."""
+
+
+def digital_button(file: ExperimentFile, step: Step) -> str:
+    """Name of the digital button that the rig plays in a step; "" when it plays none."""
+    if not file.buttons or step.kind in ("presses", "finger"):
+        return ""
+    if any(step.stimulus[factor] != level for factor, level in file.surface.when.items()):
+        return ""
+    return step.stimulus[file.button_factor] if file.button_factor else next(iter(file.buttons))
 
 
 def group_of_slot(file: ExperimentFile, slot: int) -> str:

@@ -2,13 +2,22 @@
 
 from haploop.experiments.session.export import export_answers, sidecar_of
 from haploop.experiments.session.log import Event, EventLog, read_log
-from haploop.experiments.session.session import Answerer, Session, open_session, run_session
+from haploop.experiments.session.session import (
+    AGAIN,
+    Answerer,
+    Presents,
+    Session,
+    open_session,
+    run_session,
+)
 from haploop.experiments.session.store import Store, StoredSession, Withdrawal
 
 __all__ = [
+    "AGAIN",
     "Answerer",
     "Event",
     "EventLog",
+    "Presents",
     "Session",
     "Store",
     "StoredSession",

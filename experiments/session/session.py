@@ -6,7 +6,7 @@ begins, and `answer` with what the participant chose.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -19,12 +19,12 @@ from haploop.experiments.protocol import (
     session_levels,
     valid,
 )
-from haploop.experiments.session.log import EventLog
+from haploop.experiments.session.log import Event, EventLog
 from haploop.experiments.session.store import Store
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.clock import Clock
 
-__all__ = ["Answerer", "Session", "open_session", "run_session"]
+__all__ = ["AGAIN", "Answerer", "Presents", "Session", "open_session", "run_session"]
 
 
 class Answerer(Protocol):
@@ -39,6 +39,22 @@ class Answerer(Protocol):
         ...
 
 
+class Presents(Protocol):
+    """What presents the stimuli: a rig, with the participant's finger on its surface."""
+
+    def presents(self, step: Step) -> bool:
+        """Whether it has a part in this step."""
+        ...
+
+    def present(self, session: Session, step: Step) -> None:
+        """Present it, and log what happened."""
+        ...
+
+
+AGAIN = "again"
+"""Answer of an `Answerer` who wants a stimulus once more."""
+
+
 class Session:
     """A session in progress. See `open_session`."""
 
@@ -50,6 +66,11 @@ class Session:
         self._presented = False
         self._course = Course(self._file, assignment)
         self.due: Step | None = self._course.due(())
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """All events so far, also of earlier runs."""
+        return tuple(self._log.events)
 
     def presented(self, **details: Any) -> None:
         """Log that the stimulus of the step that is due begins; again when it is repeated."""
@@ -149,11 +170,23 @@ def open_session(
             log.close()
 
 
-def run_session(session: Session, who: Answerer) -> None:
-    """Do the steps that are due until the session is complete, with one that answers each at once."""
+def run_session(session: Session, who: Answerer, rig: Presents | None = None) -> None:
+    """Do the steps that are due until the session is complete.
+
+    `rig` presents the stimuli that it has a part in; without one, somebody else does. One who answers may
+    answer `AGAIN` to such a stimulus.
+    """
     while (step := session.due) is not None:
         session.presented()
-        told = session.answer(who.answer(step))
+        answer: Any = "done"
+        if rig is None or not rig.presents(step):
+            answer = who.answer(step)
+        else:
+            rig.present(session, step)
+            while step.kind != "finger" and (answer := who.answer(step)) == AGAIN:
+                session.presented()
+                rig.present(session, step)
+        told = session.answer(answer)
         if told is not None:
             who.told(step, told)
 

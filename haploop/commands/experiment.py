@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,11 +13,15 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH
+from haploop.commands.options import JSON, PATH, SIMULATE, alone, opened_rig
+from haploop.exits import CommandState
 from haploop.progress import Steps, note, print_json, print_line
 
 if TYPE_CHECKING:
-    from haploop.experiments import Step
+    from haploop.experiments import Presenter, Step
+    from haploop.instruments import Rig
+    from haploop.instruments.clock import Clock
+    from haploop.instruments.driver import Mode
 
 __all__ = ["experiment"]
 
@@ -32,6 +38,16 @@ MODEL = click.option(
     type=PATH,
     metavar="FILE.toml",
     help="Model of the simulated participants.  [default: built in]",
+)
+
+
+RIG = click.option(
+    "--rig",
+    "-r",
+    default="experiment",
+    show_default=True,
+    metavar="FILE",
+    help="Rig with a camera, for an experiment whose [buttons] it plays. Otherwise no rig is opened.",
 )
 
 
@@ -65,30 +81,44 @@ def new(folder: Path, example: str) -> int:
 @click.option("--simulated", is_flag=True, help="A simulated participant answers.")
 @MODEL
 @DATA
+@RIG
+@SIMULATE
 @JSON
+@click.pass_obj
 def run(
+    state: CommandState,
     file: str,
     participant: str,
     session: int | None,
     simulated: bool,
     model: Path | None,
     data: Path | None,
+    rig: str,
+    simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Run the session of a participant that is due. Stop with Ctrl-C; the next run continues there."""
+    """Run the session of a participant that is due. Stop with Ctrl-C; the next run continues there.
+
+    If the experiment names digital [buttons], the rig measures the participant's finger and plays them.
+    """
     store = _store(file, data)
     if model and not simulated:
         raise click.UsageError("--model is the model of a simulated participant: add --simulated.")
     loaded = _model(model)
     ask = partial(_consent, participant, simulated)
-    with haploop.open_session(
-        store, participant, haploop.RealClock(), session, simulated=simulated, consent=ask
-    ) as opened:
+    with (
+        _rig_of(state, store, rig, simulate, simulated) as surface,
+        haploop.open_session(
+            store, participant, _clock(surface), session, simulated=simulated, consent=ask
+        ) as opened,
+    ):
         if simulated:
             note("A simulated participant answers.")
         number = opened.assignment.session
-        answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else _AtTerminal()
-        haploop.run_session(opened, answers)
+        presenter = _presenter(store, surface)
+        person = _AtTerminal(presenter)
+        answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else person
+        haploop.run_session(opened, answers, presenter)
     display.show_experiment(store, as_json)
     return 0
 
@@ -100,18 +130,35 @@ def run(
 )
 @MODEL
 @DATA
+@RIG
+@SIMULATE
 @JSON
-def simulate(file: str, participants: int, model: Path | None, data: Path | None, as_json: bool) -> int:
-    """Run every session of simulated participants, P01 and so on, that is not complete."""
+@click.pass_obj
+def simulate(
+    state: CommandState,
+    file: str,
+    participants: int,
+    model: Path | None,
+    data: Path | None,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Run every session of simulated participants, P01 and so on, that is not complete.
+
+    If the experiment names digital [buttons], they press the simulated rig's surface, which plays them.
+    """
     store, loaded = _store(file, data), _model(model)
     names = [f"P{number:02}" for number in range(1, participants + 1)]
-    clock = haploop.RealClock()
-    with Steps() as steps:
-        for done, name in enumerate(names):
-            while (number := store.next_session(name)) is not None:
-                with haploop.open_session(store, name, clock, number, simulated=True) as opened:
-                    haploop.run_session(opened, haploop.SimulatedParticipant(loaded, name, number))
-            steps("Simulated participants", done + 1, len(names), "")
+    with _rig_of(state, store, rig, simulate, simulated=True) as surface:
+        clock, presenter = _clock(surface), _presenter(store, surface)
+        with Steps() as steps:
+            for done, name in enumerate(names):
+                while (number := store.next_session(name)) is not None:
+                    who = haploop.SimulatedParticipant(loaded, name, number)
+                    with haploop.open_session(store, name, clock, number, simulated=True) as opened:
+                        haploop.run_session(opened, who, presenter)
+                steps("Simulated participants", done + 1, len(names), "")
     display.show_experiment(store, as_json)
     return 0
 
@@ -175,7 +222,8 @@ def withdraw(file: str, participant: str, yes: bool, data: Path | None, as_json:
 class _AtTerminal:
     """A participant, or the operator, at a terminal."""
 
-    def __init__(self) -> None:
+    def __init__(self, presenter: Presenter | None) -> None:
+        self._presenter = presenter
         self._block = ""
 
     def answer(self, step: Step) -> Any:
@@ -184,6 +232,7 @@ class _AtTerminal:
             self._block = step.block
             note(f"--- {step.block.capitalize()}")
         head = f"{step.number} of {step.of}. " if step.kind != "staircase" else f"{step.number}. "
+        again = [] if self._presenter is None or not self._presenter.presents(step) else [haploop.AGAIN]
         match step.kind:
             case "presses":
                 name = next(iter(step.stimulus.values()), "")
@@ -193,6 +242,8 @@ class _AtTerminal:
                 return self._done(f"{head}{step.text} A {step.stimulus['press']} press.")
             case "rating":
                 note(f"{head}{step.text} ({', '.join(step.stimulus.values())})")
+                if again and click.confirm("Feel it once more?", default=False, err=True):
+                    return haploop.AGAIN
                 low, high = step.values
                 kind = click.FloatRange(low, high)
                 return {
@@ -202,9 +253,12 @@ class _AtTerminal:
                     for pair in step.choices
                 }
             case "identification":
-                return click.prompt(f"{head}{step.text}", type=click.Choice(step.choices), err=True)
+                return click.prompt(
+                    f"{head}{step.text}", type=click.Choice([*step.choices, *again]), err=True
+                )
             case _:
-                return int(click.prompt(f"{head}{step.text}", type=click.Choice(["1", "2"]), err=True))
+                answer = click.prompt(f"{head}{step.text}", type=click.Choice(["1", "2", *again]), err=True)
+                return answer if answer == haploop.AGAIN else int(answer)
 
     def told(self, step: Step, right: bool) -> None:
         """See `haploop.experiments.Answerer`."""
@@ -221,6 +275,35 @@ def _store(file: str, data: Path | None) -> haploop.Store:
     if data is None and file in haploop.example_names() and not Path(file).exists():
         data = Path(f"{file}-answers")  # an example lies in the installed package, where nothing is written
     return haploop.Store(loaded, data or loaded.path.parent / "answers")
+
+
+@contextmanager
+def _rig_of(
+    state: CommandState, store: haploop.Store, rig: str, simulate: Mode | None, simulated: bool
+) -> Iterator[Rig | None]:
+    """Open the rig for an experiment with digital buttons; None for one without."""
+    if not store.experiment.file.buttons:
+        yield None
+        return
+    with alone(rig, simulate) as file:
+        if simulated and not (simulate or file.simulate):
+            raise haploop.ConfigurationError(
+                f"A simulated participant has no finger for the rig {file.name!r}: add --simulate twin."
+            )
+        with opened_rig(state, file, simulate) as opened:
+            yield opened
+
+
+def _clock(rig: Rig | None) -> Clock:
+    return haploop.RealClock() if rig is None else rig.clock
+
+
+def _presenter(store: haploop.Store, rig: Rig | None) -> Presenter | None:
+    if rig is None:
+        return None
+    with Steps() as steps:
+        surface = haploop.prepare_surface(rig, store.experiment, steps)
+    return haploop.Presenter(surface, store.experiment.file)
 
 
 def _consent(participant: str, simulated: bool) -> bool:

@@ -1,5 +1,6 @@
 """Files that describe a rig: the rig file and the force sensor's calibration file."""
 
+from haploop.instruments.config.model_file import load_model
 from haploop.instruments.config.rig_file import (
     AbortLimits,
     Device,
@@ -25,6 +26,7 @@ __all__ = [
     "TableSettings",
     "fault_kinds",
     "key_lines",
+    "load_model",
     "load_rig_file",
     "parse_toml",
     "place",

@@ -11,6 +11,8 @@ from haploop.instruments.operator.role import (
     Remove,
     Request,
     Rest,
+    TakeTarget,
+    Target,
     Touch,
 )
 from haploop.instruments.operator.unattended import Unattended
@@ -26,6 +28,8 @@ __all__ = [
     "Remove",
     "Request",
     "Rest",
+    "TakeTarget",
+    "Target",
     "Touch",
     "Unattended",
 ]

@@ -18,6 +18,8 @@ __all__ = [
     "Remove",
     "Request",
     "Rest",
+    "TakeTarget",
+    "Target",
     "Touch",
 ]
 
@@ -137,7 +139,27 @@ class Touch:
         return f"Press the touch surface {how[self.pressure]}, and lift ({self.number} of {self.of})."
 
 
-Request = Touch | Press | Rest | Consent | Ready | Aim | ConfirmSettings | Place | Remove
+@dataclass(frozen=True)
+class Target:
+    """Put a target of known `area` (m^2) on the touch surface, where the camera sees it, and nothing else."""
+
+    area: float
+
+    def __str__(self) -> str:
+        return f"Put the target of {1e6 * self.area:g} mm² on the touch surface, and take your hands off."
+
+
+@dataclass(frozen=True)
+class TakeTarget:
+    """Take everything off the touch surface."""
+
+    def __str__(self) -> str:
+        return "Take everything off the touch surface: target and hands."
+
+
+Request = (
+    Touch | Target | TakeTarget | Press | Rest | Consent | Ready | Aim | ConfirmSettings | Place | Remove
+)
 
 
 class Operator(ABC):

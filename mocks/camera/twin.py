@@ -53,8 +53,6 @@ class CameraTwin(Camera):
         )
         self._first: float | None = None
         self._next = 0
-        self.target: float | None = None
-        """Area (m^2) of a round target that lies on the surface, for calibration."""
 
     def start(self) -> None:
         """See `Camera.start`."""
@@ -97,8 +95,8 @@ class CameraTwin(Camera):
             others = max(others, fault.other_finger(time))
         area = float(self._plant.contact_area(np.array([time]))[0])
         light = self._ellipse(area, blur, 0.0, 0.0)
-        if self.target is not None:
-            light = np.maximum(light, self._ellipse(self.target, blur, 0.0, 0.0, aspect=1.0))
+        if self._plant.target:
+            light = np.maximum(light, self._ellipse(self._plant.target, blur, 0.0, 0.0, aspect=1.0))
         if others:
             light = np.maximum(light, self._ellipse(others, blur, 0.36 * self.shape[1], 0.36 * self.shape[0]))
         image = lamp * self._unevenness + _FINGER * light + _NOISE * self._rng.normal(size=self.shape)

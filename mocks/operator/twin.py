@@ -15,6 +15,8 @@ from haploop.instruments.operator import (
     Remove,
     Request,
     Rest,
+    TakeTarget,
+    Target,
     Touch,
 )
 from haploop.mocks.plant import Plant
@@ -45,6 +47,10 @@ class OperatorTwin(Operator):
                 self._plant.put(request.mass)
             case Remove():
                 self._plant.put(0.0)
+            case Target():
+                self._plant.target = request.area
+            case TakeTarget():
+                self._plant.target = 0.0
             case ConfirmSettings():
                 return self._plant.set_as_filed
             case Rest() | Consent() | Ready():

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.config import key_lines, place, validate
-from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.config import load_model
 
 __all__ = ["ParticipantModel", "load_participant_model"]
 
@@ -75,14 +72,5 @@ class ParticipantModel(_Section):
 
 def load_participant_model(path: str | Path) -> ParticipantModel:
     """Read and validate a model. Raises ConfigurationError: file, line, key, and what is wrong."""
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-        raw: dict[str, Any] = tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigurationError(f"There is no file {path}: docs/experiments.md shows a model.") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}.") from None
-    return validate(ParticipantModel, raw, partial(place, [(str(path), key_lines(text))]))
+    absent = f"There is no file {path}: docs/experiments.md shows a model."
+    return load_model(Path(path), ParticipantModel, absent)

@@ -54,6 +54,8 @@ class Scene(ABC):
         self.faults = Faults.of_file(file)
         self.presses = Presses()
         self.touches: list[SimulatedTouch] = []
+        self.target = 0.0
+        """Area (m^2) of the round target that lies on the touch surface, for the camera; 0 without one."""
         self.loads: list[tuple[float, float]] = []
         """Additional weights on the force sensor: the time from which each applies (s), and its force (N)."""
         self.aimed = "button"
@@ -130,7 +132,8 @@ class Scene(ABC):
         with self._lock:
             areas = np.zeros(len(times))
             for touch in self.touches:
-                areas = np.maximum(areas, touch.area(times))
+                if touch.stop > times.min(initial=np.inf):
+                    areas = np.maximum(areas, touch.area(times))
             return areas
 
     def _flaw(self, press: str, attempt: int) -> Flaw:

@@ -56,9 +56,10 @@ def rig_with_camera(folder: Path, faults: str = "", seed: int = 1) -> Iterator[t
 
 def calibrated(camera: Any) -> ContactMeter:
     background = learn_background(camera, 12)
-    camera.target = TARGET
+    plant = camera._plant
+    plant.target = TARGET
     meter = calibrate_meter([camera.read() for _ in range(4)], background, TARGET)
-    camera.target = None
+    plant.target = 0.0
     return meter
 
 
