@@ -84,7 +84,9 @@ def load_power_plan(path: str | Path) -> PowerPlan:
         text = path.read_text(encoding="utf-8")
         raw: dict[str, Any] = tomllib.loads(text)
     except FileNotFoundError:
-        raise ConfigurationError(f"There is no file {path}: docs/experiments.md shows a plan.") from None
+        raise ConfigurationError(
+            f"There is no file {path}: docs/how-to/experiments.md shows a plan."
+        ) from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
     except (OSError, UnicodeDecodeError) as error:

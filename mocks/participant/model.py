@@ -80,7 +80,9 @@ def load_participant_model(path: str | Path) -> ParticipantModel:
         text = path.read_text(encoding="utf-8")
         raw: dict[str, Any] = tomllib.loads(text)
     except FileNotFoundError:
-        raise ConfigurationError(f"There is no file {path}: docs/experiments.md shows a model.") from None
+        raise ConfigurationError(
+            f"There is no file {path}: docs/how-to/experiments.md shows a model."
+        ) from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
     except (OSError, UnicodeDecodeError) as error:
