@@ -2,7 +2,7 @@
 
 That library can crash, or ask for any amount of memory, on a damaged file (a crash within 1000 random
 changes of a byte in metadata, measured). The first 512 bytes, which it skips, state what follows: kind of
-file, number of bytes, and their SHA-256 (docs/format.md, "The first 512 bytes").
+file, number of bytes, and their SHA-256 (docs/reference/format.md, "The first 512 bytes").
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class Simulation:
         if plant is not None and not isinstance(plant, PlantSource):
             raise ConfigurationError(
                 f"The plant that was given is an object of {type(plant).__name__}: give an instance of a "
-                "subclass of haploop.mocks.plant.PlantSource (docs/simulation.md)."
+                "subclass of haploop.mocks.plant.PlantSource (docs/how-to/adding-a-plant.md)."
             )
         self.clock = clock or (RealTimeClock() if real_time else VirtualClock())
         self._file = file

@@ -1,4 +1,4 @@
-"""What docs/adding-an-instrument.md shows is the example package, word by word."""
+"""What docs/how-to/adding-an-instrument.md shows is the example package, word by word."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "haploop-acme-relay"
 ROLES = ROOT / "examples" / "haploop-acme-thermometer"
-GUIDE = (ROOT / "docs" / "adding-an-instrument.md").read_text(encoding="utf-8")
+GUIDE = (ROOT / "docs" / "how-to" / "adding-an-instrument.md").read_text(encoding="utf-8")
 DRIVER_PART, ROLE_PART = GUIDE.split("## Adding a role")
 
 

@@ -174,6 +174,7 @@ def test_a_room_does_not_use_its_own_door() -> None:
 NAMED = re.compile(r"(?<![\w/.*~<{:-])(?:\.{1,2}/)*[\w-]+(?:/[\w.-]+)*\.(?:md|py)\b")
 """A document, or a Python file; neither is part of an address or of a pattern."""
 GUIDE = ROOT / "examples" / "haploop-acme-relay"
+DOCUMENTS = (ROOT / "docs", *(ROOT / "docs" / part for part in ("how-to", "reference", "explanation")))
 
 
 def tracked() -> list[Path]:
@@ -189,7 +190,7 @@ def test_a_file_that_is_named_is_there() -> None:
     for path in sorted(files):
         if path.suffix not in {".py", ".pyi", ".md", ".toml", ".yml", ".cff"}:
             continue
-        folders = (ROOT, ROOT / "docs", path.parent, GUIDE)
+        folders = (ROOT, *DOCUMENTS, path.parent, GUIDE)
         for name in NAMED.findall(path.read_text(encoding="utf-8")):
             first, _, rest = name.partition("/")
             if (name.endswith(".md") or (rest and first in {*ours, "..", "."})) and not any(

@@ -1,4 +1,4 @@
-"""The file format of a recording, as docs/format.md specifies it.
+"""The file format of a recording, as docs/reference/format.md specifies it.
 
 A file is in one of two states. During recording, `/blocks`, `/events` and `/presses` are preallocated
 contiguous datasets that are filled in place; a finished file holds `/codes`, channel by channel and

@@ -3,7 +3,7 @@
 Preallocate: a complete HDF5 file with all metadata and space for every block is created, allocated and
 synced before the first sample; a disk that is too small is detected here. Record: each block is one
 positioned write, with its CRC, into the bytes of the dataset, without a call of HDF5. Commit: a separate
-thread syncs the written data, so that a busy disk never delays a block. Reasons: docs/format.md,
+thread syncs the written data, so that a busy disk never delays a block. Reasons: docs/reference/format.md,
 "Guarantees".
 """
 

@@ -186,9 +186,10 @@ def read_uff_sets(path: str | Path) -> list[dict[str, Any]]:
         kinds = file.get_set_types()
         # Sets that pyuff does not know, geometry say, are nobody's business here.
         return [file.read_sets(n) for n, kind in enumerate(kinds) if kind in (58, 164)]
-    except Exception:
-        # It raises plain Exception, whatever is wrong.
-        raise DataError(f"{path} is damaged or no Universal File Format: it cannot be read.") from None
+    except MemoryError:
+        raise
+    except Exception as error:  # pyuff raises plain Exception, whatever is wrong
+        raise DataError(f"{path} is damaged or no Universal File Format: it cannot be read.") from error
 
 
 def _place(function: Mapping[str, Any]) -> tuple[str, int, int, str, int]:

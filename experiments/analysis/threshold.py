@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from haploop.experiments.analysis.table import Rows
-from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments import DataError
+from haploop.instruments.extras import optional
 
 __all__ = ["Threshold", "analyse_thresholds"]
 
@@ -41,12 +42,7 @@ def analyse_thresholds(rows: Rows, by: tuple[str, ...] = ()) -> tuple[Threshold,
     rows.require("comparison", "correct")
     columns = tuple(name for name in ("participant", *by) if name in rows.columns)
     rows.require(*by)
-    try:
-        import psignifit  # noqa: PLC0415  optional
-    except ImportError as error:
-        raise ConfigurationError(
-            f'Thresholds need psignifit ({error}): install it with pip install "haploop[psychometrics]".'
-        ) from None
+    psignifit = optional("psignifit", "psychometrics", "An analysis of thresholds")
     values, right = rows.numbers("comparison"), rows.text("correct")
     keys: list[tuple[str, ...]] = [()] * len(values)
     if columns:

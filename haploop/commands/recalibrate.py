@@ -47,7 +47,7 @@ def recalibrate(
 ) -> int:
     """Verify the active calibration; renew it after a drift.
 
-    Runs unattended, without prompts, for cron or the Windows Task Scheduler (docs/unattended.md).
+    Runs unattended, without prompts, for cron or the Windows Task Scheduler (docs/how-to/unattended.md).
 
     Exit codes: 0 unchanged, or renewed with every button within tolerance; 1 drifted and not renewed;
     2 invalid request, file or configuration; 3 something is broken. After 1, 2 and 3 the active

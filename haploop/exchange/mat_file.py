@@ -52,9 +52,11 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     """
     try:
         content = loadmat(path, squeeze_me=True, simplify_cells=True)
-    except Exception as error:  # scipy's own kinds of error have no common base
+    except MemoryError:
+        raise
+    except Exception as error:  # of a damaged file nearly any: scipy's own have no common base
         hint = " Save it with `save -v7`." if isinstance(error, NotImplementedError) else ""
-        raise DataError(f"{path} is no MATLAB file of level 5 ({error}).{hint}") from None
+        raise DataError(f"{path} is no MATLAB file of level 5 ({error}).{hint}") from error
     vectors = {
         name: np.asarray(value, dtype=np.float64)
         for name, value in content.items()

@@ -1,4 +1,4 @@
-"""Neurodata Without Borders: a recording as one session (optional: `pip install haploop[nwb]`)."""
+"""Neurodata Without Borders: a recording as one session (optional: `pip install "haploop[nwb]"`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 
 import h5py
 
-from haploop.exchange.views import PressTable, Signals, optional
+from haploop.exchange.views import PressTable, Signals
+from haploop.instruments.extras import optional
 from haploop.instruments.files import new_file
 
 __all__ = ["write_recording"]
@@ -17,7 +18,7 @@ _UNITS = {"m/s^2": "m/s^2", "1": "n.a."}
 
 def write_recording(signals: Signals, presses: PressTable, path: Path) -> None:
     """A TimeSeries a channel, the participant as the subject, and a trial a press."""
-    pynwb = optional("pynwb", "nwb")
+    pynwb = optional("pynwb", "nwb", "The format nwb")
     about = signals.about
     file = pynwb.NWBFile(
         session_description=f"{signals.title}. {about.get('note', 'Measured.')}",

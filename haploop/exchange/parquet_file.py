@@ -1,4 +1,4 @@
-"""Parquet, with the units in each column's metadata (optional: `pip install haploop[parquet]`)."""
+"""Parquet, with the units in each column's metadata (optional: `pip install "haploop[parquet]"`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from haploop.exchange.views import About, PressTable, Signals, optional
+from haploop.exchange.views import About, PressTable, Signals
+from haploop.instruments.extras import optional
 from haploop.instruments.files import new_file
 
 __all__ = ["write_presses", "write_signals"]
@@ -26,7 +27,8 @@ def write_presses(table: PressTable, path: Path) -> None:
 
 
 def _write(path: Path, columns: Mapping[str, Any], units: Mapping[str, str], about: About) -> None:
-    arrow, parquet = optional("pyarrow", "parquet"), optional("pyarrow.parquet", "parquet")
+    arrow = optional("pyarrow", "parquet", "The format parquet")
+    parquet = optional("pyarrow.parquet", "parquet", "The format parquet")
     arrays = [arrow.array(values) for values in columns.values()]
     fields = [
         arrow.field(name, array.type, metadata={"unit": units[name]})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from haploop.calibration import Response
-from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import new_file
 from haploop.progress import SIMULATED
@@ -26,7 +25,6 @@ __all__ = [
     "Responses",
     "Signals",
     "even_rate",
-    "optional",
     "read_sidecar",
     "sidecar",
     "write_json",
@@ -114,18 +112,6 @@ def even_rate(path: Path, time: FloatArray) -> float:
         raise DataError(f"{path} is not sampled at a constant rate: resample it first.")
     # A time with few digits gives a rate that is off in the last of them.
     return float(f"{1 / steps.mean():.6g}")
-
-
-def optional(module: str, extra: str) -> Any:
-    """Import a module of an optional extra. Raises ConfigurationError, which names the extra."""
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        package = module.partition(".")[0]
-        raise ConfigurationError(
-            f"This format needs {package}, which is not installed: install it with "
-            f"`pip install haploop[{extra}]`."
-        ) from None
 
 
 def sidecar(path: Path) -> Path:

@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from haploop.instruments.camera.role import Camera, Frame
 from haploop.instruments.clock import Clock
 from haploop.instruments.driver import one_name
-from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.errors import InstrumentError
+from haploop.instruments.extras import optional
 
 __all__ = ["OpenCvCamera"]
 
@@ -57,13 +58,7 @@ class OpenCvCamera(Camera):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Open the camera. Raises ConfigurationError without OpenCV, InstrumentError without a camera."""
-        try:
-            import cv2  # noqa: PLC0415  optional
-        except ImportError as error:
-            raise ConfigurationError(
-                f'The driver opencv needs OpenCV ({error}): install it with pip install "haploop[camera]".'
-            ) from None
-        return cls(settings, clock, cv2)
+        return cls(settings, clock, optional("cv2", "camera", "The driver opencv"))
 
     def start(self) -> None:
         """See `Camera.start`. A video file begins again."""

@@ -146,7 +146,7 @@ class SimulationSettings(_Section):
     bad_press_rate: Fraction = 0.0
     """Fraction of presses that go wrong: too soft, too hard, double, or with a hand resting on the button."""
     faults: tuple[dict[str, Any], ...] = ()
-    """Faults of the plant, one table each: its `kind`, and the settings of that kind (docs/faults.md)."""
+    """Faults of the plant, one table each: `kind`, and that kind's settings (docs/reference/faults.md)."""
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ Subclass the role's class in a test module, and give it one fixture, an open dri
 
 Further capabilities of a rig (a second connection, a view of the contacts, a fault) are named in
 `capabilities` and `faults`; a test that needs a missing one is skipped, with the reason.
-docs/adding-an-instrument.md has a complete example. Only tests import this package: it needs pytest.
+docs/how-to/adding-an-instrument.md has a complete example. Only tests import this package: it needs pytest.
 """
 
 from haploop.instruments.conformance.amplifier import AmplifierConformance

@@ -35,7 +35,7 @@ def open_rig(
     `simulate` replaces every driver by its twin, or connects the drivers to their wires; None: as
     the file says, which for a lab's rig is the hardware. `simulation`
     overrides keys of the file's `[simulation]` table; `plant` replaces its plant by an object
-    (docs/simulation.md, "A plant of your own"). With `real_time`, a
+    (docs/how-to/adding-a-plant.md). With `real_time`, a
     simulated rig takes as long as hardware does, for a person who acts on it. Connecting changes no
     output. Hardware is locked while it is open: no other program, and no other rig of this one, can open
     it.

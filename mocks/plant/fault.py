@@ -7,7 +7,7 @@ are seconds of the plant's clock since the rig was opened; with `within`, the se
 
 A kind of fault is a subclass of `Fault`, `TimedFault` or `PerEventFault` that overrides the hooks of the
 place where it acts. The plant calls each hook of all its faults, in the order of the rig file. A kind is
-found by its entry point, so that other packages can add kinds (see docs/faults.md).
+found by its entry point, so that other packages can add kinds (see docs/reference/faults.md).
 """
 
 from __future__ import annotations

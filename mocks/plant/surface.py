@@ -2,7 +2,7 @@
 
 The plant around it (amplifier, relay, the patches' hysteresis, laser, converters) is the same for every
 surface. A package adds a surface by an entry point of the group `haploop.plants`; a script gives an object
-to `open_rig`. See docs/simulation.md, "A plant of your own".
+to `open_rig`. See docs/how-to/adding-a-plant.md.
 """
 
 from __future__ import annotations

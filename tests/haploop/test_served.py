@@ -1,4 +1,4 @@
-"""docs/simulation.md, literally: twins served by one program, recorded by another, watched by a third."""
+"""The guides to served twins and live views, literally: served by one program, recorded by another."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ import pytest
 from haploop.acquisition import Recording
 from tests.haploop.conftest import Run
 
-GUIDE = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text(encoding="utf-8")
-SECTIONS = {part.partition("\n")[0]: part for part in GUIDE.split("\n## ")}
+GUIDES = Path(__file__).parents[2] / "docs" / "how-to"
 
 
-def _blocks(section: str, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", SECTIONS[section], re.MULTILINE | re.DOTALL)
+def _blocks(guide: str, language: str) -> list[str]:
+    text = (GUIDES / guide).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
 def _command(line: str) -> list[str]:
@@ -47,9 +47,9 @@ def _running(
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
 def test_the_guide_to_served_twins(tmp_path: Path) -> None:
-    serve, record = _blocks("Instruments served to other programs", "sh")
-    (printed,) = _blocks("Instruments served to other programs", "text")
-    (rig,) = _blocks("Instruments served to other programs", "toml")
+    serve, record = _blocks("serving-twins.md", "sh")
+    (printed,) = _blocks("serving-twins.md", "text")
+    (rig,) = _blocks("serving-twins.md", "toml")
     *lines, unserved = printed.splitlines()
     with _running(_command(serve), tmp_path) as server:
         assert server.stdout is not None
@@ -90,8 +90,8 @@ def test_the_guide_to_served_twins(tmp_path: Path) -> None:
 
 def test_the_guide_to_taps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (script,) = _blocks("Live views", "python")
-    exec(compile(script, "simulation.md", "exec"), {})
+    (script,) = _blocks("live-views.md", "python")
+    exec(compile(script, "live-views.md", "exec"), {})
 
 
 def test_a_rig_without_anything_to_serve_is_refused(run: Run, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def fired(rig: Rig) -> list[int]:
 
 
 def test_every_kind_is_in_the_guide() -> None:
-    guide = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+    guide = (Path(__file__).parents[2] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
     own = [kind.name for kind in metadata.distribution("haploop").entry_points.select(group="haploop.faults")]
     assert len(own) >= 25
     assert [kind for kind in own if f"`{kind}`" not in guide] == []

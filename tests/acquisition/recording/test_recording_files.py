@@ -97,7 +97,7 @@ def test_a_finished_file_says_who_what_and_how(finished):
 
 
 def test_the_hash_is_the_one_that_the_format_describes(finished):
-    """With h5py alone, by the words of docs/format.md."""
+    """With h5py alone, by the words of docs/reference/format.md."""
     with h5py.File(finished[0].path) as file:
         a = file.attrs
         essential = {
@@ -127,7 +127,7 @@ def test_the_hash_is_the_one_that_the_format_describes(finished):
 
 
 def test_the_checksums_are_those_that_the_format_describes(finished, tmp_path):
-    """By the words of docs/format.md."""
+    """By the words of docs/reference/format.md."""
     for path in (finished[0].path, unfinished(tmp_path / "P02-push.h5")):
         raw = path.read_bytes()
         said = json.loads(raw[:512])

@@ -155,7 +155,7 @@ def test_participants_have_the_same_columns_and_no_prompt_holds_one(tmp_path):
 
 def test_what_the_guide_and_a_new_study_show_can_be_loaded(tmp_path):
     root = Path(__file__).parents[3]
-    guide = (root / "docs" / "recording.md").read_text(encoding="utf-8")
+    guide = (root / "docs" / "how-to" / "recording.md").read_text(encoding="utf-8")
     tables = re.findall(r"^```toml\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
     (example,) = (table for table in tables if "participants" in table)
     file = loaded(tmp_path, example)

@@ -43,7 +43,7 @@ def test_a_fresh_drive_passes_by_what_was_expected(calibrated: Calibrated, drive
 def test_everything_said_can_be_computed_again_from_the_plays(
     calibrated: Calibrated, drive: Drive, tmp_path: Path
 ) -> None:
-    """With nothing but numpy and the file; docs/check.md shows the same script."""
+    """With nothing but numpy and the file; docs/explanation/check.md shows the same script."""
     check(calibrated.rig, drive).save(tmp_path / "check.h5")
     stored = Check.load(tmp_path / "check.h5")
     plays, target = stored.accelerations, stored.target

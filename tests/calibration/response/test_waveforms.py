@@ -18,7 +18,7 @@ SHORT = LinearSweep(repeats=2, seconds=1.5, tail=1.0, shares=())
 
 
 def test_the_response_is_computed_again_from_the_file(open: OpenRig, tmp_path: Path) -> None:
-    """With nothing but numpy and h5py; docs/check.md shows the same script."""
+    """With nothing but numpy and h5py; docs/explanation/check.md shows the same script."""
     path = tmp_path / "c-waveforms.h5"
     rig = open(hysteresis=0)
     with rig.captures() as captures:

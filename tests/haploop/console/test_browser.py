@@ -1,4 +1,4 @@
-"""The pages in a real Chromium, on the simulated rig in real time: docs/console.md, "Tests in a browser"."""
+"""The pages in a real Chromium, on the simulated rig in real time (docs/how-to/console.md)."""
 
 from __future__ import annotations
 

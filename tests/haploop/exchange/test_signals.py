@@ -221,7 +221,7 @@ def test_what_does_not_fit_is_one_sentence(files: Files, tmp_path: Path) -> None
 
 def test_a_missing_library_is_named(files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    with pytest.raises(haploop.ConfigurationError, match=r"pip install haploop\[parquet\]"):
+    with pytest.raises(haploop.ConfigurationError, match=r'pip install "haploop\[parquet\]"'):
         haploop.export_file(files.drive, "parquet", tmp_path / "a.parquet")
     assert not list(tmp_path.iterdir())
 

@@ -17,7 +17,7 @@ from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import KINDS, fault_class
 from tests.conftest import OpenRig
 
-GUIDE = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
+GUIDE = (Path(__file__).parents[3] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 BLOCKS = dict(re.findall(r"^```\w+\n# (\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL))
 HUM = {"kind": "acme-hum", "channel": "gauge0", "after": 0.5, "duration": 1.0}
 
@@ -36,7 +36,7 @@ def install(install_package: Install) -> Install:
 
 @pytest.fixture
 def hum(install: Install) -> None:
-    """The package that docs/faults.md shows."""
+    """The package that docs/reference/faults.md shows."""
     assert 'acme-hum = "acme_faults:MainsHum"' in BLOCKS["pyproject.toml"]
     install("acme-hum", "acme_faults", BLOCKS["acme_faults.py"], "MainsHum")
 

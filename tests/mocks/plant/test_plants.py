@@ -18,7 +18,7 @@ from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import Modal, ModalSurface, Modes, PlantSource, Surface, random_modal
 from tests.conftest import OpenRig
 
-GUIDE = (Path(__file__).parents[3] / "docs" / "simulation.md").read_text(encoding="utf-8")
+GUIDE = (Path(__file__).parents[3] / "docs" / "how-to" / "adding-a-plant.md").read_text(encoding="utf-8")
 BLOCKS = dict(re.findall(r"^```\w+\n# (\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL))
 STEP = 1 / 50_000
 Install = Callable[..., None]
@@ -36,7 +36,7 @@ def install(install_package: Install) -> Install:
 
 @pytest.fixture
 def string(install: Install) -> None:
-    """The package that docs/simulation.md shows."""
+    """The package that docs/how-to/adding-a-plant.md shows."""
     assert 'acme-string = "acme_string:String"' in BLOCKS["pyproject.toml"]
     install("acme-string", "acme_string", BLOCKS["acme_string.py"], "String")
 
