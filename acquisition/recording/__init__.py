@@ -13,6 +13,7 @@ from haploop.acquisition.recording.file_format import (
     file_name,
     to_codes,
 )
+from haploop.acquisition.recording.part_reader import PartReader
 from haploop.acquisition.recording.readings import AlongFile, AlongReading, reading_event
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.recovery import recover, set_aside
@@ -30,6 +31,7 @@ __all__ = [
     "Contents",
     "Event",
     "Header",
+    "PartReader",
     "PressVerdict",
     "Recording",
     "Rejection",
