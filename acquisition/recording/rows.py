@@ -1,6 +1,6 @@
 """Rows of a recording's file: blocks of samples, events and press verdicts, each with its CRC.
 
-docs/format.md specifies them.
+docs/reference/format.md specifies them.
 """
 
 from __future__ import annotations

@@ -33,6 +33,7 @@ from haploop.instruments.safety import is_marked, log_problems
 
 __all__ = [
     "CHUNK",
+    "codes_between",
     "content_hash",
     "ending_at",
     "finish",
@@ -40,6 +41,8 @@ __all__ = [
     "later_rows",
     "read_blocks",
     "read_contents",
+    "records_after",
+    "tables",
     "verify",
     "write_finished",
 ]
@@ -63,8 +66,35 @@ def read_contents(path: Path) -> Contents:
 def read_blocks(file: h5py.File, header: Header) -> Contents:
     """Read every valid row of a file in the state "recording"."""
     codes, blocks = _valid(file, len(header.channels))
-    events, presses = (_filled(_rows(file, name, kind)) for name, kind in _TABLES[1:])
+    events, presses = tables(file)
     return ending_at(Contents(codes, blocks, events, presses), codes.shape[1])
+
+
+def records_after(file: h5py.File, block: int, sample: int) -> Iterator[np.void]:
+    """The intact records of a file in the state "recording" from `block` on, which begins at `sample`."""
+    for record in _records(file["blocks"], block):
+        if not _written(record) or record["first"] != sample:
+            return
+        sample += int(record["count"])
+        yield record
+
+
+def codes_between(file: h5py.File, header: Header, first: int, end: int) -> Codes:
+    """Codes of samples `first` to `end` - 1 of a file in any state: (channels, samples)."""
+    if "codes" in file:
+        return np.asarray(file["codes"][:, first:end], dtype=np.int16)
+    blocks = file["blocks"]
+    size = blocks.dtype["samples"].shape[1]  # all blocks but the last are full
+    records = blocks[first // size : -(-end // size)]["samples"]
+    found = records.transpose(1, 0, 2).reshape(len(header.channels), -1)
+    begin = first - first // size * size
+    return np.asarray(found[:, begin : begin + end - first], dtype=np.int16)
+
+
+def tables(file: h5py.File) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """The rows of events and of verdicts that were written completely."""
+    events, presses = (_filled(_rows(file, name, kind)) for name, kind in _TABLES[1:])
+    return events, presses
 
 
 def intact_part(file: h5py.File, header: Header) -> Contents:
@@ -258,14 +288,9 @@ def _valid(file: h5py.File, channels: int) -> tuple[Codes, NDArray[np.void]]:
         raise ValueError("blocks")
     parts: list[Codes] = []
     rows = [np.zeros(0, BLOCK)]
-    samples = 0
-    for record in _records(stored):
-        if not _written(record) or record["first"] != samples:
-            break
-        count = int(record["count"])
-        parts.append(record["samples"][:, :count].copy())
+    for record in records_after(file, 0, 0):
+        parts.append(record["samples"][:, : int(record["count"])].copy())
         rows.append(finished_row(record))
-        samples += count
     codes = np.concatenate(parts, axis=1) if parts else np.zeros((channels, 0), dtype=np.int16)
     return codes.astype(np.int16, copy=False), np.concatenate(rows)
 
@@ -275,10 +300,10 @@ def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
     return np.array([row for row in rows if whole(row)], dtype=rows.dtype)
 
 
-def _records(blocks: h5py.Dataset) -> Iterator[np.void]:
+def _records(blocks: h5py.Dataset, first: int = 0) -> Iterator[np.void]:
     """Read the records in steps, because a file preallocated for an hour may not fit into memory."""
     step = max(1, (1 << 22) // blocks.dtype.itemsize)
-    for start in range(0, len(blocks), step):
+    for start in range(first, len(blocks), step):
         yield from blocks[start : start + step]
 
 

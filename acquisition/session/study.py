@@ -28,7 +28,15 @@ from haploop.acquisition.recording import (
 from haploop.acquisition.session.recorder import run_session
 from haploop.acquisition.session.session_run import Session, ignore
 from haploop.acquisition.session.study_file import StudyFile, load_study_file
-from haploop.instruments import ConfigurationError, Consent, DataError, InstrumentError, Ready, Rig
+from haploop.instruments import (
+    ConfigurationError,
+    Consent,
+    DataError,
+    InstrumentError,
+    Ready,
+    Request,
+    Rig,
+)
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import hold
 
@@ -250,6 +258,7 @@ def run_study(
     buttons: Collection[str] = (),
     progress: Progress = silent,
     on_verdict: Callable[[str, str, PressVerdict], None] = ignore,
+    on_request: Callable[[Request], None] = ignore,
     notes: str = "",
     wait: float | None = None,
     patience: float | None = None,
@@ -261,9 +270,10 @@ def run_study(
     A run continues where the last one stopped: accepted presses stay accepted, and an interrupted session
     keeps its file. The operator confirms each participant's consent once, and before each button that the
     participant is ready; the answer False ends the run, which then returns False. `progress` is called for
-    each session ("P01, latch") and `on_verdict(participant, button, press)` for each press, as in `record`.
-    `notes` are stored in every recording of this run. `wait` (s), `patience` (s) and `attempts` replace the
-    study file's; `pause` (s) is the longest total pause of each session (`Protocol.pause`).
+    each session ("P01, latch"), `on_verdict(participant, button, press)` for each press and `on_request` for
+    each request of a session, as in `record`. `notes` are stored in every recording of this run. `wait` (s),
+    `patience` (s) and `attempts` replace the study file's; `pause` (s) is the longest total pause of each
+    session (`Protocol.pause`).
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and the errors of `record`.
@@ -296,7 +306,8 @@ def run_study(
                     pause=pause,
                     **{k: v for k, v in limits.items() if v is not None},
                 )
-                run_session(rig, session, protocol, progress, partial(on_verdict, participant, button))
+                told = partial(on_verdict, participant, button)
+                run_session(rig, session, protocol, progress, told, on_request)
     return True
 
 

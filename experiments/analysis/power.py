@@ -78,7 +78,7 @@ class Power:
 def load_power_plan(path: str | Path) -> PowerPlan:
     """Read and validate a plan. Raises ConfigurationError: file, line, key, and what is wrong."""
 <<<<<<< HEAD
-    return load_model(Path(path), PowerPlan, f"There is no file {path}: docs/experiments.md shows a plan.")
+    return load_model(Path(path), PowerPlan, f"There is no file {path}: docs/how-to/experiments.md shows a plan.")
 =======
     path = Path(path)
     try:

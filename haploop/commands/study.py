@@ -131,15 +131,15 @@ def run(
         opened_rig(state, file, simulate) as instruments,
     ):
         state.recordings = opened.folder
-        entries, typed_at = opened.progress(), not instruments.simulated
-        with display.Counters(opened.file.name, entries, typed_at) as counters:
-            callbacks = (counters.progress, counters.on_verdict)
+        with display.StudyMeter(instruments, opened.progress()) as meter:
             haploop.run_study(
                 instruments,
                 opened,
                 participants,
                 buttons,
-                *callbacks,
+                meter.progress,
+                meter.on_study_verdict,
+                meter.on_request,
                 notes=notes,
                 wait=wait,
                 patience=patience,

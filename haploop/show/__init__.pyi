@@ -22,8 +22,8 @@ from .history import listing as listing
 from .history import simulated as simulated
 from .log import show_log as show_log
 from .meter import Meter as Meter
+from .meter import rejection_line as rejection_line
 from .recalibration import OUTCOME_TITLES as OUTCOME_TITLES
 from .recalibration import show_outcome as show_outcome
-from .study import Counters as Counters
-from .study import rejection_line as rejection_line
+from .study import StudyMeter as StudyMeter
 from .study import status as status

@@ -15,9 +15,8 @@ from rich.text import Text
 from haploop.acquisition import PressVerdict
 from haploop.instruments import LiveBlock, Press, Request, Rest, Rig, levels
 from haploop.progress import say, shown
-from haploop.show.study import rejection_line
 
-__all__ = ["Meter"]
+__all__ = ["Meter", "rejection_line"]
 
 _BAR = 10
 """Characters of a level's bar."""
@@ -38,7 +37,7 @@ class Meter:
         self._console = console or Console(file=sys.stderr, markup=False, emoji=False)
         # Each is taken from by one thread: the display's, and the one that records.
         self._tap, self._at_rest = rig.tap(), rig.tap(1)
-        self._stack = ExitStack()
+        self._stack, self._display, self._visible = ExitStack(), ExitStack(), False
         self._block: LiveBlock | None = None
         self._asked: Request | None = None
         self._asked_at: int | None = None
@@ -46,27 +45,41 @@ class Meter:
         self._doing, self._done, self._of, self._bad = "", 0.0, 0.0, 0
         self._tops = dict(_TOP)
         self._overloaded = False
+        self._aside = ""
+        """What else is said of the count."""
 
     def __enter__(self) -> Self:
         self._stack.enter_context(self._tap)
         self._stack.enter_context(self._at_rest)
-        if self._console.is_terminal:
-            live = Live(
-                console=self._console,
-                get_renderable=self.lines,
-                refresh_per_second=10,
-                transient=True,
-                redirect_stdout=False,
-            )
-            self._stack.enter_context(_no_echo())
-            self._stack.enter_context(live)
-            self._stack.enter_context(shown(self._console))
+        self._stack.enter_context(self._display)
+        self.show()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.close()
+
+    def show(self) -> None:
+        """Show the two lines, if this is a terminal."""
+        if not self._console.is_terminal or self._visible:
+            return
+        self._visible = True
+        live = Live(
+            console=self._console,
+            get_renderable=self.lines,
+            refresh_per_second=10,
+            transient=True,
+            redirect_stdout=False,
+        )
+        self._display.enter_context(_no_echo())
+        self._display.enter_context(live)
+        self._display.enter_context(shown(self._console))
+
+    def hide(self) -> None:
+        """Take the two lines away, for a question: what is typed is seen."""
+        self._visible = False
+        self._display.close()
 
     def progress(self, doing: str, done: float, of: float, unit: str, /) -> None:
         """Show the number of accepted presses; see `haploop.Progress`."""
@@ -97,7 +110,7 @@ class Meter:
         self._block = blocks[-1] if blocks else self._block
         force, meter = self._levels(blocks)
         bad = f", {self._bad} repeated" if self._bad else ""
-        count = f"{self._doing}: {self._done:g} of {self._of:g}{bad}."
+        count = f"{self._doing}: {self._done:g} of {self._of:g}{bad}{self._aside}."
         return Group(_one_line(f"{count} {self._state(force)}"), meter)
 
     def _state(self, force: float) -> str:
@@ -137,6 +150,11 @@ class Meter:
         self._tops[name] = max(self._tops[name], value)
         full = round(_BAR * value / self._tops[name])
         return "█" * full + "░" * (_BAR - full)
+
+
+def rejection_line(press: PressVerdict) -> str:
+    """One line for the operator about a press that was not accepted."""
+    return f"Press {press.number}, attempt {press.attempt}: {press.reason} It is kept and will be repeated."
 
 
 def _one_line(text: str) -> Text:

@@ -3,71 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 from rich.box import SIMPLE
-from rich.progress import MofNCompleteColumn, TextColumn
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from haploop.acquisition import PressVerdict, Study, StudyProgress
-from haploop.progress import SIMULATED, Bars, print_json, print_line, print_table, say
+from haploop.instruments import Request, Rig
+from haploop.progress import SIMULATED, print_json, print_line, print_table, say
+from haploop.show.meter import Meter, rejection_line
 
-__all__ = ["Counters", "rejection_line", "status"]
+__all__ = ["StudyMeter", "status"]
 
 
-class Counters(Bars):
-    """Progress of a study, on standard error.
+class StudyMeter(Meter):
+    """The meter of a study: shown while presses are recorded, and away while the operator is asked.
 
-    A terminal shows two bars. A terminal that takes answers (`typed_at`) shows a line for each press
-    instead, because bars would garble the input. Anything else shows a line for each button.
+    Each button gets a line when it is done, and each press that is repeated.
     """
 
-    def __init__(self, name: str, entries: Sequence[StudyProgress], typed_at: bool) -> None:
-        super().__init__(
-            MofNCompleteColumn(), TextColumn("{task.fields[bad]}", style="yellow"), wanted=not typed_at
-        )
+    def __init__(self, rig: Rig, entries: Sequence[StudyProgress], console: Console | None = None) -> None:
+        super().__init__(rig, console)
         self._before = sum(len(one.accepted) for one in entries)
-        self._done: dict[str, tuple[float, float]] = {}
-        self._of = sum(one.of for one in entries)
-        self._bad = 0
-        self._each = typed_at and self._console.is_terminal
-        self._whole = self._progress.add_task(f"Study {name}", total=self._of, bad="")
-        self._now = self._progress.add_task("", total=None, bad="", visible=False)
-        self._doing = ""
+        self._all = sum(one.of for one in entries)
+        self._sessions: dict[str, tuple[float, float]] = {}
 
-    def progress(self, doing: str, done: float, of: float, unit: str) -> None:
+    def __enter__(self) -> Self:
+        super().__enter__()
+        self.hide()  # the first thing is a question
+        return self
+
+    def on_request(self, request: Request) -> None:
+        """See `Meter.on_request`."""
+        super().on_request(request)
+        self.show()
+
+    def progress(self, doing: str, done: float, of: float, unit: str, /) -> None:
         """Show the progress of a session; see `run_study`."""
         if doing != self._doing:
-            self._doing, self._bad = doing, 0
-            self._progress.reset(self._now, description=doing, total=of, visible=True, bad="")
-        first, _ = self._done.get(doing, (done, done))
-        self._done[doing] = first, done
-        whole = self._before + sum(now - first for first, now in self._done.values())
-        self._progress.update(self._now, completed=done, bad=f"{self._bad} not accepted" if self._bad else "")
-        self._progress.update(self._whole, completed=whole)
+            self._bad = 0
+        self._doing, self._done, self._of = doing, done, of
+        first, _ = self._sessions.get(doing, (done, done))
+        self._sessions[doing] = first, done
+        whole = self._before + sum(now - first for first, now in self._sessions.values())
+        self._aside = f"; {whole:g} of {self._all} in all"
         if done == of:
+            self.hide()
             again = f", {self._bad} not accepted and repeated" if self._bad else ""
-            self._say(Text(f"{doing}: {done:g} of {of:g} {unit}{again}.", style="green"))
-        elif self._each and done:
-            self._say(Text(f"{done:g} of {of:g}, {whole:g} of {self._of} in all.", style="green"))
+            say(self._console, Text(f"{doing}: {done:g} of {of:g} {unit}{again}.", style="green"))
 
-    def on_verdict(self, participant: str, button: str, press: PressVerdict) -> None:
-        """Show the verdict on a press; see `run_study`."""
-        if press.accepted:
-            return
-        self._bad += 1
-        # At this terminal the next prompt states the reason.
-        if not self._each or "rejected" in press.flags:
-            self._say(Text(f"{participant}, {button}: {rejection_line(press)}", style="yellow"))
-
-    def _say(self, line: Text) -> None:
-        say(self._console, line)
-
-
-def rejection_line(press: PressVerdict) -> str:
-    """One line for the operator about a press that was not accepted."""
-    return f"Press {press.number}, attempt {press.attempt}: {press.reason} It is kept and will be repeated."
+    def on_study_verdict(self, participant: str, button: str, press: PressVerdict) -> None:
+        """Say why a press was not accepted; see `run_study`."""
+        if not press.accepted:
+            self._bad += 1
+            say(self._console, Text(f"{participant}, {button}: {rejection_line(press)}", style="yellow"))
 
 
 def status(study: Study, entries: Sequence[StudyProgress], as_json: bool) -> None:

@@ -72,5 +72,5 @@ class ParticipantModel(_Section):
 
 def load_participant_model(path: str | Path) -> ParticipantModel:
     """Read and validate a model. Raises ConfigurationError: file, line, key, and what is wrong."""
-    absent = f"There is no file {path}: docs/experiments.md shows a model."
+    absent = f"There is no file {path}: docs/how-to/experiments.md shows a model."
     return load_model(Path(path), ParticipantModel, absent)

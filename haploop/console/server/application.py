@@ -28,13 +28,11 @@ from haploop.instruments import HaploopError, InstrumentError
 __all__ = ["application"]
 
 _STATIC = Path(__file__).parent / "static"
-PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "participant")
+PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "catalogue", "participant")
 """Pages beside the first one: PAGE.html in the folder of static files."""
-_PERIOD = 0.04
-"""s between two frames of the scope: 25 a second."""
+_PERIOD = 0.02
+"""s between two looks for new buckets; a recording has a block every 40 ms, and each is a frame."""
 _TOKEN_DEADLINE = 5.0
-_SNAPSHOT = 0.2
-"""Longest wait for a snapshot before the counts of samples are sent anyway (s)."""
 
 
 def application(access: Access, follower: Follower, scope: LiveScope, data: DataFolder) -> Starlette:
@@ -55,7 +53,7 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
         try:
             values = json.loads(await request.body())
             name = request.path_params["name"]
-            status, answer = await asyncio.to_thread(follower.link.command, name, values)
+            status, answer = await asyncio.to_thread(follower.command, name, values)
         except InstrumentError as error:
             return JSONResponse({"error": str(error)}, 503)
         except ValueError:
@@ -144,7 +142,7 @@ async def _serve(
                 await follower.newer(count, 0.5)  # and see whether the page has gone
                 continue
             number, following, frame = scope.frame(generation, since)
-            if number != told or ticks % 10 == 0:
+            if number != told or ticks % 20 == 0:
                 told = number
                 await websocket.send_text(json.dumps({"scope": scope.about()}))
             generation, since = number, following

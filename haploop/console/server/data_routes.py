@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -19,7 +20,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from haploop.acquisition import Recording, load_study
+from haploop.acquisition import load_study
+from haploop.acquisition.recording import PartReader
 from haploop.calibration import (
     Calibration,
     Check,
@@ -30,6 +32,7 @@ from haploop.calibration import (
     check_feeling,
 )
 from haploop.calibration.map import MapFolder
+from haploop.catalogue import list_files
 from haploop.console.data_folder import DataFolder
 from haploop.console.server.conductor import store_of
 from haploop.figures import trend
@@ -42,6 +45,8 @@ __all__ = ["data_routes"]
 _BEFORE, _AFTER = 0.25, 0.5
 """s around the activation of a press that are shown."""
 _MOST_PRESSES = 12
+_MOST_FILES = 500
+_ASKED = ("kind", "participant", "button", "verdict")
 _FORCE_HZ = 1000.0
 _SHOWN_HZ = 5000.0
 """Samples per second of the waveforms of a check that are sent."""
@@ -66,6 +71,7 @@ def data_routes(data: DataFolder) -> list[Route]:
 
     return [
         route("/api/files", _files),
+        route("/api/catalogue", _catalogue),
         route("/api/presses", _presses),
         route("/api/study", _study),
         route("/api/experiment", _experiment),
@@ -106,19 +112,36 @@ def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
     }
 
 
+def _catalogue(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    """What `haploop list` says of the folder: the newest files that meet the conditions of the page."""
+    where = [f"{name}={asked[name]}" for name in _ASKED if asked.get(name)]
+    where += [f"date>={asked['since']}"] if asked.get("since") else []
+    where += filter(None, (one.strip() for one in asked.get("more", "").split(",")))
+    data.root.mkdir(parents=True, exist_ok=True)
+    found = [
+        {**asdict(entry), "file": shown}
+        for entry in list_files([data.root], where)
+        if (shown := data.shown(Path(entry.file)))
+    ]
+    newest = sorted(found, key=lambda one: one["date"], reverse=True)
+    return {"of": len(found), "files": newest[:_MOST_FILES]}
+
+
 def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
     """The newest presses as the file holds them, and how much it holds: read and CRC-checked now."""
     path = data.path(asked.get("file", ""))
-    recording = Recording.open(path)
-    rate_hz = recording.rate_hz
-    count = round(recording.duration * rate_hz)
-    force, acceleration = recording.force, recording.acceleration[2]
+    if not path.exists():
+        raise DataError(f"There is no file {path}.")
+    recording = _reader(path)
+    recording.look()
+    rate_hz = recording.header.rate_hz
+    count = recording.samples
     step = max(1, round(rate_hz / _FORCE_HZ))
     found = []
     for press in recording.verdicts[-_MOST_PRESSES:]:
         anchor = press.first if math.isnan(press.activation) else round(press.activation)
         first, end = max(0, anchor - round(_BEFORE * rate_hz)), min(count, anchor + round(_AFTER * rate_hz))
-        piece = acceleration[first:end]
+        piece = recording.acceleration(first, end)[2]
         found.append(
             {
                 "number": press.number,
@@ -127,7 +150,7 @@ def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
                 "reason": press.reason,
                 "force_n": press.force,
                 "start_s": (first - anchor) / rate_hz,
-                "force": np.round(_means(force[first:end], step), 3),
+                "force": np.round(_means(recording.force(first, end), step), 3),
                 "force_step_s": step / rate_hz,
                 "acceleration": np.round(piece - np.median(piece) if len(piece) else piece, 2),
                 "acceleration_step_s": 1 / rate_hz,
@@ -135,15 +158,21 @@ def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
         )
     return {
         "file": data.name(path),
-        "simulated": recording.simulated,
+        "simulated": recording.header.simulated,
         "state": recording.state,
         "samples": count,
-        "channels": len(recording.channels),
-        "bytes": 2 * count * len(recording.channels),
+        "channels": len(recording.header.channels),
+        "bytes": 2 * count * len(recording.header.channels),
         "file_bytes": path.stat().st_size,
         "events": [event._asdict() for event in recording.events[-20:]],
         "presses": found,
     }
+
+
+@lru_cache(maxsize=2)
+def _reader(path: Path) -> PartReader:
+    """The reader of a recording, kept from press to press."""
+    return PartReader(path)
 
 
 def _means(values: FloatArray, step: int) -> FloatArray:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from haploop.console.server.live_scope import LiveScope
-from haploop.console.worker import WorkerLink
-from haploop.instruments import HaploopError
+from haploop.console.worker import Address, WorkerLink
+from haploop.instruments import HaploopError, InstrumentError
 
 __all__ = ["Follower"]
 
@@ -25,6 +26,31 @@ class Follower:
         self._changed = asyncio.Condition()
         self.count = 0
         """Number of snapshots so far."""
+        self._begun: tuple[Address, int] | None = None
+        """The job that was begun here last, and its worker."""
+
+    def command(self, name: str, values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        """Send a command of a page. See `WorkerLink.command`."""
+        link = self.link
+        status, answer = link.command(name, values)
+        if "job" in answer:
+            self._begun = link.address, answer["job"]
+        return status, answer
+
+    def leave(self, others: bool) -> bool:
+        """End the worker, which reaches the safe state; return whether it goes on.
+
+        With `others` who serve its pages it does: only a job that was begun here is stopped.
+        """
+        if not others:
+            self.link.end()
+            return False
+        with suppress(InstrumentError, ValueError):
+            job = self.link.state()["job"] or {}
+            runs = job.get("state") in ("waiting", "running")
+            if runs and self._begun == (self.link.address, job["number"]):
+                self.link.stop()
+        return True
 
     async def run(self, origins: list[str]) -> None:
         """Follow until cancelled."""

@@ -6,6 +6,7 @@ import hmac
 import ipaddress
 import json
 import secrets
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,10 +24,16 @@ ANSWER = "/api/participant/answer"
 
 def is_loopback(address: str) -> bool:
     """True for an address that no other computer can reach."""
+    number = _address(address)
+    return address == "localhost" if number is None else number.is_loopback
+
+
+def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The address that a text is; None for a name."""
     try:
-        return ipaddress.ip_address(address).is_loopback
+        return ipaddress.ip_address(text)
     except ValueError:
-        return address == "localhost"
+        return None
 
 
 @dataclass(frozen=True)
@@ -42,15 +49,38 @@ class Access:
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """Values of Host under which the console is asked."""
+        """Values of Host under which the console is asked: those that are known before somebody asks."""
         own = f"[{self.address}]" if ":" in self.address else self.address
-        names = ("127.0.0.1", "localhost") if own in ("127.0.0.1", "localhost") else (own,)
-        return tuple(f"{name}:{self.port}" for name in names)
+        names = [own]
+        if own in ("127.0.0.1", "localhost") or self._everywhere:
+            names = ["127.0.0.1", "localhost"]
+        if self.exposed:
+            # Without a question to a name server; .local is what computers without one call each other.
+            here = socket.gethostname().lower()
+            names += [here, f"{here.removesuffix('.local')}.local"]
+        return tuple(f"{name}:{self.port}" for name in dict.fromkeys(names))
 
     @property
     def origins(self) -> tuple[str, ...]:
         """Origins of the console's pages."""
         return tuple(f"http://{host}" for host in self.hosts)
+
+    @property
+    def _everywhere(self) -> bool:
+        """Whether the console listens on every address of this computer."""
+        return _address(self.address) in (ipaddress.IPv4Address(0), ipaddress.IPv6Address(0))
+
+    def is_here(self, host: str) -> bool:
+        """True when `host`, as a request names it, is the console.
+
+        Another name that leads here is a foreign page that pretends to be on this host (DNS rebinding). It
+        needs a name for that: a console on every address is asked under any number.
+        """
+        name, _, port = host.lower().rpartition(":")
+        if host.lower() in self.hosts:
+            return True
+        number = _address(name.removeprefix("[").removesuffix("]"))
+        return self._everywhere and number is not None and "%" not in name and port == str(self.port)
 
     @property
     def url(self) -> str:
@@ -62,8 +92,9 @@ class Access:
         """Warning for every page when other computers can reach the console; "" otherwise."""
         if is_loopback(self.address):
             return ""
+        where = "every address of this computer" if self._everywhere else self.address
         return (
-            f"Other computers can reach this console at {self.address}:{self.port}. It is not encrypted: "
+            f"Other computers can reach this console at {where}, port {self.port}. It is not encrypted: "
             "whoever reads the network can read its token. On them, STOP goes by way of the server."
         )
 
@@ -88,11 +119,10 @@ class Guard:
             await self._app(scope, receive, send)
             return
         headers, access = Headers(scope=scope), self._access
-        refusal = ""
-        if headers.get("host") not in access.hosts:
-            # Another name that leads here: a foreign page that pretends to be on this host (DNS rebinding).
-            refusal = "The console is not at this address."
-        elif headers.get("origin", access.origins[0]) not in access.origins:
+        refusal, host = "", headers.get("host", "")
+        if not access.is_here(host):
+            refusal, host = "The console is not at this address.", access.hosts[0]
+        elif headers.get("origin", f"http://{host}") != f"http://{host}":
             refusal = "Only the console's own pages may ask this."
         elif scope["path"].startswith("/api/") and not access.opens(
             headers.get("x-haploop-token", ""), scope["path"]
@@ -101,9 +131,9 @@ class Guard:
         if refusal and scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 4403, "reason": refusal})
         elif refusal:
-            await self._refuse(refusal, send)
+            await self._refuse(refusal, partial(self._with_headers, host, send))
         else:
-            await self._app(scope, receive, partial(self._with_headers, send))
+            await self._app(scope, receive, partial(self._with_headers, host, send))
 
     async def _refuse(self, sentence: str, send: Send) -> None:
         body = json.dumps({"error": sentence}).encode()
@@ -112,25 +142,24 @@ class Guard:
             "status": 403,
             "headers": [(b"content-type", b"application/json")],
         }
-        await self._with_headers(send, start)
+        await send(start)
         await send({"type": "http.response.body", "body": body})
 
-    async def _with_headers(self, send: Send, message: Message) -> None:
+    async def _with_headers(self, host: str, send: Send, message: Message) -> None:
         if message["type"] == "http.response.start":
             message.setdefault("headers", [])
             headers = MutableHeaders(scope=message)
-            for name, value in self._headers().items():
+            for name, value in self._headers(host).items():
                 headers[name] = value
         await send(message)
 
-    def _headers(self) -> dict[str, Any]:
-        sockets = " ".join(f"ws://{host}" for host in self._access.hosts)
+    def _headers(self, host: str) -> dict[str, Any]:
         policy = {
             "default-src": "'none'",
             "script-src": "'self'",
             "style-src": "'self'",
             "img-src": "'self' blob:",
-            "connect-src": f"'self' {sockets} {self._stop_origin()}".rstrip(),
+            "connect-src": f"'self' ws://{host} {self._stop_origin()}".rstrip(),
             "base-uri": "'none'",
             "form-action": "'none'",
             "frame-ancestors": "'none'",

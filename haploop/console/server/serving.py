@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import uvicorn
@@ -13,9 +14,10 @@ from haploop.console.server.application import application
 from haploop.console.server.follower import Follower
 from haploop.console.server.live_scope import LiveScope
 from haploop.console.server.security import Access
-from haploop.console.worker import WorkerLink, start_worker
+from haploop.console.worker import WorkerLink, serving, start_worker
 from haploop.instruments import ConfigurationError, RigFile
 from haploop.instruments.driver import Mode
+from haploop.progress import note
 
 __all__ = ["serve_console"]
 
@@ -32,16 +34,19 @@ def serve_console(
 ) -> None:
     """Serve the console of a rig until a stop signal, and call `ready` when its address can be opened.
 
-    A stop signal reaches the safe state and ends the worker; a server that is killed leaves it running, and
-    the next one takes it over. Raises ConfigurationError for an address or port that cannot be used, and what
-    `start_worker` raises.
+    A stop signal reaches the safe state and ends the worker; beside another server of the rig, it stops what
+    was begun here only. A server that is killed leaves the worker running, and the next one takes it over.
+    Raises ConfigurationError for an address or port that cannot be used, and what `serving` and
+    `start_worker` raise.
     """
 
     def worker() -> WorkerLink:
         return start_worker(rig, file, simulate, data, virtual_time)
 
-    with _bound(address, port) as listener:
+    with _bound(address, port) as listener, ExitStack() as stack:
         access = Access(address, listener.getsockname()[1])
+        # Before the worker is found, so that no other server ends it in between.
+        elsewhere = stack.enter_context(serving(file, simulate))
         follower = Follower(worker(), worker, LiveScope(file, simulate))
         app = application(access, follower, follower.scope, DataFolder(data))
         config = uvicorn.Config(
@@ -51,7 +56,13 @@ def serve_console(
             ready(access)
             uvicorn.Server(config).run(sockets=[listener])
         finally:
-            follower.link.end()
+            # Not marked any more: of two that end at once, one at least sees no other.
+            stack.close()
+            if follower.leave(elsewhere()):
+                note(
+                    "The console's worker goes on, because another `haploop serve` of this rig runs. "
+                    "`haploop serve --stop` ends it."
+                )
 
 
 def _bound(address: str, port: int) -> socket.socket:

@@ -7,7 +7,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,13 @@ from haploop.instruments import ConfigurationError, InstrumentError, RealClock, 
 from haploop.instruments.driver import Mode
 from haploop.instruments.safety import is_marked, marked
 
-__all__ = ["WorkerHangsError", "WorkerLink", "find_worker", "start_worker"]
+__all__ = ["WorkerHangsError", "WorkerLink", "find_worker", "serving", "start_worker"]
 
 _START = 60.0
 """s for a worker to start: importing alone takes seconds on a slow disk."""
 _ANSWER = 30.0
 """s for an answer: longer than the snapshot's long poll and the safe state take."""
+_MOST_SERVERS = 16
 _HANGS = 5.0
 """s after which a living worker that has not answered hangs: it answers a first question at once."""
 
@@ -136,6 +137,25 @@ def start_worker(
             f"{found.address.data}: name that one with --data, or end it with `haploop serve --stop`."
         )
     return found
+
+
+@contextmanager
+def serving(file: RigFile, simulate: Mode | None) -> Iterator[Callable[[], bool]]:
+    """Mark this program as a server of a rig's console; gives whether there is another one just now.
+
+    The operating system releases the mark of one that was killed. Raises InstrumentError when there are
+    `_MOST_SERVERS`.
+    """
+    path = address_path(file, simulate)
+    marks = [path.with_suffix(f".server-{number}") for number in range(_MOST_SERVERS)]
+    with ExitStack() as stack:
+        for own in marks:
+            with suppress(InstrumentError):
+                stack.enter_context(marked(own))
+                break
+        else:
+            raise InstrumentError(f"{_MOST_SERVERS} consoles of the rig {file.name!r} run: end one of them.")
+        yield lambda: any(is_marked(mark) for mark in marks if mark != own)
 
 
 @contextmanager

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import hmac
 import json
+import socket
+import threading
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from typing import Any
@@ -22,12 +25,15 @@ _LARGEST = 1 << 20
 _LONG_POLL = 10.0
 _DEADLINE = 5.0
 """s for a client to send its request, so that a silent one keeps no thread."""
+_MOST_SILENT = 64
+"""Connections that have not sent their request yet; the oldest is closed for the next one."""
 
 
 class Listener(ThreadingHTTPServer):
     """Listens on a free port of loopback. `token` opens everything, `stop_token` only STOP."""
 
     daemon_threads = True
+    request_queue_size = 128
     # Otherwise a second worker could listen on the same port on Windows.
     allow_reuse_address = False
 
@@ -35,6 +41,8 @@ class Listener(ThreadingHTTPServer):
         self.worker, self.token, self.stop_token = worker, token, stop_token
         self.origins: set[str] = set()
         """Origins of the server's pages, which may send STOP."""
+        self._silent: dict[socket.socket, None] = {}
+        self._changing = threading.Lock()
         super().__init__(("127.0.0.1", port), _Handler)
         self.port: int = self.server_address[1]
         self.hosts = {f"127.0.0.1:{self.port}", f"localhost:{self.port}"}
@@ -42,6 +50,28 @@ class Listener(ThreadingHTTPServer):
     def service_actions(self) -> None:
         """See `socketserver.BaseServer`: called every half second."""
         self.worker.watch()
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """See `socketserver.BaseServer`: silent connections must not use up what STOP needs."""
+        with self._changing:
+            self._silent[request] = None
+            oldest = next(iter(self._silent)) if len(self._silent) > _MOST_SILENT else None
+            if oldest is not None:
+                del self._silent[oldest]
+        if oldest is not None:
+            with suppress(OSError):
+                oldest.shutdown(socket.SHUT_RDWR)  # its thread's wait ends, and closes it
+        super().process_request(request, client_address)
+
+    def heard(self, request: socket.socket) -> None:
+        """Note that a connection has sent its request, or has gone."""
+        with self._changing:
+            self._silent.pop(request, None)
+
+    def shutdown_request(self, request: Any) -> None:
+        """See `socketserver.BaseServer`."""
+        self.heard(request)
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Do nothing: a client that has gone is no error."""
@@ -54,6 +84,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer the snapshot, or the page with nothing but STOP."""
+        self.server.heard(self.connection)
         path = self.path.partition("?")[0]
         if not self._host():
             return self._say(403, {"error": "This address is not the worker's."})
@@ -79,6 +110,7 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._host() or (origin is not None and origin not in self.server.origins | own):
             return self._say(403, {"error": "Commands come from the console's own pages only."})
         body = self._body()
+        self.server.heard(self.connection)
         if self.path == "/stop":
             # In the body as plain text, so that a page of another port may send it without asking first.
             if not _same(body.decode("ascii", "replace"), self.server.stop_token):

@@ -19,7 +19,7 @@ __all__ = ["Observer"]
 
 _WAIT = 0.25
 _CAPACITY = 400
-"""Blocks: 20 s of a recording, in which this thread need not run."""
+"""Blocks: 16 s of a recording, in which this thread need not run."""
 
 
 class Observer:

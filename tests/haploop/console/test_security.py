@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import socket
 from pathlib import Path
 
 import pytest
@@ -115,6 +116,7 @@ def test_every_route_but_pages_is_under_api(app):
         "/table",
         "/buttons",
         "/experiment",
+        "/catalogue",
         "/participant",
     }
     assert len(api(app)) > 12
@@ -268,11 +270,31 @@ def test_no_page_or_script_names_another_host_or_makes_markup():
 def test_another_address_is_said_on_every_page(app):
     assert Access("127.0.0.1", 1).exposed == Access("::1", 1).exposed == Access("localhost", 1).exposed == ""
     access = Access("192.168.7.5", 8735)
-    assert "192.168.7.5:8735" in access.exposed
-    assert access.hosts == ("192.168.7.5:8735",)
+    assert "192.168.7.5, port 8735" in access.exposed
+    assert access.hosts[0] == "192.168.7.5:8735"
     # Every page takes it from /api/hello in console.js.
-    for name in ("index", "record", "study", "preflight", "table", "buttons", "experiment"):
+    for name in ("index", "record", "study", "preflight", "table", "buttons", "experiment", "catalogue"):
         assert "console.js" in (STATIC / f"{name}.js").read_text(encoding="utf-8")
+
+
+def test_on_every_address_the_console_is_asked_by_number_and_by_this_computers_name(link, tmp_path):
+    from haploop.console.server.follower import Follower
+
+    access = Access("0.0.0.0", 8735)
+    app = application(access, Follower(link, lambda: link, Scope()), Scope(), DataFolder(tmp_path))
+    page = TestClient(app, headers={"X-Haploop-Token": access.token})
+    name = socket.gethostname().lower()
+    for host in ("192.168.7.5", "127.0.0.1", "localhost", "[fe80::1]", name, name.upper(), f"{name}.local"):
+        answer = page.get("/api/hello", headers={"Host": f"{host}:8735"})
+        assert answer.status_code == 200, host
+        assert f"ws://{host}:8735" in answer.headers["Content-Security-Policy"]
+        for origin, status in ((f"http://{host}:8735", 200), ("http://evil.example:8735", 403)):
+            headers = {"Host": f"{host}:8735", "Origin": origin}
+            assert page.get("/api/hello", headers=headers).status_code == status, (host, origin)
+    for host in ("evil.example:8735", "192.168.7.5", "192.168.7.5:80", "[fe80::1%x; img-src *]:8735", ""):
+        assert page.get("/api/hello", headers={"Host": host}).status_code == 403, host
+    assert access.url.startswith("http://127.0.0.1:8735/#") and "every address" in access.exposed
+    assert Access("127.0.0.1", 8735).is_here("192.168.7.5:8735") is False
 
 
 def test_each_start_has_its_own_tokens():
@@ -314,7 +336,12 @@ def test_a_study_that_leads_out_of_the_data_folder_is_refused_in_a_sentence(page
 
 @pytest.mark.parametrize(
     ("address", "host"),
-    [("::1", "[::1]:80"), ("127.0.0.2", "127.0.0.2:80"), ("localhost", "127.0.0.1:80"), ("::", "[::]:80")],
+    [
+        ("::1", "[::1]:80"),
+        ("127.0.0.2", "127.0.0.2:80"),
+        ("localhost", "127.0.0.1:80"),
+        ("::", "127.0.0.1:80"),
+    ],
 )
 def test_the_address_that_is_printed_is_the_one_that_is_listened_on(address, host):
     access = Access(address, 80)

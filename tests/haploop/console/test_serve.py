@@ -18,7 +18,7 @@ import pytest
 from haploop.acquisition import Recording
 from haploop.console.worker import Address, WorkerHangsError, link, start_worker
 from haploop.instruments import load_rig_file
-from tests.haploop.console.serving import end, start
+from tests.haploop.console.serving import end, served, start
 
 
 def test_a_server_that_is_killed_and_comes_back_finds_the_recording_going_on(tmp_path):
@@ -57,6 +57,34 @@ def test_a_server_that_is_killed_and_comes_back_finds_the_recording_going_on(tmp
     assert len(recording.accepted) == 3 and recording.content_hash
     assert recording.blocks["first"][-1] + recording.blocks["count"][-1] == recording.volts.shape[1]
     assert not address.exists(), "Ctrl-C ended the worker too"
+
+
+def test_of_two_servers_of_a_rig_each_ends_what_it_began_and_the_last_one_the_worker(tmp_path):
+    state, data = tmp_path / "state", tmp_path / "data"
+
+    def begin(server, participant):
+        wanted = {"button": "push", "participant": participant, "presses": 40}
+        server.ask("/api/command/start", {"kind": "record", "parameters": wanted})
+        path = data / "recordings" / f"{participant}-push.h5"
+        until = time.monotonic() + 60
+        while not (path.exists() and Recording.open(path).accepted):
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        return path
+
+    with served(data, "--port", "0", state=state) as first:
+        first.ask("/api/command/override", {"reason": "a test"})
+        path = begin(first, "P01")
+        with served(data, "--port", "0", state=state):
+            address = next(iter((state / "simulated").glob("console-*.json")))
+        assert Recording.open(path).in_progress, "it is the first one's"
+        assert first.ask("/api/stop", {})["state"] == "safe"
+        with served(data, "--port", "0", state=state) as second:
+            path = begin(second, "P02")
+        assert not Recording.open(path).in_progress, "Ctrl-C stops what was begun there"
+        assert first.ask("/api/hello")["stop"]
+        assert address.exists()
+    assert not address.exists(), "the last one ended the worker"
 
 
 needs_stopped_processes = pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGSTOP")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.client
 import json
 import os
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -443,6 +444,22 @@ def test_a_page_names_commands_and_nothing_else_of_the_listener(listener):
         status, answer = link.command(name, ["http://evil.example"])  # type: ignore[arg-type]
         assert status == 409 and "no command" in answer["error"], name
     assert not listener.origins
+
+
+def test_silent_connections_hold_nothing_up(listener, monkeypatch):
+    """As many as a program may open, and more: the oldest are closed, and STOP is answered."""
+    monkeypatch.setattr("haploop.console.worker.listener._MOST_SILENT", 8)
+    silent = []
+    for _ in range(40):
+        silent.append(socket.create_connection(("127.0.0.1", listener.port)))
+    status, _, _ = ask(listener, "POST", "/stop", b"stop-token")
+    assert status == 200
+    until(lambda: len(listener._silent) <= 8)
+    silent[0].settimeout(DEADLINE)
+    with suppress(ConnectionError):
+        assert silent[0].recv(1) == b"", "the oldest one was closed"
+    for one in silent:
+        one.close()
 
 
 def test_the_worker_has_a_page_with_nothing_but_stop(listener):

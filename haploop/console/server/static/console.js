@@ -155,7 +155,7 @@ function said(how, sentence) {
   place.textContent = sentence ? `STOP: ${sentence}` : "";
 }
 
-const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"], ["/study", "Study"], ["/table", "Table"], ["/buttons", "Digital buttons"], ["/experiment", "Experiment"]];
+const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"], ["/study", "Study"], ["/table", "Table"], ["/buttons", "Digital buttons"], ["/experiment", "Experiment"], ["/catalogue", "Files"]];
 
 function bar() {
   const links = pages.map(([path, name]) => el("a", { href: path, "aria-current": path === location.pathname ? "page" : null }, name));

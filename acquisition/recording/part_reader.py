@@ -1,0 +1,130 @@
+"""Read a recording part by part, also while it is being written."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from haploop.acquisition.checksum import opened, unreadable
+from haploop.acquisition.recording.file_format import (
+    Event,
+    Header,
+    PressVerdict,
+    events_in,
+    from_codes,
+    read_header,
+    verdicts_in,
+)
+from haploop.acquisition.recording.recording import Recording
+from haploop.acquisition.recording.rejections import without_rejected
+from haploop.acquisition.recording.salvage import codes_between, records_after, tables
+from haploop.instruments import Sensor
+from haploop.instruments.arrays import FloatArray
+
+__all__ = ["PartReader"]
+
+
+class PartReader:
+    """Reads what was added to a recording since the last look, and parts of it. For any thread.
+
+    A look at a session of half an hour costs as much as at one of a minute, where a `Recording` reads all of
+    it into memory. A finished file is verified as a whole, once. Raises DataError for a file that is no
+    recording, damaged, or was changed after it was finished.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._looking = threading.Lock()
+        self._begin()
+
+    def _begin(self) -> None:
+        recording = Recording.open(self.path)
+        self.header: Header = recording.header
+        self.state = "recording"
+        self.samples = 0
+        """Samples of each channel up to the last look, each in a block with the right CRC."""
+        self.events: tuple[Event, ...] = ()
+        self._verdicts: tuple[PressVerdict, ...] = ()
+        self._hash = ""
+        self._verified: tuple[int, ...] = ()
+        """What the file system says of a finished file that was verified."""
+        self._blocks = 0
+        self._zero: FloatArray | None = None
+        self._sensors = recording.sensors
+
+    @property
+    def verdicts(self) -> tuple[PressVerdict, ...]:
+        """See `Recording.verdicts`."""
+        return without_rejected(self.path, self._hash, self._verdicts) if self._hash else self._verdicts
+
+    def look(self) -> None:
+        """Read, and verify, what was added since the last look."""
+        with self._looking:
+            if self._hash and _mark(self.path) == self._verified:
+                return
+            with opened(self.path) as file:
+                header, state = read_header(file, self.path)
+                if self._hash or header.started != self.header.started:
+                    self._begin()  # another recording has the name now
+                self.state = state
+                if state == "recording":
+                    for record in records_after(file, self._blocks, self.samples):
+                        self._blocks += 1
+                        self.samples += int(record["count"])
+                    events, presses = tables(file)
+                    self.events = events_in(events[events["sample"] <= self.samples])
+                    self._verdicts = verdicts_in(presses[presses["end"] <= self.samples])
+                    return
+            mark, whole = _mark(self.path), Recording.open(self.path)
+            self.samples = round(whole.duration * whole.rate_hz)
+            self.events, self._hash = tuple(whole.events), whole.content_hash
+            self._verdicts, self._verified = whole.verdicts, mark
+
+    def force(self, first: int, end: int) -> FloatArray:
+        """(samples,) N of samples `first` to `end` - 1: as `Recording.force`, of this part alone."""
+        if self._zero is None:
+            at = next((event.sample for event in self.events if event.kind == "rest"), None)
+            length = max(1, round(self.header.rest * self.header.rate_hz))
+            begin = max(0, at - length) if at is not None else 0
+            zero = self._volts("force", begin, begin + length).mean(axis=1, keepdims=True)
+            if at is None:
+                return self._si("force", self._volts("force", first, end) - zero)[2]
+            self._zero = zero
+        return self._si("force", self._volts("force", first, end) - self._zero)[2]
+
+    def acceleration(self, first: int, end: int) -> FloatArray:
+        """(3, samples) m/s^2 of samples `first` to `end` - 1: as `Recording.acceleration`, of this part."""
+        return self._si("acceleration", self._volts("acceleration", first, end))
+
+    def _volts(self, name: str, first: int, end: int) -> FloatArray:
+        rows = [self.header.channels.index(channel) for channel in self._sensor(name).channels]
+        end = min(end, self.samples)
+        if self._hash and _mark(self.path) == self._verified:
+            # Comparing the checksum of the whole file for each part would take most of the time.
+            with (
+                unreadable(self.path, f"{self.path} cannot be read: copy it again from its source."),
+                h5py.File(self.path, "r", locking=False) as file,
+            ):
+                codes = codes_between(file, self.header, first, end)
+        else:
+            with opened(self.path) as file:
+                codes = codes_between(file, self.header, first, end)
+        return from_codes(codes[rows], self.header.full_scale[rows])
+
+    def _si(self, name: str, volts: FloatArray) -> FloatArray:
+        return np.asarray(self._sensor(name).to_si(volts))
+
+    def _sensor(self, name: str) -> Sensor:
+        sensor: Sensor = getattr(self._sensors, name)
+        return sensor
+
+
+def _mark(path: Path) -> tuple[int, ...]:
+    try:
+        status = path.stat()
+    except OSError:
+        return ()
+    return status.st_ino, status.st_size, status.st_mtime_ns
