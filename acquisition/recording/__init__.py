@@ -1,23 +1,8 @@
 """Recording files: format, writing, reading, salvage, rejections, export."""
 
 from haploop.acquisition.recording.export import to_pandas, to_xarray
-<<<<<<< HEAD
 from haploop.acquisition.recording.file_format import Contents, Header, file_name, to_codes
-=======
-from haploop.acquisition.recording.file_format import (
-    BLOCK,
-    EVENT,
-    FLAGS,
-    VERDICT,
-    Contents,
-    Event,
-    Header,
-    PressVerdict,
-    file_name,
-    to_codes,
-)
 from haploop.acquisition.recording.part_reader import PartReader
->>>>>>> console
 from haploop.acquisition.recording.readings import AlongFile, AlongReading, reading_event
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.recovery import recover, set_aside

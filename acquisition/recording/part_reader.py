@@ -9,17 +9,10 @@ import h5py
 import numpy as np
 
 from haploop.acquisition.checksum import opened, unreadable
-from haploop.acquisition.recording.file_format import (
-    Event,
-    Header,
-    PressVerdict,
-    events_in,
-    from_codes,
-    read_header,
-    verdicts_in,
-)
+from haploop.acquisition.recording.file_format import Header, from_codes, read_header
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.rejections import without_rejected
+from haploop.acquisition.recording.rows import Event, PressVerdict, events_in, verdicts_in
 from haploop.acquisition.recording.salvage import codes_between, records_after, tables
 from haploop.instruments import Sensor
 from haploop.instruments.arrays import FloatArray

@@ -77,23 +77,9 @@ class Power:
 
 def load_power_plan(path: str | Path) -> PowerPlan:
     """Read and validate a plan. Raises ConfigurationError: file, line, key, and what is wrong."""
-<<<<<<< HEAD
-    return load_model(Path(path), PowerPlan, f"There is no file {path}: docs/how-to/experiments.md shows a plan.")
-=======
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-        raw: dict[str, Any] = tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigurationError(
-            f"There is no file {path}: docs/how-to/experiments.md shows a plan."
-        ) from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is not valid TOML: {error}.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}.") from None
-    return validate(PowerPlan, raw, partial(place, [(str(path), key_lines(text))]))
->>>>>>> field
+    return load_model(
+        Path(path), PowerPlan, f"There is no file {path}: docs/how-to/experiments.md shows a plan."
+    )
 
 
 def power_of(
