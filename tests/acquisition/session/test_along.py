@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, record, to_pandas, to_xarray, verify
+from haploop.acquisition import Protocol, Recording, record, to_pandas, to_xarray, verify
 from haploop.acquisition.session import along
 from haploop.instruments import (
     AnalogChannel,
@@ -23,6 +23,9 @@ from haploop.instruments import (
     load_rig_file,
 )
 from tests.acquisition.presses.pressworld import FULL_SCALE, world_rig
+
+BLOCK = round(Protocol().block * 5000)
+"""Samples."""
 
 
 class Meter:
@@ -77,7 +80,7 @@ def test_readings_come_at_their_samples_from_a_thread_of_their_own(tmp_path):
     assert meter.stem == tmp_path / "P01-push"
     assert meter.threads and threading.main_thread() not in meter.threads
     first, *others = [reading.sample for reading in recording.readings]
-    assert first == 250  # the first block
+    assert first == BLOCK  # the first block
     assert others == list(range(2500, recording.volts.shape[1] + 1, 2500)) != []
     assert {(r.instrument, r.name, r.unit) for r in recording.readings} == {("meter", "level", "m")}
     assert verify(recording.path) == ()
@@ -187,8 +190,8 @@ def test_a_rate_that_is_none_is_refused(tmp_path, reads_hz):
 def test_a_rate_beyond_the_blocks_takes_no_more_space_than_they_have(tmp_path):
     recording = record(rig_with(Meter(reads_hz=1e9)), "push", "P01", 1, tmp_path)
     samples = [reading.sample for reading in recording.readings]
-    assert samples == list(range(250, 250 * len(samples) + 1, 250))
-    assert along.Along(rig_with(Meter(reads_hz=1e9)), tmp_path / "a.h5").reserve(100.0, 250) < 5000
+    assert samples == list(range(BLOCK, BLOCK * len(samples) + 1, BLOCK))
+    assert along.Along(rig_with(Meter(reads_hz=1e9)), tmp_path / "a.h5").reserve(100.0, BLOCK) < 5000
 
 
 def test_it_is_stopped_when_the_recording_is_interrupted(tmp_path):

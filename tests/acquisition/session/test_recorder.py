@@ -5,10 +5,13 @@ import errno
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, find_presses, record, recover, representative, verify
+from haploop.acquisition import Protocol, Recording, find_presses, record, recover, representative, verify
 from haploop.acquisition.recording.file_format import to_codes
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press, Rest
 from tests.acquisition.presses.pressworld import World, world_rig
+
+BLOCK = round(Protocol().block * 5000)
+"""Samples."""
 
 
 def assert_kept(rig, path, at_least: int) -> Recording:
@@ -91,7 +94,7 @@ def test_ctrl_c_leaves_a_readable_recording_of_all_that_was_read(tmp_path, numbe
     rig.operator.tell = interrupted
     with pytest.raises(KeyboardInterrupt):
         record(rig, "push", "P01", 4, tmp_path)
-    recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * 250)
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * BLOCK)
     assert recording.events[-1].kind == "interrupted"
     assert len(find_presses(recording)) == number - 1
     assert recording.path.parent == tmp_path
@@ -143,18 +146,18 @@ def test_ctrl_c_while_a_block_is_being_written_loses_no_block(tmp_path, monkeypa
     rig = world_rig()
     with pytest.raises(KeyboardInterrupt):
         record(rig, "push", "P01", 4, tmp_path)
-    recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * 250)
-    assert recording.volts.shape[1] == len(rig.daq.given) * 250
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", len(rig.daq.given) * BLOCK)
+    assert recording.volts.shape[1] == len(rig.daq.given) * BLOCK
 
 
 def test_a_gap_is_an_event_in_the_file_and_an_error(tmp_path):
     rig = world_rig()
     rig.daq.gap_at = 25
-    with pytest.raises(InstrumentError, match="Samples 6250 to 6499 were lost"):
+    with pytest.raises(InstrumentError, match=f"Samples {25 * BLOCK} to {26 * BLOCK - 1} were lost"):
         record(rig, "push", "P01", 4, tmp_path)
-    recording = assert_kept(rig, tmp_path / "P01-push.h5", 6250)
-    assert recording.volts.shape[1] == 6250
-    assert (recording.events[-1].kind, recording.events[-1].sample) == ("gap", 6250)
+    recording = assert_kept(rig, tmp_path / "P01-push.h5", 25 * BLOCK)
+    assert recording.volts.shape[1] == 25 * BLOCK
+    assert (recording.events[-1].kind, recording.events[-1].sample) == ("gap", 25 * BLOCK)
 
 
 def test_a_card_that_fails_ends_it_with_the_card_s_own_sentence(tmp_path):
@@ -162,7 +165,7 @@ def test_a_card_that_fails_ends_it_with_the_card_s_own_sentence(tmp_path):
     rig.daq.fails_at = 30
     with pytest.raises(InstrumentError, match="The card lost samples"):
         record(rig, "push", "P01", 4, tmp_path)
-    assert_kept(rig, tmp_path / "P01-push.h5", 30 * 250)
+    assert_kept(rig, tmp_path / "P01-push.h5", 30 * BLOCK)
 
 
 def test_a_rig_without_a_sensor_is_refused(tmp_path):
