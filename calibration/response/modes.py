@@ -30,7 +30,7 @@ __all__ = ["Modes", "Plays", "columns_of", "fit_modes", "stack"]
 _STEPS = 12
 """Largest number of refinement steps."""
 _CONVERGED = 1e-3
-"""Relative decrease of the squared residual below which refinement ends."""
+"""Relative decrease of the squared residual, as foreseen, below which refinement ends."""
 _STRONGEST = 16
 """Singular vectors of the points that contain nearly all power: about one for each mode."""
 _FEW, _MORE = 2, 6
@@ -122,16 +122,16 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
         added = _missing(modes, few, candidates)[:count]
         if not len(added):
             raise DataError("Nothing moved while it was played: check the laser's focus and aim.")
-        grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, 3)
-        if now > 0.5 * cost:
+        steps = _STEPS if count == 1 else 3
+        grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, steps)
+        if count > 1 and now > 0.5 * cost:
             # Near the end, what falls may be the law's doing and not the poles'.
             modes, cost = _refined(modes, few, _STEPS)
-            added = _missing(modes, few, candidates)[:1]
             count = 1
-            grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, _STEPS)
-            if now > (1 - _PENALTY * each) * cost:
-                break
-        modes, cost = grown, now
+        elif count == 1 and now > (1 - _PENALTY * each) * cost:
+            break
+        else:
+            modes, cost = grown, now
     modes = _pruned(modes, cost, few, _KEEP * each)
     return _refined(modes, [_mixed(one, _MORE) for one in plays], _STEPS)[0]
 
@@ -166,23 +166,24 @@ def _losses(modes: Modes, plays: Plays) -> FloatArray:
 def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, float]:
     """Refine modes to a minimum of the squared residual near the given ones; returns both."""
     best, cost, tried, damping = modes, np.inf, modes, 1e-3
-    for step in range(steps + 1):
+    for left in range(steps, -1, -1):
         fitted = [_Fitted.of(tried, one) for one in plays]
         now = sum(float((one.left**2).sum()) for one in fitted)
-        if now < cost:
-            converged = cost - now < _CONVERGED * now
+        better = now < cost
+        if better:
             best, cost = tried, now
-            damping /= 10
-            if converged or step == steps:
-                break
+        if left == 0:
+            break
+        if better:
             linear = [one.linear() for one in fitted]
             normal = np.sum([part[0] for part in linear], axis=0)
             gradient = np.sum([part[1] for part in linear], axis=0)
-        elif step == steps:
-            break
+            damping /= 10
         else:
             damping = max(30 * damping, 1e-4)
-        tried = _stepped(best, normal, gradient, damping)
+        tried, step = _stepped(best, normal, gradient, damping)
+        if 2 * step @ gradient - step @ normal @ step < _CONVERGED * cost:
+            break
     return best, cost
 
 
@@ -229,7 +230,9 @@ def _missing(modes: Modes, plays: Sequence[Plays], candidates: _Candidates) -> C
     return np.array(poles)
 
 
-def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: float) -> Modes:
+def _stepped(
+    modes: Modes, normal: FloatArray, gradient: FloatArray, damping: float
+) -> tuple[Modes, FloatArray]:
     """One Gauss-Newton step, bounded: a play operator's weight stays positive, logarithms move a little."""
     p, w = modes.poles, modes.weights
     count = 2 * len(p)
@@ -246,7 +249,7 @@ def _stepped(modes: Modes, normal: FloatArray, gradient: FloatArray, damping: fl
     further = w[:, 1:] + step[count:].reshape(len(w), -1)
     further[:, :-1] = np.maximum(further[:, :-1], 0.0)
     # The law's scale is free: of the volts themselves there is one part.
-    return Modes(-decay + 1j * turn, np.concatenate([w[:, :1], further], axis=1))
+    return Modes(-decay + 1j * turn, np.concatenate([w[:, :1], further], axis=1)), step
 
 
 def _bounded(normal: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
