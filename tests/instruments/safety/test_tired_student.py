@@ -9,6 +9,7 @@ import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -203,14 +204,17 @@ class Student(RuleBasedStateMachine):
             return
         self.lab.plant.advance(self.lab.clock.now())
         new = self.record[self.seen :]
-        self.seen = len(self.record)
         for output in new:
             if output.closed:
                 loudest = float(np.abs(output.volts).max())
                 assert loudest <= max(MOST.values()) * SHARE + CODE, f"{loudest} V"
                 assert self.rig is None or loudest <= self.most * SHARE + CODE, f"{loudest} V of {self.most}"
-        found = bursts(self.record)
-        assert busiest_minute(found) <= FINISHED, f"{busiest_minute(found)} s of a minute"
+        # What reaches no patch only ends a burst: its beginning is enough.
+        self.record[self.seen :] = [o if o.closed else replace(o, volts=o.volts[:1]) for o in new]
+        if any(output.closed for output in self.record[max(0, self.seen - 1) :]):
+            found = bursts(self.record)
+            assert busiest_minute(found) <= FINISHED, f"{busiest_minute(found)} s of a minute"
+        self.seen = len(self.record)
         if len(self.record) > 400:  # older than any minute
             now = self.lab.clock.now()
             keep = [output for output in self.record if output.start > now - 90]
@@ -246,7 +250,7 @@ def run(folder: Path, examples: int, take_out: Any = None, number: int = 0) -> C
 @pytest.mark.timeout(7200)
 def test_no_limit_is_exceeded_whatever_is_done(tmp_path: Path, full: bool) -> None:
     counts: Counter[str] = Counter()
-    for number in range(12 if full else 1):
+    for number in range(9 if full else 1):
         counts += run(tmp_path, 200 if full else 8, number=number)
     print(dict(counts))
     for what in ("excite", "excite refused", "sweep refused", "connect", "assign refused", "killed", "leave"):
