@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
@@ -89,15 +90,21 @@ def restructure(path: Path, seed: int, kind: str) -> None:
 
 def refused(use: Callable[[], object]) -> bool:
     """Use a file: True when it was refused in one sentence, and not for its memory only then."""
-    before = _resident()
-    try:
-        use()
-    except HaploopError as error:
-        assert "\n" not in str(error).strip() and len(str(error)) < 1000, error
-        return True
-    finally:
-        assert _peak() - before < MOST_MEMORY
+    with within_memory():
+        try:
+            use()
+        except HaploopError as error:
+            assert "\n" not in str(error).strip() and len(str(error)) < 1000, error
+            return True
     return False
+
+
+@contextmanager
+def within_memory() -> Iterator[None]:
+    """Fails when what is done within takes more than 200 MB."""
+    before = _resident()
+    yield
+    assert _peak() - before < MOST_MEMORY
 
 
 def _resident() -> int:

@@ -78,7 +78,10 @@ class Nodes(Protocol):
         """Called when a card is asked how far its play is. Raises PlayStopped when a fault has ended it."""
 
     def drive(self, node: str, source: Source) -> None:
-        """Connect `source` to a node from now on; the plant takes its steps as time advances."""
+        """Connect `source` to a node from now on; the plant takes its steps as time advances.
+
+        Outputs of several instruments at one node add up.
+        """
 
 
 Switched = tuple[str, bool, float]

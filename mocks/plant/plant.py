@@ -6,8 +6,11 @@ channels and outputs. Time is the rig's clock; the plant steps only as far as a 
 
 from __future__ import annotations
 
+import math
 from bisect import insort
+from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 
@@ -17,13 +20,35 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
 from haploop.instruments.config import RigFile
 from haploop.mocks.plant.amplifier import Amplifier
-from haploop.mocks.plant.nodes import LaserHead, Source, Switches
+from haploop.mocks.plant.nodes import LaserHead, Run, Source, Switches
 from haploop.mocks.plant.scene import AmplifierOutput, Scene
 from haploop.mocks.plant.sensed import Output, laser, wired
 from haploop.mocks.plant.surface import PlantSource
 from haploop.mocks.plant.truth import Truth
 
 __all__ = ["Plant"]
+
+
+_Place = tuple[str, type]
+"""A node, and the kind of source that drives it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Runs that begin together, on one clock and of one length: (steps,) V of each."""
+
+    start: float
+    period: float
+    played: Mapping[_Place, FloatArray]
+
+    @property
+    def count(self) -> int:
+        return len(next(iter(self.played.values())))
+
+    @property
+    def end(self) -> float:
+        """The time of the last step (s)."""
+        return self.start + (self.count - 1) * self.period if self.count > 1 else self.start
 
 
 class Plant(Scene):
@@ -33,7 +58,9 @@ class Plant(Scene):
         super().__init__(file, clock, source)
         self._switched: list[tuple[float, int, str, bool]] = []
         self._boxes: list[Switches] = []
-        self._sources: dict[str, Source] = {}
+        self._sources: dict[_Place, Source] = {}
+        self._last: dict[_Place, float] = {}
+        """V that each source holds until its next run."""
         self._now = clock.now()
         self._amplifier = Amplifier(file, self.section.patches, self.rng("amplifier"))
         self._inputs = dict.fromkeys(self._amplifier.inputs.values(), 0.0)
@@ -75,11 +102,15 @@ class Plant(Scene):
         self._boxes.append(box)
 
     def drive(self, node: str, source: Source) -> None:
-        """See `haploop.mocks.plant.Nodes.drive`. Only the amplifier's inputs have an effect."""
+        """See `haploop.mocks.plant.Nodes.drive`. Only the amplifier's inputs have an effect.
+
+        The sources of a node add up; one of the same kind takes the place of the one before.
+        """
         with self._lock:
             self.advance(self.clock.now())
             if node in self._inputs:
-                self._sources[node] = source
+                self._sources[node, type(source)] = source
+                self._last.setdefault((node, type(source)), 0.0)
 
     # Reading by converters
 
@@ -144,22 +175,34 @@ class Plant(Scene):
             self._step_to(until)
 
     def _step_to(self, until: float) -> None:
-        together: dict[tuple[float, float, int], dict[str, FloatArray]] = {}
-        for node, source in self._sources.items():
+        together: dict[tuple[float, float, int], dict[_Place, FloatArray]] = {}
+        for place, source in self._sources.items():
             for run in source.take(until):
                 if len(run.values):
-                    key = (run.start, run.period, len(run.values))
-                    together.setdefault(key, {})[node] = self._amplifier.output(run, self.faults)
-        before = -np.inf
-        for (start, period, count), driven in sorted(together.items(), key=lambda item: item[0]):
-            if start < before:
-                raise NotImplementedError(
-                    "Outputs that play at the same time on different clocks are not simulated."
-                )
-            held = {node: np.full(count, v) for node, v in self._inputs.items()}
-            self._apply(start, period, held | driven)
-            before = start + (count - 1) * period
+                    together.setdefault((run.start, run.period, len(run.values)), {})[place] = run.values
+        groups = deque(
+            _Group(*key[:2], played) for key, played in sorted(together.items(), key=lambda i: i[0])
+        )
+        while groups:
+            group = groups.popleft()
+            at_once, end = [group], group.end
+            while groups and groups[0].start < end:
+                at_once.append(groups.popleft())
+                end = max(end, at_once[-1].end)
+            self._play(group if len(at_once) == 1 else _on_one_clock(at_once, self._last))
         self._now = max(self._now, until)
+
+    def _play(self, group: _Group) -> None:
+        """Step the surface with what the sources of each node add up to."""
+        self._last |= {place: float(values[-1]) for place, values in group.played.items()}
+        count = group.count
+        outputs = {node: np.full(count, v) for node, v in self._inputs.items()}
+        for node in {node for node, _ in group.played}:
+            own = [place for place in self._last if place[0] == node]
+            added = sum(group.played.get(place, np.full(count, self._last[place])) for place in own)
+            run = Run(group.start, group.period, np.asarray(added))
+            outputs[node] = self._amplifier.output(run, self.faults)
+        self._apply(group.start, group.period, outputs)
 
     def _apply(self, start: float, period: float, outputs: Mapping[str, FloatArray]) -> None:
         """Step the surface. `outputs` maps each amplifier input to its output, (steps,) V."""
@@ -181,3 +224,21 @@ class Plant(Scene):
                 self.peak = max(self.peak, float(np.abs(volts).max()))
             if self.amplifier_record is not None:
                 self.amplifier_record.append(AmplifierOutput(start, period, volts, closed))
+
+
+def _on_one_clock(groups: Sequence[_Group], held: Mapping[_Place, float]) -> _Group:
+    """Runs that overlap, as one group on the clock of the fastest; the others are up to a period off."""
+    fastest = min(groups, key=lambda group: group.period)
+    period, end = fastest.period, max(group.end for group in groups)
+    first = math.ceil((groups[0].start - fastest.start) / period)
+    times = fastest.start + period * np.arange(first, math.floor((end - fastest.start) / period) + 1)
+    played: dict[_Place, FloatArray] = {}
+    for group in groups:
+        steps = Run(group.start, group.period, np.zeros(group.count)).times
+        # A time of the clock itself is not missed for rounding.
+        index = np.searchsorted(steps, times + 1e-3 * period, side="right") - 1
+        for place, values in group.played.items():
+            before = played.get(place, np.full(len(times), held[place]))
+            played[place] = np.where(index < 0, before, values[index])
+            played[place][-1] = values[-1]  # also when it came after the clock's last time
+    return _Group(float(times[0]), period, played)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from haploop.instruments import Rig, RigFile, load_rig_file
+from haploop.instruments.generator.scpi_generator import ScpiGenerator
 from haploop.instruments.rig import opening
 from haploop.instruments.safety import lock
 from haploop.mocks.daq.twin import DaqTwin
@@ -36,7 +37,7 @@ class Lab:
         self._kept: dict[str, Any] = {}
 
     def instrument(self, role: str, device: Any, driver: Any) -> Any:
-        """Open an instrument; cards and boxes outlast the rig."""
+        """Open an instrument; cards, boxes and generators outlast the rig."""
         made = self.world.instrument
         if role == "daq":
             return self._kept.setdefault(role, None) or self._keep(role, made(role, device, driver, "twin"))
@@ -50,6 +51,10 @@ class Lab:
             board = BoxAdapter("Yocto-MaxiCoupler (twin)", box, settings.dead_man)
             super(RelayTwin, relay).__init__(settings, self.clock, board)
             return relay
+        if role == "generator" and role in self._kept:
+            return type(self.generator)(self.generator._settings, self.clock, self.generator._line)
+        if role == "generator":
+            return self._keep(role, made(role, device, driver, "twin"))
         return made(role, device, driver, "twin")
 
     def leave(self, output: str, volts: float) -> None:
@@ -73,6 +78,12 @@ class Lab:
         """The cards, as any program finds them."""
         daq: DaqTwin = self._kept["daq"]
         return daq
+
+    @property
+    def generator(self) -> ScpiGenerator:
+        """The generator, as any program finds it."""
+        generator: ScpiGenerator = self._kept["generator"]
+        return generator
 
     def _keep(self, role: str, instrument: Any) -> Any:
         self._kept[role] = instrument

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from haploop.instruments import (
+    Block,
     ConfigurationError,
     InstrumentError,
     LimitError,
+    Limits,
     Rig,
     RigFile,
     load_rig_file,
     open_rig,
 )
 from haploop.instruments.config.rig_file import AbortLimits
+from haploop.instruments.safety.abort_monitor import AbortMonitor
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 from tests.instruments.safety.at_the_patch import bursts
@@ -185,3 +189,53 @@ def test_a_lockout_that_cannot_be_read_is_a_lockout(tmp_path: Path, content: str
     path.write_text(content, encoding="latin-1")
     found = lockout_of(tmp_path, {"relay"})
     assert found is not None and f"its lockout file {path} is damaged" in found.sentence
+
+
+def test_the_samples_of_each_trip_are_kept_with_their_index() -> None:
+    limited = file(drive=30.0)
+    seen = []
+    for _ in range(2):
+        with open_rig(limited) as rig:
+            drive = tone(rig)
+            with pytest.raises(InstrumentError, match="The patch got"):
+                rig.excite(drive, ["A"], ["switch"])
+            assert rig.lockout is not None
+            kept = np.load(rig.lockout.samples)
+            clear_lockout(rig.audit.folder, rig.hardware)
+        seen.append(rig.lockout)
+        first, volts = int(kept["first"]), kept["volts"][list(kept["channels"]).index("drive")]
+        assert len(volts) > 5000 and kept["rate_hz"] == rig.table.rate_hz
+        np.testing.assert_allclose(100 * volts, drive[first : first + len(volts)], atol=4.0)
+    assert len(list((rig.audit.folder / "trips").glob("*.npz"))) == 2
+
+
+def monitor(limits: Limits, drive: float | None) -> AbortMonitor:
+    two = SimpleNamespace(channels=("one", "two"), to_si=lambda volts: 100 * volts)
+    sensors: Any = SimpleNamespace(drive=two, force=None)
+    return AbortMonitor(AbortLimits(drive=drive), sensors, None, limits)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+@pytest.mark.parametrize("drive", [50.0, None])
+def test_each_of_several_drive_monitors_is_tested(row: int, drive: float | None) -> None:
+    watched = monitor(Limits(min=-50 / 1.1, max=50 / 1.1), drive)
+    volts = np.zeros((3, 100))
+    volts[2] = 5.0  # a channel that is no drive monitor
+    for value in (0.499, -0.499):
+        volts[row, 40] = value
+        watched.check(Block(0, volts, np.array([True, True, True])), ("one", "two", "other"))
+    for value in (0.501, -0.501, np.nan):
+        volts[row, 40] = value
+        with pytest.raises(InstrumentError, match="The patch got"):
+            monitor(Limits(min=-50 / 1.1, max=50 / 1.1), drive).check(
+                Block(0, volts, np.zeros(3, bool)), ("one", "two", "other")
+            )
+
+
+def test_ten_blocks_are_kept() -> None:
+    watched = monitor(Limits(), 50.0)
+    for number in range(25):
+        watched.check(Block(7 * number, np.full((2, 7), number / 100), np.zeros(2, bool)), ("one", "two"))
+    first, volts = watched.samples()
+    assert first == 7 * 15 and volts.shape == (2, 70) and volts[0, 0] == 0.15 and volts[1, -1] == 0.24
+    assert watched.tripped is None and watched.channels == ("one", "two")

@@ -1,0 +1,163 @@
+"""The writer's room, to the byte and to the row; and what is set aside, or recovered, and what is not."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+from collections import namedtuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haploop.acquisition import Recording, recover
+from haploop.acquisition.recording import set_aside
+from haploop.acquisition.recording.rows import block_dtype
+from haploop.acquisition.recording.writer import Writer, _allocate
+from haploop.instruments import ConfigurationError, DataError, InstrumentError
+from tests.acquisition.recording.pattern import CHANNELS, PRESS, block_of, header
+
+Usage = namedtuple("Usage", "total used free")
+
+
+def test_a_recording_needs_twice_its_size_and_a_megabyte(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needed = 2 * 2000 * block_dtype(CHANNELS, 250).itemsize + (1 << 20)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: Usage(0, 0, needed - 1))
+    with pytest.raises(ConfigurationError, match=f"but this recording needs {needed / 1e6:.0f} MB: free"):
+        Writer(tmp_path / "P01-push.h5", header(), 250, 2000)
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: Usage(0, 0, needed))
+    Writer(tmp_path / "P01-push.h5", header(), 250, 2000).close()
+
+
+def test_events_and_verdicts_have_room_for_so_many_and_the_last_event_says_so(tmp_path: Path) -> None:
+    presses = header().presses
+    path = tmp_path / "P01-push.h5"
+    with Writer(path, header(), 250, 4, along=3) as writer:
+        writer.write(block_of(0), 0.0)
+        for number in range(16 * presses + 256 + 3 + 5):
+            writer.note(number, "note", str(number))
+        for attempt in range(1, 8 * presses + 64 + 1):
+            writer.write_verdict(PRESS._replace(attempt=attempt))
+        with pytest.raises(InstrumentError, match="no space for further attempts"):
+            writer.write_verdict(PRESS._replace(attempt=1))
+        with pytest.raises(DataError, match="ends at sample 251, but only 250 are written"):
+            writer.write_verdict(PRESS._replace(end=251))
+        for block in (0, 1, 2, 3):
+            writer.write(block_of(250 * block), 0.0)
+        with pytest.raises(InstrumentError, match="is full after 1000 samples"):
+            writer.write(block_of(1000), 0.0)
+        with pytest.raises(InstrumentError, match="begins at sample 1250, but 1000 is next"):
+            writer.write(block_of(1250), 0.0)
+    recording = Recording.open(path)
+    assert len(recording.events) == 16 * presses + 259
+    assert [event.kind for event in recording.events[-2:]] == ["note", "events-full"]
+    assert len(recording.verdicts) == 8 * presses + 64
+
+
+@pytest.mark.parametrize("length", [1, 1 << 20, (5 << 19) + 3])
+def test_room_is_taken_in_zeros_where_the_system_has_no_call_for_it(
+    length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(os, "posix_fallocate", raising=False)
+    path = tmp_path / "room"
+    path.write_bytes(b"x" * 100)
+    with path.open("r+b") as file:
+        _allocate(file.fileno(), 90, length)
+    assert path.read_bytes() == b"x" * 90 + bytes(length) + b"x" * max(0, 10 - length)
+
+
+def test_a_disk_that_takes_nothing_and_says_nothing_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not hasattr(os, "pwrite"):
+        pytest.skip("a disk's refusal is simulated at this call")
+    writer = Writer(tmp_path / "P01-push.h5", header(), 250, 4)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "pwrite", lambda *_: 0)
+        with pytest.raises(InstrumentError, match=os.strerror(errno.ENOSPC)):
+            writer.write(block_of(0), 0.0)
+    with pytest.raises(InstrumentError):
+        writer.close()
+    writer.close()
+
+
+def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that took the name between the file's own naming and its opening."""
+    path, real = tmp_path / "P01-push.h5", os.open
+
+    def refused(name: object, *more: int) -> int:
+        if name == path:
+            if theirs:
+                path.unlink()
+                path.write_text("theirs")
+            raise OSError(errno.EIO, "Input/output error")
+        return real(name, *more)  # type: ignore[arg-type]
+
+    for theirs in (True, False):
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "open", refused)
+            with pytest.raises(ConfigurationError, match=r"cannot be preallocated \(Input/output error\)"):
+                Writer(path, header(), 250, 4)
+        assert [file.read_text() for file in tmp_path.iterdir()] == ["theirs"] * theirs
+        path.unlink(missing_ok=True)
+
+
+def test_what_holds_no_press_is_set_aside_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "P01-push.h5"
+
+    def recorded(kind: str = "", verdict: bool = False) -> None:
+        path.unlink(missing_ok=True)
+        with Writer(path, header(), 250, 4) as writer:
+            writer.write(block_of(0), 0.0)
+            if kind:
+                writer.note(0, kind, "Something.")
+            if verdict:
+                writer.write_verdict(PRESS)
+
+    for number in (1, 2, 3):
+        recorded("prompt")
+        assert set_aside(path) == tmp_path / f"P01-push.empty-{number}.h5" and not path.exists()
+    for kind, verdict in (("pressed", False), ("", True)):
+        recorded(kind, verdict)
+        assert set_aside(path) is None and path.exists()
+    with Writer(tmp_path / "P02-push.h5", header(), 250, 4) as writer:
+        writer.write(block_of(0), 0.0)
+    path.write_bytes(b"no recording")
+    assert set_aside(path) is None and path.exists()
+
+
+def test_what_is_not_there_is_not_recovered(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="There is no file"):
+        recover(tmp_path / "P01-push.h5")
+
+
+LIMITED = """
+import resource, sys
+from haploop.acquisition.recording import recovery
+def told(_path, _destination, allow):
+    for count in (0, 1 << 30):
+        allow(count)
+        sys.stderr.write(f"{resource.getrlimit(resource.RLIMIT_AS)[0]} ")
+before = resource.getrlimit(resource.RLIMIT_AS)[0]
+real = recovery._allow_memory
+recovery._allow_memory = lambda count: (sys.stderr.write(f"{count} "), real(count))
+recovery.recover_damaged = lambda path, destination, allow: told(path, destination, real)
+recovery._in_child()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
+def test_a_damaged_file_is_recovered_in_a_process_with_limited_memory(tmp_path: Path) -> None:
+    child = subprocess.run(
+        [sys.executable, "-c", LIMITED, "a", "b"], capture_output=True, text=True, check=True
+    )
+    first, own, more = map(int, child.stderr.split())
+    assert first == 0 and 200 << 20 < own < 4 << 30  # before anything is read
+    assert np.isclose(more - own, 1 << 30, atol=50 << 20)
+    assert child.stdout == '{"error": "", "text": ""}'

@@ -1,0 +1,99 @@
+"""Every kind of file that a command reads, changed: one sentence and an exit code, at no cost of memory.
+
+The bytes, and the structure under a checksum that fits.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from haploop.acquisition import Representative
+from haploop.acquisition.json_files import write_json
+from haploop.calibration import Calibration, build_button
+from haploop.instruments import open_rig
+from tests.haploop.conftest import Demo, Run
+from tests.mutating import mutations, restructure, within_memory
+
+STORED = ("representative", "calibration", "drive", "check", "button")
+
+
+@pytest.fixture(scope="module")
+def files(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A file of each kind, by kind."""
+    folder = tmp_path_factory.mktemp("whole")
+    found = {
+        "recording": demo.folder / "recordings" / "P01-push.h5",
+        "representative": demo.folder / "presses" / "push.h5",
+        "calibration": demo.folder / "calibration.h5",
+        "drive": demo.folder / "drives" / "push.h5",
+        "check": demo.folder / "checks" / "push.h5",
+        "button": folder / "button.h5",
+    }
+    press, calibration = Representative.load(found["representative"]), Calibration.load(found["calibration"])
+    with open_rig("simulated") as rig:
+        build_button(rig, press, calibration, iterations=0).save(found["button"])
+    return found
+
+
+def used(run: Run, *arguments: object) -> int:
+    """Run a command: it ends by itself, in one sentence where it refuses. Returns the exit code."""
+    with within_memory():
+        result = run(*arguments)
+    assert result.exit_code in (0, 1, 2, 3), (arguments, result.output[-500:])
+    if result.exit_code > 1:
+        assert result.output.count("\n") <= 12 and len(result.stderr) < 2000, result.output
+    return result.exit_code
+
+
+@pytest.mark.parametrize("kind", ["recording", *STORED])
+@pytest.mark.timeout(3600)
+def test_a_command_survives_any_bytes(
+    kind: str, files: dict[str, Path], run: Run, tmp_path: Path, full: bool
+) -> None:
+    path, codes = tmp_path / "P01-push.h5", []
+    raw = files[kind].read_bytes()
+    for number, changed in enumerate(mutations(raw, 500 if full else 12, seed=11)):
+        path.write_bytes(changed)
+        codes.append(used(run, "show", path, "--json"))
+        verified = used(run, "verify", path, "--json")
+        assert verified >= 1 or changed == raw
+        if kind == "recording" and number % 20 == 0:
+            used(run, "recover", path)
+            (tmp_path / "P01-push.recovered.h5").unlink(missing_ok=True)
+    assert codes.count(2) > len(codes) // 2
+
+
+@pytest.mark.parametrize("kind", ["recording", *STORED])
+@pytest.mark.timeout(3600)
+def test_a_command_survives_any_structure(
+    kind: str, files: dict[str, Path], run: Run, tmp_path: Path, full: bool
+) -> None:
+    path = tmp_path / "P01-push.h5"
+    for seed in range(500 if full else 12):
+        shutil.copyfile(files[kind], path)
+        restructure(path, seed, kind)
+        used(run, "show", path, "--json")
+        used(run, "verify", path, "--json")
+
+
+OTHERS = ([], {}, [1], [[]], {"a": None}, "a", None, 1e308, [None] * 1000)
+
+
+@pytest.mark.parametrize(
+    ("kind", "own"), [("map", {"rig": "rig"}), ("rejections", [{"file": "P01-push.h5"}])]
+)
+def test_a_list_or_plan_of_another_content_is_refused(
+    kind: str, own: object, files: dict[str, Path], run: Run, tmp_path: Path
+) -> None:
+    path = tmp_path / f"{kind}.json"
+    shutil.copyfile(files["recording"], tmp_path / files["recording"].name)
+    for changed in (own, *OTHERS):
+        path.unlink(missing_ok=True)
+        write_json(path, kind, changed)
+        used(run, "verify", path)
+        used(run, "show", tmp_path, "--json")
+        used(run, "show", tmp_path / files["recording"].name, "--json")
+        used(run, "list", "--in", tmp_path, "--json")

@@ -1,0 +1,241 @@
+"""The limiter by itself: what a permit lets an instrument do, once, and what it keeps of that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.instruments import InstrumentError, LimitError, Limits, Sweep, load_rig_file
+from haploop.instruments.amplifier.e413 import E413
+from haploop.instruments.safety import Audit, Limiter, Outputs, entries
+from haploop.instruments.safety.duty import plays_of
+from haploop.instruments.safety.limiter import Ratings
+from haploop.mocks.clock import VirtualClock
+
+RATE = 1000.0
+LIMITS = Limits(min=-50.0, max=50.0, slew=1e5)
+DRIVE = np.array([0.0, 10.0, 20.0, -10.0, 0.0])
+SWEEP = Sweep(10.0, 100.0, 0.5, 10.0)
+
+
+class World:
+    """A limiter, and outputs that are what a test sets."""
+
+    def __init__(self, folder: Path) -> None:
+        self.clock = VirtualClock()
+        self.audit = Audit(load_rig_file("simulated"), folder / "log", True)
+        self.on = False
+        self.standing = {"one": 0.0}
+        self.generator = SimpleNamespace(output="one", identity="A generator", is_on=False)
+        self.amplifier = E413.open(E413.Settings(input="one", gain=50), self.clock)
+        daq = SimpleNamespace(zero=lambda: None, outputs_read=lambda: self.standing)
+        roles = {"daq": daq, "generator": self.generator, "amplifier": self.amplifier}
+        self.outputs = Outputs(roles)
+        self.counted = folder / "counted"
+        self.counted.mkdir()
+        self.limiter = Limiter(self.clock, self.audit, folder / "locks", {"card"}, self.outputs, self.counted)
+
+    def permit(self, drives: Any = None, patches: Any = ("A",), limits: Limits = LIMITS) -> Any:
+        drives = {"one": DRIVE} if drives is None else drives
+        return self.limiter.permit(drives, RATE, patches, self.amplifier, rated(limits))
+
+    def permit_sweep(self, sweep: Sweep = SWEEP, limits: Limits = LIMITS, rest: float = 0.25) -> Any:
+        return self.limiter.permit_sweep("one", sweep, rest, ("A",), self.amplifier, rated(limits))
+
+    @property
+    def kinds(self) -> list[str]:
+        return [str(entry["kind"]) for entry in entries(self.audit.folder)]
+
+
+def rated(limits: Limits) -> Callable[[int], Ratings]:
+    return lambda _count: {"the rig": limits}
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[World]:
+    yield World(tmp_path)
+
+
+def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
+    with world.permit() as volts:
+        at_output = volts["one"]
+        np.testing.assert_array_equal(at_output, DRIVE / 50)
+        padded = np.pad(at_output, (0, 7))
+        for wrong in (at_output * 1.001, at_output[:-1], at_output[1:], np.append(padded, 1e-9)):
+            with pytest.raises(LimitError, match="has authorised"):
+                world.limiter.authorise("one", wrong, RATE)
+        for output, rate_hz in (("two", RATE), ("one", RATE * 2)):
+            with pytest.raises(LimitError, match="has authorised"):
+                world.limiter.authorise(output, at_output, rate_hz)
+        with pytest.raises(LimitError, match="has authorised"):
+            world.limiter.authorise_sweep("one", SWEEP, False)
+        world.limiter.authorise("one", padded, RATE)
+        with pytest.raises(LimitError, match="has authorised"):  # a restart would cut it off
+            world.limiter.authorise("one", padded, RATE)
+    with pytest.raises(LimitError, match="has authorised"):
+        world.limiter.authorise("one", padded, RATE)
+    with world.permit():  # and again for the next
+        world.limiter.authorise("one", padded, RATE)
+
+
+def test_several_outputs_start_once_each(world: World) -> None:
+    drives = {"one": DRIVE, "two": DRIVE / 2}
+    with world.permit(drives, ("A", "B")) as volts:
+        world.limiter.authorise("one", volts["one"], RATE)
+        world.generator.is_on = True  # asked before the first of them only: the others must keep up
+        world.limiter.authorise("two", volts["two"], RATE)
+        for output in drives:
+            with pytest.raises(LimitError, match="has authorised"):
+                world.limiter.authorise(output, volts[output], RATE)
+    with (
+        pytest.raises(LimitError, match="must be of one length"),
+        world.permit({"one": DRIVE, "two": DRIVE[:3]}),
+    ):
+        pass
+
+
+def test_a_generator_that_is_switched_on_after_the_permit_keeps_the_drive_from_starting(world: World) -> None:
+    with world.permit() as volts:
+        world.limiter.authorise_patches(frozenset({"A"}))
+        world.generator.is_on = True
+        with pytest.raises(InstrumentError, match="A generator is on, and this rig has not started it"):
+            world.limiter.authorise("one", volts["one"], RATE)
+    assert world.kinds == ["played", "connected", "refused"]
+
+
+def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world: World) -> None:
+    world.limiter.authorise_patches(frozenset({"A", "B"}))  # with nothing permitted, any
+    with world.permit(patches=("A", "C")) as volts:
+        with pytest.raises(LimitError, match="not switched to A, B: a drive is being played into A, C"):
+            world.limiter.authorise_patches(frozenset({"A", "B"}))
+        world.limiter.authorise_patches(frozenset({"A", "C"}))
+        world.limiter.authorise_patches(frozenset({"A"}))
+        world.limiter.authorise("one", volts["one"], RATE)
+        with pytest.raises(LimitError, match="the relay only opens"):
+            world.limiter.authorise_patches(frozenset({"A"}))
+        world.limiter.authorise_patches(frozenset())
+    world.limiter.authorise_patches(frozenset({"A"}))
+    world.standing["one"] = 0.03
+    with pytest.raises(InstrumentError, match=r"reads 0\.03 V"):
+        world.limiter.authorise_patches(frozenset({"A"}))
+    world.standing["one"] = -0.02
+    world.limiter.authorise_patches(frozenset({"A"}))
+
+
+def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world: World) -> None:
+    with world.permit_sweep() as at_output:
+        assert at_output == replace(SWEEP, amplitude=0.2)
+        with pytest.raises(LimitError, match="has authorised"):
+            world.limiter.authorise_sweep("one", SWEEP, False)
+        world.generator.is_on = True
+        with pytest.raises(InstrumentError, match="is on"):
+            world.limiter.authorise_sweep("one", at_output, False)
+        world.generator.is_on = False
+        for starts in (False, False, True):
+            world.limiter.authorise_sweep("one", at_output, starts)
+        for starts in (False, True):
+            with pytest.raises(LimitError, match="has authorised"):
+                world.limiter.authorise_sweep("one", at_output, starts)
+        with pytest.raises(LimitError, match="the relay only opens"):
+            world.limiter.authorise_patches(frozenset({"A"}))
+        with pytest.raises(LimitError, match="has authorised"):
+            world.limiter.authorise("one", DRIVE / 50, 0.0)
+
+
+def test_one_permit_at_a_time(world: World) -> None:
+    with world.permit():
+        for second in (world.permit(), world.permit_sweep()):
+            with pytest.raises(LimitError, match="A drive is being played: wait"), second:
+                pass
+    with world.permit():
+        pass
+
+
+# By hand: a linear sweep is fastest at its end, where it turns by 2 pi stop_hz.
+FASTEST = 2 * np.pi * 100.0 * 10.0
+
+
+@pytest.mark.parametrize(
+    ("limits", "allowed"),
+    [
+        (Limits(slew=1.01 * FASTEST), True),
+        (Limits(slew=0.98 * FASTEST), False),
+        (Limits(max=10.001), True),
+        (Limits(max=9.97), False),
+        (Limits(min=-9.97), False),
+        (Limits(max_duration=0.751), True),
+        (Limits(max_duration=0.74), False),
+        (Limits(max_duration=0.5), False),
+        (Limits(duty=0.751 / 60), True),
+        (Limits(duty=0.749 / 60), False),
+        (Limits(max_end=0.001, max_offset=1e-6), True),
+    ],
+)
+def test_a_sweep_is_held_to_its_limits(world: World, limits: Limits, allowed: bool) -> None:
+    if allowed:
+        with world.permit_sweep(limits=limits):
+            pass
+        assert world.kinds == ["played"]
+    else:
+        with pytest.raises(LimitError), world.permit_sweep(limits=limits):
+            pass
+        assert world.kinds == ["refused"]
+
+
+def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) -> None:
+    def counted() -> list[float]:
+        now = world.audit._wall().timestamp()
+        return [round(stop - start, 3) for start, stop in plays_of(world.counted, {"card"}, now + 0.5)]
+
+    limits = replace(LIMITS, duty=1.0 / 60)
+    long = np.sin(np.arange(600) / 3)
+    with world.permit({"one": long}, limits=limits):
+        assert counted() == [0.599]  # its first sample is zero
+        world.clock.sleep(0.2)
+    assert counted() == [0.2]  # it was stopped after that
+    with world.permit({"one": long}, limits=limits):
+        world.clock.sleep(0.7)
+    assert counted() == [0.2, 0.599]
+    again = world.permit({"one": long}, limits=limits)
+    with pytest.raises(LimitError, match=r"would make 1\.4 s of a minute .* 0\.398 s beyond the 1 s"), again:
+        pass
+    world.clock.sleep(58.0)
+    for slept in (0.0, 0.99):
+        world.clock.sleep(slept)
+        again = world.permit({"one": long}, limits=limits)
+        with pytest.raises(LimitError, match=r"'duty' in \[limits\] allows: wait (1|0\.01) s"), again:
+            pass
+    world.clock.sleep(0.011)
+    with world.permit({"one": long}, limits=limits):
+        pass
+
+
+def test_a_play_that_was_stopped_is_logged_only_if_it_had_begun(world: World) -> None:
+    with pytest.raises(ZeroDivisionError), world.permit():
+        _ = 1 // 0
+    assert world.kinds == ["played"]
+    with pytest.raises(ZeroDivisionError), world.permit() as volts:
+        world.limiter.authorise("one", volts["one"], RATE)
+        _ = 1 // 0
+    assert world.kinds == ["played", "played", "stopped"]
+
+
+def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(world: World) -> None:
+    def permit(factor: float, longest: float) -> Any:
+        limits = Limits(max=25.0, max_end=0.01, max_duration=longest, max_offset=100.0)
+
+        def rendered(volts: np.ndarray, rate_hz: float) -> tuple[np.ndarray, float]:
+            return np.pad(factor * volts + 0.01, 100, mode="edge"), rate_hz
+
+        return world.limiter.permit({"one": DRIVE}, RATE, ("A",), world.amplifier, rated(limits), rendered)
+
+    with permit(1.2, 0.006):
+        pass
+    with pytest.raises(LimitError, match=r"rises to 25.5 V"), permit(1.25, 0.006):
+        pass
