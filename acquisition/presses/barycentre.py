@@ -8,10 +8,8 @@ more; sample i is compared with sample j where |i - j| < window (for curves of o
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from dtaidistance import dtw, dtw_barycenter
-from scipy.interpolate import CubicSpline
-from scipy.linalg import solveh_banded
-from scipy.ndimage import gaussian_filter1d
 
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
@@ -81,17 +79,18 @@ def centred(template: FloatArray, paths: list[IntArray], rate_hz: float) -> Floa
     steep = np.gradient(template) ** 2
     steep /= max(float(steep.max()), 1e-300)
     # The smallest stiffness is far below any event's, and keeps silence from breaking the chain.
-    stiff = ((gaussian_filter1d(steep, _SMOOTH * rate_hz) + 1e-6) * (_STIFF * rate_hz) ** 2)[:-1]
+    smooth = scipy.ndimage.gaussian_filter1d(steep, _SMOOTH * rate_hz)
+    stiff = ((smooth + 1e-6) * (_STIFF * rate_hz) ** 2)[:-1]
     bands = np.zeros((2, samples))
     bands[0, 1:] = -stiff
     bands[1] = steep + 1e-9
     bands[1, :-1] += stiff
     bands[1, 1:] += stiff
     places = np.arange(samples)
-    came = places + solveh_banded(bands, steep * lag / len(paths))
+    came = places + scipy.linalg.solveh_banded(bands, steep * lag / len(paths))
     return np.interp(places, np.maximum.accumulate(came + 1e-6 * places), places)
 
 
 def read_at(rows: FloatArray, places: FloatArray) -> FloatArray:
     """Interpolate (..., samples) at places (samples)."""
-    return np.asarray(CubicSpline(np.arange(rows.shape[-1]), rows, axis=-1)(places))
+    return np.asarray(scipy.interpolate.CubicSpline(np.arange(rows.shape[-1]), rows, axis=-1)(places))

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from dtaidistance import dtw
-from scipy.interpolate import BSpline, CubicSpline
 
 from haploop.instruments.arrays import FloatArray, IntArray
 
@@ -66,7 +66,7 @@ class Rows:
         self.places = np.arange(0, self.samples, every)
         # With knots at the integers a piece is found without a search, and its four coefficients are
         # adjacent in memory: three times as fast as calling the spline.
-        spline = CubicSpline(np.arange(self.samples), values, axis=-1)
+        spline = scipy.interpolate.CubicSpline(np.arange(self.samples), values, axis=-1)
         self._pieces = np.ascontiguousarray(spline.c.transpose(2, 1, 0)).reshape(-1, 4)
 
     def at(self, shifts: FloatArray, which: IntArray | None = None) -> FloatArray:
@@ -171,7 +171,7 @@ class _Work:
         far = every[left > 1.5 * np.median(left)]
         if not len(far):
             return warps
-        whole = CubicSpline(self.rows.places, template)(np.arange(self.rows.samples))
+        whole = scipy.interpolate.CubicSpline(self.rows.places, template)(np.arange(self.rows.samples))
         tried = warps.copy()
         tried[far] = self.from_paths(whole, far)
         for _ in range(self.m.rounds):
@@ -235,7 +235,7 @@ def _basis(places: IntArray, samples: int, knots: int) -> FloatArray:
     """Cubic B-splines (places, knots) over the window."""
     inner = np.linspace(0, samples - 1, knots - 2)
     padded = np.concatenate([[0.0] * 3, inner, [samples - 1.0] * 3])
-    return np.asarray(BSpline.design_matrix(places.astype(np.float64), padded, 3).toarray())
+    return np.asarray(scipy.interpolate.BSpline.design_matrix(places.astype(np.float64), padded, 3).toarray())
 
 
 def _prior(samples: int, offset: float, m: WarpModel) -> FloatArray:

@@ -11,7 +11,6 @@ from typing import Self
 import numpy as np
 import scipy
 from scipy import fft
-from scipy.interpolate import CubicSpline
 
 from haploop.acquisition import hdf5
 from haploop.acquisition.presses.averaging import AverageMethod, average
@@ -351,7 +350,7 @@ def _sampled(row: FloatArray, instants: FloatArray) -> FloatArray:
     """Interpolate a signal at instants (samples); constant beyond both ends."""
     low = max(0, int(instants[0]) - 8)
     high = min(len(row), int(instants[-1]) + 9)
-    part = CubicSpline(np.arange(low, high), row[low:high])
+    part = scipy.interpolate.CubicSpline(np.arange(low, high), row[low:high])
     return np.asarray(part(np.clip(instants, low, high - 1)))
 
 

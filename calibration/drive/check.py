@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import scipy
 from scipy.fft import irfft, rfft
-from scipy.signal import hilbert
 
 from haploop.acquisition import hdf5
 from haploop.calibration.drive.agreement import (
@@ -238,7 +238,9 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         outside=outside.root,
         outside_interval=outside.interval,
         correlation=_correlation(moved.mean(axis=0), -still[0], motion),
-        envelope_correlation=_pearson(np.abs(hilbert(band_only)), np.abs(hilbert(target))),
+        envelope_correlation=_pearson(
+            np.abs(scipy.signal.hilbert(band_only)), np.abs(scipy.signal.hilbert(target))
+        ),
         octaves_hz=octaves_hz,
         target_db=target_db,
         measured_db=measured_db,

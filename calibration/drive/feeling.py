@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import resample_poly
+import scipy
 
 from haploop.calibration.drive.check import Check
 from haploop.calibration.drive.drive import BEFORE
@@ -39,7 +39,9 @@ def check_feeling(check: Check, press: Representative | None = None) -> Feeling:
 def _on_clock(press: Representative, rate_hz: float, samples: int) -> FloatArray:
     """(samples,) m/s^2: a recorded press on the clock of its drive, which begins before it."""
     ratio = Fraction(rate_hz / press.rate_hz).limit_denominator(_RATES)
-    acceleration = resample_poly(np.asarray(press.acceleration), ratio.numerator, ratio.denominator)
+    acceleration = scipy.signal.resample_poly(
+        np.asarray(press.acceleration), ratio.numerator, ratio.denominator
+    )
     start = round(BEFORE * rate_hz)
     out = np.zeros(samples)
     kept = acceleration[: samples - start]

@@ -10,8 +10,7 @@ assumes; and it models the patch's hysteresis as a lag.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.signal import lfilter
+import scipy
 from threadpoolctl import threadpool_limits
 
 from haploop.acquisition import Representative
@@ -141,7 +140,7 @@ def _companion(poles: ComplexArray, shift: FloatArray) -> FloatArray:
         rows = [[pole.real, pole.imag], [-pole.imag, pole.real]] if pole.imag else [[pole.real]]
         blocks.append(np.array(rows, dtype=np.float64))
         inputs += [2.0, 0.0] if pole.imag else [1.0]
-    return np.asarray(block_diag(*blocks) - np.outer(inputs, shift))
+    return np.asarray(scipy.linalg.block_diag(*blocks) - np.outer(inputs, shift))
 
 
 def _least_squares(rows: ComplexArray, target: ComplexArray) -> FloatArray:
@@ -164,6 +163,8 @@ def _simulated(
         decay = np.exp(z)
         last = (np.expm1(z) - z) / (pole * z)
         first = np.expm1(z) / pole - last
-        state = lfilter(residue * np.array([last, first]), [1, -decay], signal.astype(np.complex128))
+        state = scipy.signal.lfilter(
+            residue * np.array([last, first]), [1, -decay], signal.astype(np.complex128)
+        )
         out = out + (2 if pole.imag > 0 else 1) * state.real
     return np.asarray(out)

@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.fft import rfft, rfftfreq
-from scipy.optimize import linear_sum_assignment
 
 from haploop.calibration.examination.finding import Finding
 from haploop.calibration.response import linear_sweep
@@ -220,7 +220,7 @@ def _wiring(in_phase: dict[tuple[str, str], float], patches: list[str]) -> Findi
         return Finding("Wiring", "relay", "yellow", sentence)
     strength = np.abs([[in_phase[place, patch] for patch in patches] for place in patches])
     logs = np.log(np.maximum(strength, 1e-3 * strength.max()))
-    _, found = linear_sum_assignment(-logs)
+    _, found = scipy.optimize.linear_sum_assignment(-logs)
     gain = float(np.exp(logs[np.arange(len(patches)), found].sum() - np.trace(logs)))
     wrong = [(place, patches[i]) for place, i in zip(patches, found, strict=True) if place != patches[i]]
     if not wrong:

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from scipy.io import savemat
-from scipy.linalg import block_diag, eigvals
 
 from haploop.calibration.model.rational import Lines, Projection, fit_poles
 from haploop.calibration.model.resonant import decay_deviation, resonant
@@ -152,7 +150,7 @@ class Model:
                 inputs.append(1.0)
                 outputs.append(r.real)
         blocks.append(np.array([[-fast]]))
-        A = np.asarray(block_diag(*blocks), dtype=np.float64)
+        A = np.asarray(scipy.linalg.block_diag(*blocks), dtype=np.float64)
         # The slope is a difference of two large terms: scaling by the corner keeps the state small.
         B = np.array([*inputs, fast])[:, None]
         C = np.array([*outputs, -self.slope * fast])[None, :]
@@ -216,7 +214,7 @@ class Model:
         if rate_hz is not None:
             values |= {"sos": self.sos(rate_hz), "rate_hz": rate_hz}
         with new_file(path) as part:
-            savemat(str(part), values, appendmat=False)
+            scipy.io.savemat(str(part), values, appendmat=False)
 
 
 def fit(response: Response) -> Model:
@@ -297,11 +295,11 @@ def _cascade(
             outputs.append((rp * zp).real)
             constant += rp.real
     blocks.append(np.zeros((1, 1)))
-    A, B = block_diag(*blocks), np.array([*inputs, 1.0])[:, None]
+    A, B = scipy.linalg.block_diag(*blocks), np.array([*inputs, 1.0])[:, None]
     C, D = np.array([*outputs, direct[1]])[None, :], np.array([[constant]])
     scale = np.linalg.norm(C)
     pencil = np.block([[A, B], [C / scale, D / scale]])
-    zeros = eigvals(pencil, np.diag([1.0] * len(A) + [0.0]))
+    zeros = scipy.linalg.eigvals(pencil, np.diag([1.0] * len(A) + [0.0]))
     zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e6)]
     sections: FloatArray = scipy.signal.zpk2sos(zeros, np.append(z, 0.0), constant)  # type: ignore[arg-type]
     return sections

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
@@ -51,7 +51,9 @@ class Channels:
             return float(np.linalg.norm(path - gain * shape))
 
         low, high = np.log(_CORNERS)
-        found = minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
+        found = scipy.optimize.minimize_scalar(
+            misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4}
+        )
         if found.fun <= _FITS * np.linalg.norm(path):
             corner = float(np.exp(found.x))
             stairs = np.sinc(f / self.rate_hz) * np.exp(-1j * np.pi * f / self.rate_hz)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
-from scipy.optimize import nnls
 from threadpoolctl import threadpool_limits
 
 from haploop.calibration.response.channels import Channels
@@ -136,7 +136,7 @@ def _misfit(even: IntArray, odd: IntArray, unexplained: FloatArray, moved: Float
     weights, columns = np.ones(len(own)), np.array([np.full(len(own), own.mean()), size]).T
     for _ in range(_ROUNDS):
         # The power of a line has a standard deviation equal to its mean.
-        parts = nnls(columns / weights[:, None], own / weights)[0]
+        parts = scipy.optimize.nnls(columns / weights[:, None], own / weights)[0]
         weights = np.maximum(columns @ parts, 1e-9 * own.mean())
     return np.full(len(moved), _ALIKE**2 * float(parts[1]))
 

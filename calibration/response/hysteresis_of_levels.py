@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from haploop.calibration.response.hysteresis import Hysteresis, first_harmonic
 from haploop.calibration.response.response import Response
@@ -34,7 +34,7 @@ def fit_hysteresis(response: Response) -> Hysteresis:
         # Each level is weighted by its uncertainty, taken as a thousandth at least.
         trust = _TRUST / np.hypot(_TRUST, _uncertainty(response, float(level)))
         rows += [trust * equation.real, trust * equation.imag]
-    weights, _ = nnls(np.array(rows), np.array([1.0] + [0.0] * (len(rows) - 1)))
+    weights, _ = scipy.optimize.nnls(np.array(rows), np.array([1.0] + [0.0] * (len(rows) - 1)))
     weights[0] = max(weights[0], 0.1)
     found = Hysteresis(radii, np.asarray(weights), full)
     return Hysteresis(radii, weights / abs(found.gain(full)), full)

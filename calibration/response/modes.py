@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
 
 from haploop.instruments import DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -345,17 +345,17 @@ class _Basis:
         norms = np.linalg.norm(columns, axis=0)
         columns /= norms
         # Of columns that coincide, least squares of the least norm.
-        upper = cholesky(columns.T @ columns + _ALIKE * np.eye(len(norms)))
+        upper = scipy.linalg.cholesky(columns.T @ columns + _ALIKE * np.eye(len(norms)))
         return cls(linear_volts, response, columns, upper, norms)
 
     def within(self, values: FloatArray) -> FloatArray:
         """(columns, ...): what of `values` (rows, ...) the columns make, in coordinates of unit length."""
-        return np.asarray(solve_triangular(self.upper, self.columns.T @ values, trans="T"))
+        return np.asarray(scipy.linalg.solve_triangular(self.upper, self.columns.T @ values, trans="T"))
 
     def solution(self, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
         found, left = np.zeros((len(self.norms), measured.shape[1])), measured
         for _ in range(2):
-            found += solve_triangular(self.upper, self.within(left))
+            found += scipy.linalg.solve_triangular(self.upper, self.within(left))
             left = measured - self.columns @ found
         return found / self.norms[:, None], left
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from haploop.calibration.model import Model
 from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
@@ -127,7 +127,9 @@ class _Problem:
         return x
 
     def refined(self, x: FloatArray) -> FloatArray:
-        return np.asarray(least_squares(self._rows, x, self._slope, method="lm", max_nfev=60).x)
+        return np.asarray(
+            scipy.optimize.least_squares(self._rows, x, self._slope, method="lm", max_nfev=60).x
+        )
 
     def cost(self, x: FloatArray) -> float:
         return float((self._rows(x) ** 2).sum())

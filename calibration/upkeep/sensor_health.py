@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 from scipy.fft import irfft, rfft, rfftfreq
-from scipy.linalg import solve_toeplitz
 from scipy.ndimage import binary_dilation, find_objects, label, maximum_filter1d
 
 from haploop.calibration.drive import BAND, Check
@@ -185,7 +184,7 @@ def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float
         for gap in find_objects(groups):
             column = kernel[middle : middle + gap[0].stop - gap[0].start].copy()
             column[0] *= 1 + _FLOOR
-            filled[gap] -= solve_toeplitz(column, fast[gap])
+            filled[gap] -= scipy.linalg.solve_toeplitz(column, fast[gap])
     return filled
 
 

@@ -8,8 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import resample_poly
-from scipy.signal.windows import tukey
+import scipy
 
 from haploop.acquisition import Representative, Window, file_name, high_pass
 from haploop.calibration import Response, read_uff
@@ -204,9 +203,11 @@ def _resampled(values: FloatArray, rate_hz: float) -> FloatArray:
         return values
     # Its low-pass starts from zero: an offset (gravity) would ring at both ends.
     middle = np.median(values)
-    return np.asarray(resample_poly(values - middle, ratio.numerator, ratio.denominator) + middle)
+    return np.asarray(
+        scipy.signal.resample_poly(values - middle, ratio.numerator, ratio.denominator) + middle
+    )
 
 
 def _taper(values: FloatArray) -> FloatArray:
     share = min(1.0, 2 * Window().taper * RATE_HZ / len(values))
-    return np.asarray(values * tukey(len(values), share))
+    return np.asarray(values * scipy.signal.windows.tukey(len(values), share))

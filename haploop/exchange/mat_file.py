@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat, savemat
+import scipy
 
 from haploop.exchange.views import Channel, Responses, Signals, even_rate
 from haploop.instruments import DataError
@@ -51,7 +51,7 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     Raises DataError.
     """
     try:
-        content = loadmat(path, squeeze_me=True, simplify_cells=True)
+        content = scipy.io.loadmat(path, squeeze_me=True, simplify_cells=True)
     except MemoryError:
         raise
     except Exception as error:  # of a damaged file nearly any: scipy's own have no common base
@@ -103,7 +103,7 @@ def _variable(name: str) -> str:
 def _write(path: Path, values: dict[str, Any]) -> None:
     columns = {k: v[:, None] if _is_vector(v) else v for k, v in values.items()}
     with new_file(path) as part:
-        savemat(str(part), columns, appendmat=False, long_field_names=True)
+        scipy.io.savemat(str(part), columns, appendmat=False, long_field_names=True)
 
 
 def _is_vector(value: object) -> bool:

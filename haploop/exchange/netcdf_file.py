@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import netcdf_file
+import scipy
 
 from haploop.exchange.views import About, Responses, Signals
 from haploop.instruments.files import new_file
@@ -65,7 +65,7 @@ def write_responses(found: Responses, path: Path) -> None:
 @contextmanager
 def _file(path: Path, title: str, about: About) -> Iterator[Any]:
     # 64-bit offsets: the oldest format ends at 2 GB.
-    with new_file(path) as part, netcdf_file(part, "w", version=2) as opened:
+    with new_file(path) as part, scipy.io.netcdf_file(part, "w", version=2) as opened:
         file: Any = opened  # its attributes are the file's
         file.Conventions = "CF-1.11"
         file.title = title.encode()

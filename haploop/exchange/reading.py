@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import hilbert
 
 import haploop
 from haploop.acquisition import Recording, Representative, Study, content_hash
@@ -239,7 +239,7 @@ def _envelope(title: str, acceleration: FloatArray, rate_hz: float, about: About
     The frequency is the mean of the instantaneous one, weighted by power: the spectrum's centroid. Raises
     DataError for a press without motion.
     """
-    analytic = np.asarray(hilbert(acceleration))
+    analytic = np.asarray(scipy.signal.hilbert(acceleration))
     # Hilbert's amplitude of a click has notches where its partials beat: the window fills them.
     width = _SMOOTHING * rate_hz
     power = gaussian_filter1d(np.abs(analytic) ** 2, width)

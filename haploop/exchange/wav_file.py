@@ -11,8 +11,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from scipy.io import wavfile
-from scipy.signal import resample_poly
+import scipy
 
 from haploop.exchange.views import Channel, Signals, read_sidecar, sidecar, write_sidecar
 from haploop.instruments import DataError
@@ -35,21 +34,21 @@ def write_float(signals: Signals, path: Path) -> None:
     values = np.stack([c.values for c in signals.channels], axis=1).astype(np.float32)
     write_sidecar(path, signals, unit_per_count=[1.0] * len(signals.channels))
     with new_file(path) as part:
-        wavfile.write(part, round(signals.rate_hz), values)
+        scipy.io.wavfile.write(part, round(signals.rate_hz), values)
 
 
 def write_sound_card(signals: Signals, path: Path) -> None:
     """The main channel, resampled to 48 kHz, 16-bit PCM, its peak at -1 dB of full scale."""
     main = signals[signals.main]
     ratio = Fraction(_SOUND_CARD_HZ / signals.rate_hz).limit_denominator(10_000)
-    values = resample_poly(main.values, ratio.numerator, ratio.denominator)
+    values = scipy.signal.resample_poly(main.values, ratio.numerator, ratio.denominator)
     peak = float(np.abs(values).max()) or 1.0
     unit_per_count = peak / (_HEADROOM * _FULL_SCALE)
     counts = np.rint(values / unit_per_count).astype(np.int16)
     one = Signals(signals.title, _SOUND_CARD_HZ, (main,), main.name, signals.about)
     write_sidecar(path, one, unit_per_count=[unit_per_count])
     with new_file(path) as part:
-        wavfile.write(part, _SOUND_CARD_HZ, counts)
+        scipy.io.wavfile.write(part, _SOUND_CARD_HZ, counts)
 
 
 def read_signals(path: Path, rate_hz: float | None) -> Signals:
@@ -59,8 +58,9 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that scipy does not know
-            rate, values = wavfile.read(path)
+            # Chunks that scipy does not know.
+            warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
+            rate, values = scipy.io.wavfile.read(path)
     except (ValueError, EOFError, struct.error) as error:
         raise DataError(f"{path} is no WAV file that can be read ({error}).") from None
     values = np.asarray(values)

@@ -4,26 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from matplotlib.figure import Figure
 from rich.table import Table
 
-from haploop import figures
+from haploop import figures, outputs
 from haploop.acquisition import Recording, Representative, accepted_presses, find_presses, hdf5
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Waveforms
 from haploop.calibration.map import VibrationMap
-from haploop.figures import Columns
 from haploop.instruments import DataError
-from haploop.outputs import check_new_picture, save_picture
 from haploop.progress import SIMULATED, print_json, print_line, print_table
 from haploop.show.button import button_contents
 from haploop.show.calibration import calibration_contents, drive_contents, waveforms_contents
 from haploop.show.check import check_contents
 from haploop.show.map import map_contents
 from haploop.show.press import recording_contents, representative_contents
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from haploop.figures import Columns
 
 __all__ = ["FileContents", "contents_of", "file_contents", "show_file"]
 
@@ -48,11 +49,11 @@ def show_file(path: Path, as_json: bool, plot: Path | None = None, columns: Colu
     ConfigurationError when `plot` cannot be written.
     """
     if plot is not None:
-        check_new_picture(plot)
+        outputs.check_new_picture(plot)
     found = file_contents(path)
     values = found.values
     if plot is not None:
-        save_picture(found.draw(columns=columns), plot, values["simulated"])
+        outputs.save_picture(found.draw(columns=columns), plot, values["simulated"])
         values["plot"] = str(plot)
     if as_json:
         print_json(values)
@@ -75,25 +76,33 @@ def file_contents(path: str | Path) -> FileContents:
 
 def contents_of(value: Any) -> FileContents:  # noqa: PLR0911 - one for each kind of value
     """The contents of what a file holds. Raises DataError for damaged data, TypeError for anything else."""
+    # Figures are named within functions: most of what is shown is not drawn, and matplotlib takes longest.
     match value:
         case Recording():
             pressed = find_presses(value)
             counted = accepted_presses(value, pressed)
             told = recording_contents(value, pressed, counted)
-            return FileContents(*told, value, partial(figures.recording_figure, value, counted))
+            return FileContents(*told, value, lambda **how: figures.recording_figure(value, counted, **how))
         case Representative():
-            draw = partial(figures.profiles, [figures.Profile.of(value)])
-            return FileContents(*representative_contents(value), value, draw)
+            told = representative_contents(value)
+            return FileContents(
+                *told, value, lambda **how: figures.profiles([figures.Profile.of(value)], **how)
+            )
         case Calibration():
-            return FileContents(*calibration_contents(value), value, partial(figures.response, value))
+            told = calibration_contents(value)
+            return FileContents(*told, value, lambda **how: figures.response(value, **how))
         case Drive():
-            return FileContents(*drive_contents(value), value, partial(figures.drives, [value]))
+            told = drive_contents(value)
+            return FileContents(*told, value, lambda **how: figures.drives([value], **how))
         case Check():
-            return FileContents(*check_contents(value), value, partial(figures.check_figure, value))
+            told = check_contents(value)
+            return FileContents(*told, value, lambda **how: figures.check_figure(value, **how))
         case DigitalButton():
-            return FileContents(*button_contents(value), value, partial(figures.button_figure, value))
+            told = button_contents(value)
+            return FileContents(*told, value, lambda **how: figures.button_figure(value, **how))
         case VibrationMap():
-            return FileContents(*map_contents(value), value, partial(figures.map_figure, value))
+            told = map_contents(value)
+            return FileContents(*told, value, lambda **how: figures.map_figure(value, **how))
         case Waveforms():
             return FileContents(*waveforms_contents(value), value, _no_figure)
     raise TypeError(f"{type(value).__name__} is nothing that haploop shows.")

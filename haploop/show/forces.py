@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.box import SIMPLE
 from rich.table import Table
 
+from haploop import figures, outputs
 from haploop.acquisition import Recording, accepted_presses, load_study
-from haploop.figures import Columns, activation_forces
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
-from haploop.outputs import check_new_picture, save_picture
 from haploop.progress import SIMULATED, print_json, print_line, print_table
+
+if TYPE_CHECKING:
+    from haploop.figures import Columns
 
 __all__ = ["Forces", "forces_in", "show_forces"]
 
@@ -47,7 +49,7 @@ def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None, columns
     accepted press, and ConfigurationError when `plot` cannot be written.
     """
     if plot is not None:
-        check_new_picture(plot)
+        outputs.check_new_picture(plot)
     recordings = [recording for path in paths for recording in _recordings(path)]
     by_button = forces_in(recordings)
     if not by_button:
@@ -56,7 +58,7 @@ def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None, columns
         )
     simulated = any(recording.simulated for recording in recordings)
     if plot is not None:
-        save_picture(activation_forces(by_button, columns=columns), plot, simulated)
+        outputs.save_picture(figures.activation_forces(by_button, columns=columns), plot, simulated)
     if as_json:
         print_json(
             {
