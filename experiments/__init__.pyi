@@ -47,6 +47,7 @@ from .contact import run_button as run_button
 from .contact import verify_button as verify_button
 from .contact import watch_touch as watch_touch
 from .contact import without_lead_in as without_lead_in
+from .presentation import Logged as Logged
 from .presentation import Presenter as Presenter
 from .presentation import TouchSurface as TouchSurface
 from .presentation import fingers_in as fingers_in
@@ -61,6 +62,7 @@ from .protocol import digital_button as digital_button
 from .protocol import example_names as example_names
 from .protocol import group_of_slot as group_of_slot
 from .protocol import load_experiment as load_experiment
+from .protocol import played_by_rig as played_by_rig
 from .protocol import right_answer as right_answer
 from .protocol import session_levels as session_levels
 from .protocol import valid as valid

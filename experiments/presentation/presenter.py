@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from haploop.experiments.contact import (
     Activator,
@@ -14,11 +14,11 @@ from haploop.experiments.contact import (
     run_button,
 )
 from haploop.experiments.presentation.surface import TouchSurface
-from haploop.experiments.protocol import ExperimentFile, Step, digital_button
-from haploop.experiments.session import Event, Session
+from haploop.experiments.protocol import Assignment, ExperimentFile, Step, digital_button, played_by_rig
+from haploop.experiments.session import Event
 from haploop.instruments import DataError, Touch
 
-__all__ = ["Presenter", "fingers_in"]
+__all__ = ["Logged", "Presenter", "fingers_in"]
 
 _ATTEMPTS = 3
 """Times that a press of the finger calibration, and the whole of it, is tried."""
@@ -28,30 +28,47 @@ _LIFTED = 0.5
 """Share of A_min below which a finger counts as lifted."""
 
 
+class Logged(Protocol):
+    """What is used of a `Session`."""
+
+    @property
+    def assignment(self) -> Assignment:
+        """Who takes part."""
+        ...
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """All events so far."""
+        ...
+
+    def event(self, kind: str, **details: Any) -> None:
+        """Log an event."""
+        ...
+
+
 class Presenter:
     """See the module. For the sessions of any participant, one after the other.
 
-    Events: `surface` (rig, camera and buttons, at each beginning), `contact` (area of a press of the finger
+    Events: `surface` (rig, camera and buttons, when they are new), `contact` (area of a press of the finger
     calibration), `finger` (the calibration, or why it is refused), `touch` (a press that is asked for),
     `activation` (what was played, with its latency). Areas are in m^2, times in s of the rig's clock.
     """
 
     def __init__(self, surface: TouchSurface, file: ExperimentFile) -> None:
         self._surface, self._file = surface, file
-        self._noted: Session | None = None
 
     def presents(self, step: Step) -> bool:
         """See `haploop.experiments.session.Presents`."""
-        return step.kind == "finger" or bool(digital_button(self._file, step))
+        return played_by_rig(self._file, step)
 
-    def present(self, session: Session, step: Step) -> None:
+    def present(self, session: Logged, step: Step) -> None:
         """See `haploop.experiments.session.Presents`.
 
         Raises DataError: no press came, or a finger calibration that is not usable after three attempts. The
         step stays due. Raises what `Rig.excite` raises.
         """
-        if session is not self._noted:
-            self._noted = session
+        before = [event.values for event in session.events if event.kind == "surface"]
+        if not before or dict(before[-1]) != self._surface.noted:
             session.event("surface", **self._surface.noted)
         if step.kind == "finger":
             self._finger(session, step)
@@ -60,7 +77,7 @@ class Presenter:
         for number, scale in enumerate(step.values if compared else (1.0,), 1):
             self._button(session, step, digital_button(self._file, step), scale, number)
 
-    def _finger(self, session: Session, step: Step) -> None:
+    def _finger(self, session: Logged, step: Step) -> None:
         """Measure the press of this step; at the last one, judge them all and repeat them if need be."""
         surface, participant, half = self._surface, session.assignment.participant, step.of // 2
         for _ in range(_ATTEMPTS):
@@ -86,7 +103,7 @@ class Presenter:
                 return
         raise DataError(f"{finger.problem} It was tried {_ATTEMPTS} times.")
 
-    def _press(self, session: Session, step: Step, asked: Touch) -> float:
+    def _press(self, session: Logged, step: Step, asked: Touch) -> float:
         surface = self._surface
         for attempt in range(1, _ATTEMPTS + 1):
             try:
@@ -97,7 +114,7 @@ class Presenter:
                     raise
         raise AssertionError
 
-    def _button(self, session: Session, step: Step, name: str, scale: float, interval: int) -> None:
+    def _button(self, session: Logged, step: Step, name: str, scale: float, interval: int) -> None:
         surface, participant = self._surface, session.assignment.participant
         finger = fingers_in(session.events)
         if finger is None:

@@ -25,6 +25,7 @@ __all__ = [
     "Step",
     "digital_button",
     "group_of_slot",
+    "played_by_rig",
     "right_answer",
     "session_levels",
     "valid",
@@ -78,6 +79,11 @@ def digital_button(file: ExperimentFile, step: Step) -> str:
     if any(step.stimulus[factor] != level for factor, level in file.surface.when.items()):
         return ""
     return step.stimulus[file.button_factor] if file.button_factor else next(iter(file.buttons))
+
+
+def played_by_rig(file: ExperimentFile, step: Step) -> bool:
+    """Whether a rig has a part in a step: it measures the finger, or plays a digital button."""
+    return bool(file.buttons) and (step.kind == "finger" or bool(digital_button(file, step)))
 
 
 def group_of_slot(file: ExperimentFile, slot: int) -> str:

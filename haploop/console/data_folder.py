@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from haploop.experiments import Store, load_experiment
 from haploop.instruments import ConfigurationError
 
-__all__ = ["DataFolder"]
+__all__ = ["DataFolder", "store_of"]
 
 
 class DataFolder:
@@ -65,3 +66,9 @@ class DataFolder:
         for part in (folder / "study.toml", *folder.glob("recordings"), *folder.glob("recordings/*.h5")):
             self.name(part)
         return folder
+
+
+def store_of(data: DataFolder, name: object) -> Store:
+    """Return the experiment in a folder of the data folder, with its answers. Raises HaploopError."""
+    experiment = load_experiment(data.path(f"{name}/experiment.toml"))
+    return Store(experiment, data.path(f"{name}/answers"))

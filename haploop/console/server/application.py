@@ -37,7 +37,8 @@ _TOKEN_DEADLINE = 5.0
 
 def application(access: Access, follower: Follower, scope: LiveScope, data: DataFolder) -> Starlette:
     """Return the application."""
-    conductor = Conductor(data)
+    conductor = Conductor(data, follower.command)
+    follower.heard = conductor.heard
     shown = {
         True: lambda: {**follower.snapshot, "experiment": conductor.operator},
         False: lambda: {**_for_participant(follower.snapshot), "experiment": conductor.participant},

@@ -9,26 +9,28 @@ from __future__ import annotations
 
 import secrets
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
 from haploop.acquisition import file_name
-from haploop.console.data_folder import DataFolder
-from haploop.experiments import Session, Step, Store, load_experiment, open_session, session_levels
-from haploop.instruments import ConfigurationError, DataError, RealClock
+from haploop.console.data_folder import DataFolder, store_of
+from haploop.experiments import Session, Step, Store, open_session, played_by_rig, session_levels
+from haploop.instruments import ConfigurationError, DataError, HaploopError, InstrumentError, RealClock
 
-__all__ = ["Conductor", "store_of"]
+__all__ = ["Conductor"]
+
+Worker = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
+"""Sends the worker a command; returns status and answer. Raises InstrumentError."""
+
+
+def _no_worker(_name: str, _values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+    return 503, {"error": "There is no worker."}
+
 
 _BY_HAND = ("presses", "finger")
 """Steps that are done and not answered; a blindfolded participant has the operator confirm them."""
-
-
-def store_of(data: DataFolder, name: object) -> Store:
-    """Return the experiment in a folder of the data folder, with its answers. Raises HaploopError."""
-    experiment = load_experiment(data.path(f"{name}/experiment.toml"))
-    return Store(experiment, data.path(f"{name}/answers"))
 
 
 @dataclass
@@ -41,6 +43,12 @@ class _Sitting:
     open: ExitStack
     turn: str = ""
     """Word of the step that waits for an answer: an answer to another one is refused. "" while none does."""
+    playing: bool = False
+    """Whether the rig presents the stimulus now: it waits for the finger, or plays."""
+    noted: int = 0
+    """Events of this presentation that are in the log."""
+    problem: str = ""
+    """Why the rig could not present it, as a sentence."""
     paused: bool = False
     last: dict[str, Any] | None = None
     """The last answer, for the operator."""
@@ -51,8 +59,10 @@ class _Sitting:
 class Conductor:
     """At most one session at a time. For any thread; `operator` and `participant` are what pages show."""
 
-    def __init__(self, data: DataFolder) -> None:
-        self._data = data
+    def __init__(self, data: DataFolder, worker: Worker = _no_worker) -> None:
+        self._data, self._worker = data, worker
+        self._surface: Mapping[str, Any] | None = None
+        """What the worker's board says of a rig that plays digital buttons."""
         self._changing = threading.Lock()
         self._sitting: _Sitting | None = None
         self.operator: dict[str, Any] | None = None
@@ -90,16 +100,15 @@ class Conductor:
             sitting = self._running()
             if values.get("turn") != sitting.turn:
                 raise ConfigurationError("That was presented already, or has been answered.")
-            sitting.session.presented()
-            sitting.turn = sitting.turn or secrets.token_hex(8)
-            sitting.told = None
+            self._refuse_unready(sitting)
+            self._present(sitting)
             self._show()
 
     def done(self, values: Mapping[str, Any]) -> None:
         """Confirm presses, for a participant who does not see the page."""
         with self._changing:
             due = self._running().session.due
-            if due is None or due.kind not in _BY_HAND:
+            if due is None or not _by_hand(self._running()):
                 raise ConfigurationError("That is the participant's to answer.")
             self._take(values.get("turn"), "done")
 
@@ -122,6 +131,37 @@ class Conductor:
                 self._sitting = None
                 self._show()
 
+    # The worker's board
+
+    def heard(self, snapshot: Mapping[str, Any]) -> None:
+        """Note what the rig has presented: its events go into the log before any page shows them."""
+        with self._changing:
+            surface = None if snapshot.get("gone") else snapshot.get("surface")
+            self._surface, sitting = surface, self._sitting
+            if sitting is None or not sitting.playing:
+                return
+            if surface is None:
+                sitting.playing = False
+                sitting.problem = (
+                    "The rig was left before the stimulus was over: prepare it, and present again."
+                )
+            elif surface["turn"] == sitting.turn:
+                try:
+                    self._presented(sitting, surface)
+                except HaploopError as error:
+                    sitting.playing, sitting.problem = False, str(error)
+            self._show()
+
+    def _presented(self, sitting: _Sitting, surface: Mapping[str, Any]) -> None:
+        for kind, details in surface["events"][sitting.noted :]:
+            sitting.session.event(kind, **details)
+            sitting.noted += 1
+        sitting.playing = surface["state"] == "presenting"
+        sitting.problem = surface["sentence"]
+        due = sitting.session.due
+        if surface["state"] == "done" and due is not None and due.kind == "finger":
+            self._take(sitting.turn, "done")
+
     # The participant's page
 
     def answer(self, values: Mapping[str, Any]) -> None:
@@ -137,10 +177,37 @@ class Conductor:
             raise ConfigurationError("The session is paused.")
         return sitting
 
+    def _refuse_unready(self, sitting: _Sitting) -> None:
+        if not _plays(sitting):
+            return
+        ready = self._surface is not None and self._surface["experiment"] == sitting.name
+        if sitting.playing or not ready:
+            raise ConfigurationError(
+                "The rig presents the stimulus already: wait."
+                if sitting.playing
+                else "The rig plays this experiment's digital buttons: prepare it first."
+            )
+
+    def _present(self, sitting: _Sitting) -> None:
+        """Log the stimulus of the step that is due, and have the rig present it if it has a part in it."""
+        sitting.session.presented()
+        sitting.turn = sitting.turn or secrets.token_hex(8)
+        sitting.told, sitting.problem, sitting.noted = None, "", 0
+        sitting.playing = _plays(sitting)
+        if sitting.playing:
+            who = sitting.session.assignment
+            asked = {"participant": who.participant, "session": who.session, "turn": sitting.turn}
+            try:
+                status, answer = self._worker("present", asked)
+            except InstrumentError as error:
+                status, answer = 503, {"error": str(error)}
+            if status != 200:
+                sitting.playing, sitting.problem = False, str(answer.get("error", "The worker refused."))
+
     def _take(self, turn: object, answer: object) -> None:
         sitting = self._running()
         step, session = sitting.session.due, sitting.session
-        if step is None or not sitting.turn or turn != sitting.turn:
+        if step is None or not sitting.turn or turn != sitting.turn or sitting.playing:
             raise DataError("That was answered already, or is asked no more.")
         told = session.answer(answer)
         sitting.turn = ""
@@ -149,14 +216,24 @@ class Conductor:
         due = session.due
         if due is not None and due.kind == "finger" and due.number > 1:
             # One press follows the other; only the first of them waits for the operator.
-            session.presented()
-            sitting.turn = secrets.token_hex(8)
+            self._present(sitting)
         self._show()
 
     def _show(self) -> None:
         sitting = self._sitting
         self.operator = None if sitting is None else _for_operator(sitting)
         self.participant = None if sitting is None else _for_participant(sitting)
+
+
+def _plays(sitting: _Sitting) -> bool:
+    """Whether the rig has a part in the step that is due."""
+    step = sitting.session.due
+    return step is not None and played_by_rig(sitting.store.experiment.file, step)
+
+
+def _by_hand(sitting: _Sitting) -> bool:
+    step = sitting.session.due
+    return step is not None and step.kind in _BY_HAND and not _plays(sitting)
 
 
 def _for_operator(sitting: _Sitting) -> dict[str, Any]:
@@ -174,7 +251,10 @@ def _for_operator(sitting: _Sitting) -> dict[str, Any]:
         "step": None if step is None else _step(step) | {"stimulus": _stimulus(sitting, step)},
         "introduction": _introduction(sitting),
         "turn": sitting.turn,
-        "by_hand": step is not None and step.kind in _BY_HAND,
+        "by_hand": _by_hand(sitting),
+        "buttons": bool(file.buttons),
+        "playing": sitting.playing,
+        "problem": sitting.problem,
         "paused": sitting.paused,
         "last": sitting.last,
     }
@@ -195,7 +275,7 @@ def _for_participant(sitting: _Sitting) -> dict[str, Any]:
     return {
         "step": None if step is None else _step(step),
         "introduction": _introduction(sitting),
-        "ask": _question(sitting, step) if step is not None and sitting.turn else None,
+        "ask": _question(sitting, step) if step and sitting.turn and not sitting.playing else None,
         "paused": sitting.paused,
         "told": sitting.told,
     }

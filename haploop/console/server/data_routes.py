@@ -33,8 +33,7 @@ from haploop.calibration import (
 )
 from haploop.calibration.map import MapFolder
 from haploop.catalogue import list_files
-from haploop.console.data_folder import DataFolder
-from haploop.console.server.conductor import store_of
+from haploop.console.data_folder import DataFolder, store_of
 from haploop.figures import trend
 from haploop.instruments import DataError, HaploopError
 from haploop.instruments.arrays import FloatArray
@@ -208,7 +207,7 @@ def _experiment(data: DataFolder, asked: Mapping[str, str]) -> Any:
     store = store_of(data, asked.get("experiment", ""))
     file = store.experiment.file
     about = {"title": file.title or file.name, "groups": file.groups, "days": file.sessions}
-    return {**about, "consent": file.consent, **experiment_values(store)}
+    return {**about, "consent": file.consent, "buttons": [*file.buttons], **experiment_values(store)}
 
 
 def _calibration(data: DataFolder, asked: Mapping[str, str]) -> Any:

@@ -23,6 +23,8 @@ class Follower:
         self.link = link
         self._again, self.scope = again, scope
         self.snapshot: dict[str, Any] = {}
+        self.heard: Callable[[dict[str, Any]], None] = lambda _: None
+        """Called with each snapshot, in a thread, before the pages are told of it."""
         self._changed = asyncio.Condition()
         self.count = 0
         """Number of snapshots so far."""
@@ -70,6 +72,10 @@ class Follower:
                 after = state["version"]
                 await self._show({**state, "gone": ""})
 
+    def command(self, name: str, values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        """Send the present worker a command. See `WorkerLink.command`."""
+        return self.link.command(name, values)
+
     async def newer(self, count: int, timeout: float) -> int:
         """Wait until more than `count` snapshots came, at most `timeout` s; return how many came."""
         try:
@@ -86,6 +92,7 @@ class Follower:
             self._changed.notify_all()
 
     async def _show(self, snapshot: dict[str, Any]) -> None:
+        await asyncio.to_thread(self.heard, snapshot)
         async with self._changed:
             self.snapshot = snapshot
             self.count += 1

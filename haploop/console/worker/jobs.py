@@ -36,8 +36,9 @@ from haploop.calibration import (
     measure_map,
     play_button,
 )
-from haploop.console.data_folder import DataFolder
+from haploop.console.data_folder import DataFolder, store_of
 from haploop.console.worker.board import Board
+from haploop.console.worker.presenting import Stimuli, present_stimuli
 from haploop.instruments import ConfigurationError, DataError, Progress, Rig, RigFile
 from haploop.instruments.files import check_destination
 from haploop.instruments.operator import ConfirmSettings
@@ -68,6 +69,7 @@ class Tools:
     file: RigFile
     progress: Progress
     on_verdict: Callable[[str, str, PressVerdict], None]
+    stimuli: Stimuli
 
 
 @dataclass(frozen=True)
@@ -332,6 +334,19 @@ def _activate(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     return work
 
 
+def _surface(tools: Tools, wanted: Mapping[str, Any]) -> Work:
+    name = str(wanted.get("experiment", ""))
+    store = store_of(tools.data, name)
+    if not store.experiment.file.buttons:
+        raise ConfigurationError(f"The experiment {name} has no [buttons] for the rig to play.")
+
+    def work(rig: Rig) -> dict[str, Any]:
+        present_stimuli(rig, name, store, tools.board, tools.stimuli, tools.progress)
+        return {}
+
+    return work
+
+
 def _safe(_tools: Tools, _wanted: Mapping[str, Any]) -> Work:
     def work(rig: Rig) -> dict[str, Any]:
         rig.make_safe()
@@ -350,5 +365,6 @@ JOBS: dict[str, Job] = {
     "check": Job(_check, lambda p: f"Play {p.get('button')}"),
     "adopt": Job(_adopt, lambda p: f"Adopt {p.get('button')}", needs_rig=False),
     "activate": Job(_activate, lambda p: f"Activate {p.get('generation')}", needs_rig=False),
+    "surface": Job(_surface, lambda p: f"Rig for the experiment {p.get('experiment')}"),
     "safe": Job(_safe, lambda _: "Reach the safe state"),
 }

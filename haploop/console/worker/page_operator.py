@@ -9,7 +9,7 @@ from dataclasses import asdict
 
 from haploop.console.worker.board import Board
 from haploop.instruments import InstrumentError, Operator
-from haploop.instruments.operator import Aim, Place, Press, Remove, Request, Rest
+from haploop.instruments.operator import Aim, Place, Press, Remove, Request, Rest, TakeTarget, Target
 
 __all__ = ["PageOperator"]
 
@@ -50,7 +50,7 @@ class PageOperator(Operator):
         if (
             self._person is not None
             and self._board["auto"]
-            and isinstance(request, Aim | Place | Remove | Rest)
+            and isinstance(request, Aim | Place | Remove | Rest | TakeTarget | Target)
         ):
             self._show(request, asks=False)
             return self._person.confirm(request)

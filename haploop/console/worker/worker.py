@@ -26,6 +26,7 @@ from haploop.console.worker.board import Board
 from haploop.console.worker.jobs import JOBS, Tools, Work, clean
 from haploop.console.worker.observer import Observer
 from haploop.console.worker.page_operator import PageOperator
+from haploop.console.worker.presenting import Stimuli
 from haploop.instruments import (
     ConfigurationError,
     HaploopError,
@@ -95,6 +96,7 @@ class Worker:
             run=None,
             live=None,
             map=None,
+            surface=None,
             saturated={},
             preflight=None,
             paused=False,
@@ -102,7 +104,8 @@ class Worker:
             step=False,
             stop={"state": "none", "sentence": "", "number": 0},
         )
-        self._tools = Tools(self.board, data, file, self._progress, self._verdict)
+        self._stimuli = Stimuli(self.board, self._abandoned)
+        self._tools = Tools(self.board, data, file, self._progress, self._verdict, self._stimuli)
 
     def run(self) -> None:
         """Run jobs until `end`, or until nobody has asked for the snapshot for long. In the main thread."""
@@ -153,6 +156,8 @@ class Worker:
             "step": lambda v: self.board.set(step=bool(v.get("on"))),
             "acknowledge": lambda _: self.board.set(saturated={}),
             "override": self._override,
+            "present": self._stimuli.present,
+            "release": lambda _: self._stimuli.release(),
             "end": lambda _: self.end(),
         }
         if name not in commands:

@@ -1,5 +1,5 @@
 // The operator conducts an experiment: chooses the session, presents each stimulus, and sees the answers.
-import { $, el, fill, get, key, newest, on, post, say, state } from "./console.js";
+import { $, busy, command, el, fill, get, key, newest, on, post, say, start, state } from "./console.js";
 
 let known = "";
 const running = () => state && state.experiment;
@@ -22,6 +22,7 @@ async function show(anew) {
   try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { say(error.message, "error"); return; }
   if (!found) return;
   $("about").textContent = `${found.title}. Groups: ${found.groups.join(", ")}; days: ${found.days}.`;
+  $("surface").classList.toggle("hidden", !found.buttons.length);
   $("consent-label").classList.toggle("hidden", !found.consent);
   if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));
   fill($("entries"), ...found.sessions.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", {}, one.group), el("td", {}, one.session), el("td", {}, one.answers),
@@ -42,19 +43,37 @@ const buttons = {
   pause: () => post("/api/experiment/pause", { on: !running().paused }), end: () => post("/api/experiment/end"),
 };
 for (const [id, action] of Object.entries(buttons)) $(id).addEventListener("click", action);
+// The rig that plays digital buttons: its requests are answered here.
+$("prepare").addEventListener("click", () => start("surface", { experiment: $("experiment").value }));
+$("release").addEventListener("click", () => command("release"));
+$("yes").addEventListener("click", () => state.request && command("answer", { number: state.request.number, yes: true }));
+key("y", () => $("yes").click());
+function rig(all) {
+  const surface = all.surface, request = all.request, done = all.progress, now = all.experiment;
+  $("ready").textContent = request ? request.text : !surface ? (busy(all) ? "Preparing ..." : "The rig is not prepared.")
+    : surface.experiment !== (now ? now.experiment : $("experiment").value) ? `The rig is prepared for ${surface.experiment}.`
+      : surface.state === "presenting" ? "Presenting ..." : "The rig is ready.";
+  $("ready").classList.toggle("waiting", !request);
+  $("prepare").disabled = busy(all);
+  $("release").disabled = !surface || surface.state === "presenting";
+  $("yes").disabled = !(request && request.asks);
+  $("doing").textContent = !surface && done ? `${done.doing}: ${Math.round(done.done)} of ${Math.round(done.total)} ${done.unit}` : "";
+}
+
 for (const [letter, id] of [["n", "next"], ["a", "again"], ["d", "by-hand"], ["p", "pause"]]) key(letter, () => $(id).click());
 
 on("state", (all) => {
   const now = all.experiment, step = now && now.step, asked = Boolean(now && now.turn);
   $("begin").disabled = Boolean(now);
   $("where").textContent = now ? `${now.participant}, group ${now.group}, day ${now.session} of ${now.sessions}${Object.entries(now.levels).map(([name, level]) => `, ${name} ${level}`).join("")}` : "No session runs.";
-  $("prompt").textContent = !now ? "Nothing." : !step ? "The session is complete." : now.paused ? "Paused"
-    : `${asked ? "Waiting for the answer to" : "Present"}: ${step.stimulus}`;
+  rig(all);
+  $("prompt").textContent = !now ? "Nothing." : !step ? "The session is complete." : now.paused ? "Paused" : now.problem ? now.problem
+    : now.playing ? `The rig presents: ${step.stimulus}` : `${asked ? "Waiting for the answer to" : "Present"}: ${step.stimulus}`;
   $("prompt").classList.toggle("waiting", !now);
   $("introduction").textContent = step ? now.introduction : "";
   $("last").textContent = now && now.last ? `Last answer (${now.last.block} ${now.last.number}): ${said(now.last.answer)}` : "";
   $("next").disabled = !step || now.paused || asked;
-  $("again").disabled = !asked || now.paused;
+  $("again").disabled = !asked || now.paused || now.playing;
   $("by-hand").disabled = !asked || now.paused || !now.by_hand;
   $("pause").firstChild.textContent = now && now.paused ? "Go on" : "Pause";
   $("pause").disabled = !step;

@@ -143,3 +143,83 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
     answers = [answer for _, answer, _ in stored(console.data, "rating").answers]
     assert answers == [{**dict.fromkeys(answers[0], 51), "Rough-Smooth": 100}] * 6
     shown.context.close()
+
+
+COMPARED = """
+name = "compared"
+kind = "two-interval"
+seed = 1
+consent = false
+[question]
+text = "Which was stronger?"
+[comparison]
+standard = 1.0
+levels = [1.2, 1.6]
+[[block]]
+name = "experiment"
+"""
+STAIRS = """
+name = "stairs"
+kind = "staircase"
+seed = 1
+consent = false
+[question]
+text = "In which interval?"
+[comparison]
+standard = 0.0
+start = 0.5
+step = 0.1
+highest = 1.0
+reversals = 2
+[[block]]
+name = "experiment"
+"""
+
+
+def test_two_intervals_by_touch_ended_and_continued_at_the_very_trial(browser, tab, console):
+    """The operator is told what to present, the participant chooses the first or the second."""
+    (console.data / "compared").mkdir()
+    (console.data / "compared" / "experiment.toml").write_text(COMPARED, encoding="utf-8")
+    page = visit(tab, console, "experiment")
+    shown = participants_tab(browser, page, console)
+    begin(page, "compared", "P01", consent=False)
+    expect(page.locator("#prompt")).to_contain_text(re.compile("Present: .*, then "), timeout=WAIT)
+    present(page)
+    choices = shown.locator(".choices button")
+    expect(choices).to_have_text([re.compile("First"), re.compile("Second")], timeout=WAIT)
+    assert "1.2" not in shown.locator("body").inner_text()
+    choices.nth(1).tap()
+    expect(shown.locator("#where")).to_have_text("experiment, 2 of 2", timeout=WAIT)
+    present(page)
+    expect(choices).to_have_count(2, timeout=WAIT)
+    page.get_by_role("button", name="End here").click()
+    expect(choices.first).to_be_hidden(timeout=WAIT)
+    begin(page, "compared", "P01", consent=False)
+    expect(shown.locator("#where")).to_have_text("experiment, 2 of 2", timeout=WAIT)
+    present(page)
+    expect(choices).to_have_count(2, timeout=WAIT)
+    shown.keyboard.press("1")
+    expect(shown.locator("#question")).to_contain_text("complete", timeout=WAIT)
+    page.get_by_role("button", name="End here").click()
+    assert [answer for _, answer, _ in stored(console.data, "compared").answers] == [2, 1]
+    shown.context.close()
+
+
+def test_a_staircase_by_keyboard_follows_the_answers(browser, tab, console):
+    (console.data / "stairs").mkdir()
+    (console.data / "stairs" / "experiment.toml").write_text(STAIRS, encoding="utf-8")
+    page = visit(tab, console, "experiment")
+    shown = participants_tab(browser, page, console)
+    begin(page, "stairs", "P01", consent=False)
+    for number, right in enumerate((True, True, False, True, True), 1):
+        # How many trials there will be is not known, and not shown.
+        expect(shown.locator("#where")).to_have_text(f"experiment, {number}", timeout=WAIT)
+        first, second = stored(console.data, "stairs").due.values
+        present(page)
+        expect(shown.locator(".choices button")).to_have_count(2, timeout=WAIT)
+        shown.keyboard.press("1" if (first > second) == right else "2")
+    expect(shown.locator("#question")).to_contain_text("complete", timeout=WAIT)
+    page.get_by_role("button", name="End here").click()
+    levels = [max(step.values) for step, _, _ in stored(console.data, "stairs").answers]
+    assert levels == pytest.approx([0.5, 0.5, 0.4, 0.45, 0.45])
+    shown.context.close()

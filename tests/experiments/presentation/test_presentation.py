@@ -1,0 +1,325 @@
+"""A rig plays an experiment's digital buttons: calibration of the finger, activation, limits."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from haploop.cli import cli
+from haploop.experiments import (
+    BUDGET,
+    Experiment,
+    Presenter,
+    Step,
+    Store,
+    fingers_in,
+    load_experiment,
+    open_session,
+    prepare_surface,
+    read_log,
+    run_session,
+)
+from haploop.instruments import ConfigurationError, DataError, HaploopError, LimitError, Rig, open_rig
+from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+from haploop.mocks.plant import touches
+
+MATCHING = """
+name = "short"
+kind = "identification"
+seed = 3
+consent = false
+[buttons]
+latch = "latch.h5"
+push = "push.h5"
+[[factor]]
+name = "button"
+levels = ["latch", "push"]
+[question]
+text = "Which was it?"
+identify = "button"
+[[block]]
+name = "finger calibration"
+kind = "finger"
+repetitions = 2
+[[block]]
+name = "experiment"
+repetitions = 2
+"""
+RATING = """
+name = "rated"
+kind = "rating"
+seed = 3
+consent = false
+[buttons]
+latch = "latch.h5"
+push = "push.h5"
+[surface]
+when = { category = "digital" }
+releases = { push = "latch.h5" }
+[[factor]]
+name = "category"
+levels = ["physical", "digital"]
+[[factor]]
+name = "button"
+levels = ["latch", "push"]
+[question]
+pairs = [["Rough", "Smooth"]]
+[[block]]
+name = "finger calibration"
+kind = "finger"
+repetitions = 2
+[[block]]
+name = "ratings"
+"""
+COMPARED = """
+name = "compared"
+kind = "two-interval"
+seed = 3
+consent = false
+[buttons]
+push = "push.h5"
+[comparison]
+name = "amplitude"
+standard = 0.5
+levels = [0.0, 0.9]
+[[block]]
+name = "finger calibration"
+kind = "finger"
+repetitions = 2
+[[block]]
+name = "experiment"
+"""
+
+
+@pytest.fixture
+def folder(made: Path, tmp_path: Path) -> Path:
+    for name in ("latch", "push"):
+        shutil.copy(made / f"{name}.h5", tmp_path)
+    return tmp_path
+
+
+def experiment_of(folder: Path, text: str) -> Experiment:
+    (folder / "experiment.toml").write_text(text, encoding="utf-8")
+    return load_experiment(folder)
+
+
+@contextmanager
+def presented(folder: Path, text: str) -> Iterator[tuple[Rig, Presenter, Store]]:
+    experiment = experiment_of(folder, text)
+    with open_rig("experiment") as rig:
+        yield (
+            rig,
+            Presenter(prepare_surface(rig, experiment), experiment.file),
+            Store(experiment, folder / "answers"),
+        )
+
+
+def session_of(rig: Rig, store: Store) -> Any:
+    return open_session(store, "P01", rig.clock, simulated=True)
+
+
+AMPLIFIER = 1.01
+"""Gain error of the simulated amplifier: limits are of the volts that are commanded."""
+
+
+class Leaves(SimulatedParticipant):
+    """Goes away instead of answering a trial."""
+
+    def __init__(self, trial: int) -> None:
+        super().__init__(ParticipantModel(), "P01", 1)
+        self._trial = trial
+
+    def answer(self, step: Step) -> Any:
+        if step.number == self._trial:
+            raise KeyboardInterrupt
+        return super().answer(step)
+
+
+def bursts(outputs: Any, since: float) -> int:
+    """How often volts began on a patch after `since` (s), a quarter second of nothing between."""
+    times = np.concatenate(
+        [o.start + o.period * np.flatnonzero(np.abs(o.volts) > 0.5) for o in outputs if o.closed]
+    )
+    times = np.sort(times[times > since])
+    return int(len(times) > 0) + int(np.sum(np.diff(times) > 0.25))
+
+
+def test_a_session_is_played_interrupted_and_resumed(folder: Path) -> None:
+    """One activation a trial, within budget and limits; the finger is not calibrated twice."""
+    with presented(folder, MATCHING) as (rig, presenter, store):
+        truth = rig.simulation.truth  # type: ignore[union-attr]
+        outputs, begun = truth.record(), rig.clock.now()
+        with pytest.raises(KeyboardInterrupt), session_of(rig, store) as session:
+            run_session(session, Leaves(3), presenter)
+        stored = store.session("P01", 1)
+        assert stored is not None and stored.due is not None
+        assert (stored.due.block, stored.due.number) == ("experiment", 3)
+        with session_of(rig, store) as session:
+            run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
+        assert not truth.closed and truth.peak <= AMPLIFIER * rig.limits.peak
+        played = bursts(outputs, begun)
+    events = read_log(store.path_of("P01", 1))
+    counts = Counter(event.kind for event in events)
+    assert (counts["contact"], counts["finger"], counts["surface"], counts["resumed"]) == (4, 1, 2, 1)
+    # The trial that was not answered is presented again.
+    assert counts["activation"] == 5 == played
+    assert counts["touch"] >= 5
+    for event in events:
+        if event.kind != "activation":
+            continue
+        one = event.values
+        assert one["area"] > one["threshold"] and one["press"] == "press" and one["scale"] == 1
+        assert 0.02 < one["latency"] <= BUDGET
+    finger = next(event.values for event in events if event.kind == "finger")
+    assert finger["a_min"] < finger["areas"]["push"] < finger["areas"]["latch"] < finger["a_max"]
+    surface = next(event.values for event in events if event.kind == "surface")
+    assert surface["rig_simulated"] and set(surface["buttons"]) == {"latch", "push"}
+    assert all(one["error"] < 0.2 for one in surface["buttons"].values())
+
+
+def test_physical_stimuli_are_not_played_and_releases_are(folder: Path) -> None:
+    with presented(folder, RATING) as (rig, presenter, store), session_of(rig, store) as session:
+        run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
+    played = [e.values for e in read_log(store.path_of("P01", 1)) if e.kind == "activation"]
+    kinds = Counter((one["button"], one["press"]) for one in played)
+    assert kinds == {("latch", "press"): 1, ("push", "press"): 1, ("push", "release"): 1}
+    release = next(one for one in played if one["press"] == "release")
+    assert release["area"] < release["threshold"]
+
+
+def test_two_amplitudes_are_played_one_after_the_other(folder: Path) -> None:
+    with presented(folder, COMPARED) as (rig, presenter, store):
+        outputs = rig.simulation.truth.record()  # type: ignore[union-attr]
+        begun = rig.clock.now()
+        with session_of(rig, store) as session:
+            run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
+        heard = bursts(outputs, begun)
+    stored = store.session("P01", 1)
+    assert stored is not None
+    played = [e.values for e in stored.events if e.kind == "activation"]
+    steps = [step for step, _, _ in stored.answers if step.kind == "two-interval"]
+    assert [one["scale"] for one in played] == [value for step in steps for value in step.values]
+    assert [one["interval"] for one in played] == [1, 2, 1, 2]
+    assert heard == 3, "an amplitude of zero is played as nothing"
+
+
+def test_an_amplitude_beyond_the_limits_is_refused_before_anybody_comes(folder: Path) -> None:
+    text = COMPARED.replace("0.9]", "1.6]")
+    with (
+        pytest.raises(LimitError, match=r"up to 1\.6 times the drive of the digital push"),
+        presented(folder, text),
+    ):
+        pass
+
+
+def test_a_finger_that_cannot_be_calibrated_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Firm presses no firmer than light ones: three calibrations, then one sentence; the step stays due."""
+    monkeypatch.setitem(touches._FORCES, "firm", (0.4, 0.6))
+    with presented(folder, MATCHING) as (rig, presenter, store):
+        with pytest.raises(DataError, match=r"It was tried 3 times\."), session_of(rig, store) as session:
+            run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
+        monkeypatch.undo()
+        events = read_log(store.path_of("P01", 1))
+        assert Counter(event.kind for event in events)["contact"] == 12
+        assert all(event.values["problem"] for event in events if event.kind == "finger")
+        with session_of(rig, store) as session:
+            assert session.due is not None and session.due.kind == "finger" and session.due.number == 4
+            run_session(session, SimulatedParticipant(ParticipantModel(), "P01", 1), presenter)
+            assert session.due is None
+
+
+def test_a_finger_at_the_threshold_that_trembles_is_one_press(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a tremor of a third, at 9 Hz, the area crosses the threshold again and again."""
+    with presented(folder, MATCHING) as (rig, presenter, store), session_of(rig, store) as session:
+        with pytest.raises(KeyboardInterrupt):
+            run_session(session, Leaves(1), presenter)
+        outputs, begun = rig.simulation.truth.record(), rig.clock.now()  # type: ignore[union-attr]
+        plant = rig.simulation.plant  # type: ignore[union-attr]
+        shake, before = touches.touch_surface, len(plant.touches)
+
+        def trembling(request: Any, skin: touches.Skin, start: float, rng: Any) -> touches.SimulatedTouch:
+            touch = shake(request, skin, start, rng)
+            peak = (threshold / skin.area) ** 1.5
+            return replace(touch, hold=1.5, peak=peak, skin=replace(skin, tremor=0.35))
+
+        monkeypatch.setattr("haploop.mocks.plant.scene.touch_surface", trembling)
+        session.presented()
+        step, finger = session.due, fingers_in(session.events)
+        assert step is not None and finger is not None
+        threshold = finger["areas"][step.presented]
+        presenter.present(session, step)
+        touch = plant.touches[-1]
+        rig.clock.sleep(touch.stop + 0.1 - rig.clock.now())
+        area = touch.area(np.linspace(touch.start, touch.stop, 5000))
+        assert np.sum(np.diff(area > threshold)) >= 6 and len(plant.touches) == before + 1
+        assert bursts(outputs, begun) == 1
+        assert rig.simulation.truth.peak <= AMPLIFIER * rig.limits.peak  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('latch = "latch.h5"\n', "", "for each level of one factor"),
+        ('kind = "finger"', 'kind = "presses"', "kind 'finger' before the trials"),
+        ("[[factor]]", '[surface]\nwhen = { knob = "digital" }\n[[factor]]', "when needs factors"),
+        ("[[factor]]", '[surface]\nreleases = { toggle = "x.h5" }\n[[factor]]', "must have names of"),
+        ('[buttons]\nlatch = "latch.h5"\npush = "push.h5"', "[surface]\ntarget = 2e-4", "is for digital"),
+    ],
+)
+def test_a_file_that_names_buttons_wrongly(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in MATCHING
+    with pytest.raises(ConfigurationError, match=said):
+        experiment_of(tmp_path, MATCHING.replace(old, new))
+
+
+def test_only_an_amplitude_can_be_compared(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="compares their amplitude"):
+        experiment_of(tmp_path, COMPARED.replace('name = "amplitude"', 'name = "delay"'))
+
+
+@pytest.mark.parametrize(
+    ("rig", "text", "said"),
+    [
+        ("simulated", MATCHING, r"has no \[camera\]"),
+        ("experiment", MATCHING.replace('"push.h5"', '"none.h5"'), "none.h5"),
+    ],
+)
+def test_what_is_missing_is_one_sentence(folder: Path, rig: str, text: str, said: str) -> None:
+    experiment = experiment_of(folder, text)
+    with open_rig(rig) as opened, pytest.raises(HaploopError, match=said):
+        prepare_surface(opened, experiment)
+
+
+def test_the_command_plays_for_a_person_and_once_more(folder: Path) -> None:
+    experiment_of(folder, MATCHING)
+    result = CliRunner().invoke(
+        cli,
+        ["experiment", "run", str(folder), "-p", "P01", "--json"],
+        input="latch\nagain\npush\nknob\npush\nlatch\n",
+    )
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["sessions"][0]["complete"]
+    events = read_log(folder / "answers" / "P01" / "session-1.jsonl")
+    assert Counter(event.kind for event in events)["activation"] == 5
+    assert "simulated" in result.stderr
+
+
+def test_the_command_simulates_a_study_on_one_rig(folder: Path) -> None:
+    experiment_of(folder, MATCHING)
+    result = CliRunner().invoke(cli, ["experiment", "simulate", str(folder), "-n", "2", "--json"])
+    assert result.exit_code == 0, result.output
+    assert all(one["complete"] for one in json.loads(result.stdout)["sessions"])
+    refused = CliRunner().invoke(cli, ["experiment", "simulate", str(folder), "--rig", "haptable"])
+    assert refused.exit_code == 2 and "has no finger" in refused.stderr
