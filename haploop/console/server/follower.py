@@ -72,10 +72,6 @@ class Follower:
                 after = state["version"]
                 await self._show({**state, "gone": ""})
 
-    def command(self, name: str, values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
-        """Send the present worker a command. See `WorkerLink.command`."""
-        return self.link.command(name, values)
-
     async def newer(self, count: int, timeout: float) -> int:
         """Wait until more than `count` snapshots came, at most `timeout` s; return how many came."""
         try:

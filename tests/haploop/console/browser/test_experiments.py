@@ -14,6 +14,36 @@ from tests.haploop.console.serving import Served, end, start
 
 pytestmark = pytest.mark.timeout(600)
 
+COMPARED = """
+name = "compared"
+kind = "two-interval"
+seed = 1
+consent = false
+[question]
+text = "Which was stronger?"
+[comparison]
+standard = 1.0
+levels = [1.2, 1.6]
+[[block]]
+name = "experiment"
+"""
+STAIRS = """
+name = "stairs"
+kind = "staircase"
+seed = 1
+consent = false
+[question]
+text = "In which interval?"
+[comparison]
+standard = 0.0
+start = 0.5
+step = 0.1
+highest = 1.0
+reversals = 2
+[[block]]
+name = "experiment"
+"""
+
 
 def participants_tab(browser: Any, page: Any, console: Served) -> Any:
     link = page.get_by_role("link", name="Open the participant's page")
@@ -143,37 +173,6 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
     answers = [answer for _, answer, _ in stored(console.data, "rating").answers]
     assert answers == [{**dict.fromkeys(answers[0], 51), "Rough-Smooth": 100}] * 6
     shown.context.close()
-
-
-COMPARED = """
-name = "compared"
-kind = "two-interval"
-seed = 1
-consent = false
-[question]
-text = "Which was stronger?"
-[comparison]
-standard = 1.0
-levels = [1.2, 1.6]
-[[block]]
-name = "experiment"
-"""
-STAIRS = """
-name = "stairs"
-kind = "staircase"
-seed = 1
-consent = false
-[question]
-text = "In which interval?"
-[comparison]
-standard = 0.0
-start = 0.5
-step = 0.1
-highest = 1.0
-reversals = 2
-[[block]]
-name = "experiment"
-"""
 
 
 def test_two_intervals_by_touch_ended_and_continued_at_the_very_trial(browser, tab, console):
