@@ -35,6 +35,10 @@ from haploop.acquisition.session.stream_reader import StreamReader
 from haploop.instruments import RealClock, Sensors
 from haploop.instruments.live import Feed, Publisher, Run
 
+SENSORS = Sensors.model_validate(
+    {"extra": {f"s{k}": {"channel": name, "scale": 1.0, "unit": "V"} for k, name in enumerate(NAMES)}}
+)
+"""Each channel is shown."""
 _CLIENT = """
 import sys, time
 from haploop.instruments import watch_live
@@ -135,6 +139,56 @@ def garbage(feed: Feed, folder: Path) -> Iterator[None]:
             thread.join()
 
 
+_CONSOLE = """
+import asyncio, json, sys, tempfile, threading, time
+from pathlib import Path
+import uvicorn
+from websockets.sync.client import connect
+from haploop.console.data_folder import DataFolder
+from haploop.console.server import Access, application
+from haploop.console.server.follower import Follower
+from haploop.console.server.live_scope import LiveScope
+from haploop.console.server.serving import _bound
+from haploop.console.worker import Address
+from haploop.instruments import load_rig_file
+
+class Worker:
+    address = Address(1, 9, "-", "-", "-")
+    def state(self, after=0):
+        time.sleep(0.1 if after == 0 else 5)
+        return {"version": 1, "live": sys.argv[1]}
+    def allow(self, origins): pass
+
+listener = _bound("127.0.0.1", 0)
+access = Access("127.0.0.1", listener.getsockname()[1])
+follower = Follower(Worker(), Worker, LiveScope(load_rig_file("simulated"), None))
+app = application(access, follower, follower.scope, DataFolder(Path(tempfile.mkdtemp())))
+config = uvicorn.Config(app, log_level="error", ws="websockets-sansio")
+threading.Thread(target=uvicorn.Server(config).run, args=([listener],), daemon=True).start()
+time.sleep(1)
+origin = access.origins[0]
+with connect(origin.replace("http", "ws") + "/socket", origin=origin, max_size=None) as page:
+    page.send(access.token)
+    print("ready", flush=True)
+    while True:
+        page.recv()
+"""
+
+
+@contextmanager
+def console(feed: Feed, folder: Path) -> Iterator[None]:
+    """The console's server in another process, with a page that takes every frame."""
+    with Publisher(feed, "simulated", folder) as publisher:
+        command = [sys.executable, "-c", _CONSOLE, str(publisher.path)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            try:
+                assert process.stdout is not None
+                assert process.stdout.readline() == "ready\n"
+                yield
+            finally:
+                process.kill()
+
+
 Viewer = Callable[[Feed, Path], AbstractContextManager[None]]
 
 VIEWERS: dict[str, Viewer] = {
@@ -147,6 +201,7 @@ VIEWERS: dict[str, Viewer] = {
     "other process, stopped (SIGSTOP)": client_stopped,
     "other process, killed": client_killed,
     "garbage, 100 connections a second": garbage,
+    "the console's server and a page": console,
 }
 
 
@@ -155,7 +210,7 @@ def record(folder: Path, viewer: Viewer, seconds: float, times: float) -> dict[s
     samples = round(250 * times)
     stream = Paced(Material(samples), times * PAPER_RATE, seconds)
     feed, inside = Feed(), Path(tempfile.mkdtemp(dir=folder))
-    run = Run("simulated", True, "record", "", NAMES, stream.rate_hz, Sensors(), None)
+    run = Run("simulated", True, "record", "", NAMES, stream.rate_hz, SENSORS, None)
     path, written, waiting = inside / "P01-push.h5", [], 0
     with viewer(feed, inside):
         publish = feed.begin(run)
@@ -193,12 +248,16 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=5.0, help="length of each recording")
     parser.add_argument("--times", type=float, default=100.0, help="times the paper's rate")
+    parser.add_argument(
+        "--only", nargs="*", choices=VIEWERS, help="these viewers; the first is the reference"
+    )
     parser.add_argument("--folder", type=Path, default=Path.cwd(), help="on the disk to be measured")
     options = parser.parse_args()
-    found: dict[str, list[dict[str, float]]] = {name: [] for name in VIEWERS}
+    viewers = {name: VIEWERS[name] for name in options.only or VIEWERS}
+    found: dict[str, list[dict[str, float]]] = {name: [] for name in viewers}
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         for _ in range(options.rounds):
-            for name, viewer in VIEWERS.items():
+            for name, viewer in viewers.items():
                 found[name].append(record(Path(folder), viewer, options.seconds, options.times))
     print(
         f"{5 * options.times:g} kS/s x 16 channels, {options.rounds} x {options.seconds:g} s each; "
@@ -208,7 +267,7 @@ def main() -> None:
     for name, rounds in found.items():
         ratios = {
             key: statistics.median(
-                r[key] / base[key] for r, base in zip(rounds, found["no tap"], strict=True)
+                r[key] / base[key] for r, base in zip(rounds, found[next(iter(viewers))], strict=True)
             )
             for key in ("median", "p99")
         }

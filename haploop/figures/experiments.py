@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haploop.experiments import Confusion, Identification, Ratings
-from haploop.figures.plotting import INK, Columns, colour, legend_under, letter, panels, style
+from haploop.figures.plotting import INK, Columns, colour, hatch, legend_under, letter, panels, style
 
 __all__ = ["confusion_figure", "ratings_figure"]
 
@@ -57,6 +57,9 @@ def ratings_figure(result: Ratings, columns: Columns = 2) -> Figure:
                     width,
                     yerr=[pair.deviation[row, panel] for pair in result.pairs],
                     color=colour(row),
+                    hatch=hatch(row),
+                    edgecolor="white",
+                    linewidth=0,
                     label=level,
                     capsize=2,
                     error_kw={"linewidth": 0.8},

@@ -23,6 +23,7 @@ from haploop.figures.plotting import (
     VERMILLION,
     Columns,
     colour,
+    dash,
     legend_under,
     letter,
     new_figure,
@@ -69,7 +70,7 @@ def trend(history: History, columns: Columns = 2) -> Figure:
         grid = figure.subplots(len(_PANELS), 1, sharex=True)
         for index, (axes, panel) in enumerate(zip(grid, _PANELS, strict=True)):
             for number, place in enumerate(places):
-                _trace(axes, panel, place, periods, looks, colour(number))
+                _trace(axes, panel, place, periods, looks, number)
             for look in looks:
                 if look["outcome"] == "broken":
                     axes.axvline(
@@ -111,15 +112,18 @@ def _trace(
     place: Place,
     periods: Sequence[_ActivePeriod],
     looks: Sequence[Mapping[str, Any]],
-    paint: str,
+    number: int,
 ) -> None:
     name, _, factor, bound = panel
+    paint = colour(number)
     for period in periods:
         if place not in period.metrics:
             continue
         level = factor * getattr(period.metrics[place], name)
         span = (period.begin, period.end)
-        axes.plot(span, (level, level), color=paint, linewidth=1.1, solid_capstyle="butt")
+        axes.plot(
+            span, (level, level), color=paint, linewidth=1.1, linestyle=dash(number), solid_capstyle="butt"
+        )
         if bound:
             width = period.thresholds[bound] * level
             axes.fill_between(span, level - width, level + width, color=paint, alpha=0.12, linewidth=0)
@@ -145,7 +149,7 @@ def _legend(figure: Figure, places: Sequence[Place], across: int) -> None:
     ]
     if len(places) > 1:
         marks += [
-            Line2D([], [], color=colour(number), label=f"patch {patch} at {point}")
+            Line2D([], [], color=colour(number), linestyle=dash(number), label=f"patch {patch} at {point}")
             for number, (patch, point) in enumerate(places)
         ]
     figure.legend(handles=marks, loc="outside upper left", ncols=across)

@@ -84,8 +84,8 @@ def animate_map(found: VibrationMap, path: Path) -> None:
         def frame(number: int) -> FloatArray:
             return found.grid(np.real(motion * np.exp(2j * np.pi * number / _FRAMES)))
 
-        # Few enough colours for a GIF, which has one palette per frame.
-        colours = colormaps["RdBu_r"].resampled(_COLOURS)
+        # Few enough colours for a GIF, which has one palette per frame; brightness tells up from down.
+        colours = colormaps["cividis"].resampled(_COLOURS)
         image = _surface(axes, found, np.real(motion), colours, -top, top)
         axes.set_title(f"Patch {best.patch}, {best.frequency_hz:.1f} Hz, in slow motion")
         drawn.colorbar(image, ax=axes, label="µm per V", fraction=0.05)

@@ -29,7 +29,9 @@ __all__ = [
     "active",
     "colour",
     "continuous_phase",
+    "dash",
     "density_axis",
+    "hatch",
     "label_below",
     "legend_under",
     "letter",
@@ -45,6 +47,8 @@ __all__ = [
 BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"
 ORANGE, PURPLE, SKY = "#E69F00", "#CC79A7", "#56B4E9"
 GREY, SOFT, INK = "#8C8C8C", "#666666", "#222222"
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 3)))
+_HATCHES = ("", "////", "....", "xxxx", "----", "oo")
 BUTTON_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
 
 Columns = Literal[1, 2]
@@ -161,6 +165,16 @@ def legend_under(axes: Axes, across: int, handles: Sequence[Any] | None = None) 
 def colour(index: int) -> str:
     """Colour of the button at `index`."""
     return BUTTON_COLOURS[index % len(BUTTON_COLOURS)]
+
+
+def dash(index: int) -> Any:
+    """Matplotlib's line style of curve `index` of a panel, for a printer that knows no colours."""
+    return _DASHES[index % len(_DASHES)]
+
+
+def hatch(index: int) -> str:
+    """Hatching of bar `index`, for a printer that knows no colours."""
+    return _HATCHES[index % len(_HATCHES)]
 
 
 def spectrum(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:

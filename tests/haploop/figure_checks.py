@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 from matplotlib.collections import Collection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from haploop.figures.encoding import lay_out
 from haploop.figures.plotting import style
+from tests.haploop.colour_vision import LEAST, nearest
 
 Box = tuple[str, float, float, float, float]
 """Text, and its edges in pixels: left, bottom, right, top."""
@@ -69,24 +72,46 @@ def overlaps(figure: Figure, texts: list[Box] | None = None) -> list[str]:
     return wrong
 
 
+@dataclass(frozen=True)
+class _Look:
+    """What tells something with a name from its neighbours."""
+
+    name: str
+    colour: Any
+    marks: tuple[object, ...]
+    """Kind of artist, dashes, marker, hatching."""
+    width: float
+
+
 def alike(figure: Figure) -> list[str]:
-    """Name each pair of named curves of a panel that nobody could tell apart in grey."""
+    """Name each pair of things with names, of a panel or a legend, that somebody could not tell apart.
+
+    Somebody is anybody: with any colour blindness, and with a print in grey.
+    """
+    groups: list[list[Any]] = [list(_named(axes.get_lines())) for axes in figure.axes]
+    groups += [list(legend.legend_handles) for legend in figure.findobj(Legend)]
     wrong = []
-    for axes in figure.axes:
-        for one, other in combinations(_named(axes.get_lines()), 2):
-            same = (one.get_linestyle(), one.get_marker()) == (other.get_linestyle(), other.get_marker())
-            widths = sorted((one.get_linewidth(), other.get_linewidth()))
-            if same and widths[1] < 1.5 * widths[0] and abs(_grey(one) - _grey(other)) < 0.15:
-                wrong.append(f"{one.get_label()!r} looks like {other.get_label()!r} in grey")
-    return wrong
+    for group in groups:
+        for one, other in combinations(map(_look, group), 2):
+            widths = sorted((one.width, other.width))
+            if one.marks != other.marks or widths[1] >= 1.5 * widths[0] > 0:
+                continue
+            difference, vision = nearest(one.colour, other.colour)
+            if difference < LEAST and (one.name, other.name) != ("", ""):
+                wrong.append(f"{one.name!r} looks like {other.name!r} ({vision}, {difference:.0f})")
+    return sorted(set(wrong))
+
+
+def _look(artist: Any) -> _Look:
+    name = str(artist.get_label())
+    if isinstance(artist, Line2D):
+        marks = (artist.get_linestyle(), artist._dash_pattern, str(artist.get_marker()))  # type: ignore[attr-defined]
+        return _Look(name, artist.get_color(), ("line", *marks), artist.get_linewidth())
+    if isinstance(artist, Patch):
+        return _Look(name, artist.get_facecolor(), ("area", artist.get_hatch()), 0.0)
+    colours = artist.get_facecolor() if len(artist.get_facecolor()) else artist.get_edgecolor()
+    return _Look(name, colours[0], (type(artist).__name__,), 0.0)
 
 
 def _named(lines: Any) -> Iterator[Line2D]:
     return (line for line in lines if line.get_label() and not str(line.get_label()).startswith("_"))
-
-
-def _grey(line: Line2D) -> float:
-    """Lightness of a line's colour (CIE L*, 0 to 1), which is what is left of it in grey."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(line.get_color())]
-    luminance = float(np.dot([0.2126, 0.7152, 0.0722], linear))
-    return (1.16 * luminance ** (1 / 3) - 0.16) if luminance > 0.008856 else 9.033 * luminance

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,14 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from haploop import figures, plot
 from haploop.acquisition import Recording, Representative, accepted_presses
 from haploop.calibration import Calibration, Check, VibrationMap, check_feeling, map_plan
 from haploop.calibration.response.modes import Modes, columns_of
+from haploop.console import server
 from haploop.figures.plotting import colour, legend_under, letter, new_figure, style
 from haploop.instruments import ConfigurationError, open_rig
 from haploop.show import forces_in
+from tests.haploop.colour_vision import LEAST, VISIONS, lab, nearest
 from tests.haploop.conftest import Demo, Run
 from tests.haploop.figure_checks import alike, drawn_texts, overlaps
 
@@ -25,7 +31,7 @@ BUTTONS = ("latch", "toggle", "push")
 NAMES = (
     "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives", "drive",
     "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button", "map",
-    "map of a row", "before and after", "responses",
+    "map of a row", "before and after", "responses", "ratings", "confusion", "trend",
 )  # fmt: skip
 Draw = Callable[..., Figure]
 
@@ -48,6 +54,38 @@ def vibration_map(points: range) -> VibrationMap:
         plan, tuple(map(str, points)), (), Modes(poles, np.ones((len(plan.patches), 1))), shares,
         np.ones(len(plan.patches), complex), np.zeros(len(points)), (), np.zeros(1), 60.0,
     )  # fmt: skip
+
+
+def rated() -> Any:
+    pairs = [
+        SimpleNamespace(pair=name, mean=np.full((3, 2), 50.0), deviation=np.full((3, 2), 9.0))
+        for name in ("Rough-Smooth", "Unclear-Clear", "Weak-Strong")
+    ]
+    return SimpleNamespace(
+        levels=(("none", "given", "both"), ("latch", "push")), pairs=pairs, normalised=True
+    )
+
+
+def confused() -> Any:
+    counts = np.array([[9, 1, 0], [2, 7, 1], [0, 3, 7]])
+    one = SimpleNamespace(counts=counts, classes=("latch", "toggle", "push"))
+    return SimpleNamespace(matrices={("I", "1"): one, ("II", "1"): one}, by=("group", "day"), pooled=one)
+
+
+def trend_of_four(columns: Any) -> Figure:
+    """The trend of four places, without their measurements."""
+    days = [datetime(2026, 11, day, tzinfo=UTC) for day in range(1, 12)]
+    metrics = {
+        (patch, "button"): SimpleNamespace(
+            resonance_hz=200.0 + 30 * k, damping=0.01, gain=1.0 + k, coherence=1
+        )
+        for k, patch in enumerate("ABCD")
+    }
+    limits = {"resonance": 0.01, "damping": 0.2, "gain": 0.1}
+    periods = [SimpleNamespace(name="g1", begin=days[0], end=days[-1], metrics=metrics, thresholds=limits)]
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("haploop.figures.history._active_periods", lambda *_: periods)
+        return figures.trend(SimpleNamespace(looks=[]), columns)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +131,9 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         "map of a row": lambda c: figures.map_figure(part, c),
         "before and after": lambda _: figures.before_and_after(by_name, {"latch": checks[0]}),
         "responses": lambda _: figures.responses([table], [table]),
+        "ratings": lambda c: figures.ratings_figure(rated(), c),
+        "confusion": lambda c: figures.confusion_figure(confused(), c),
+        "trend": trend_of_four,
     }
 
 
@@ -122,7 +163,50 @@ def test_a_text_over_another_and_off_the_canvas_is_found() -> None:
         figure.text(0.99, 0.5, "beyond the edge")
     found = " ".join(overlaps(figure))
     assert "overlaps 'other'" in found and "'beyond the edge' leaves the canvas" in found
-    assert alike(figure) == ["'one' looks like 'other' in grey"]
+    found = alike(figure)
+    assert len(found) == 1 and found[0].startswith("'one' looks like 'other' (grey")
+
+
+def test_red_and_green_of_one_brightness_are_found_and_dashes_mend_it() -> None:
+    with style():
+        figure = new_figure(1.5)
+        axes = figure.add_subplot()
+        one, _ = (
+            axes.plot([0, 1], color=paint, label=name)[0]
+            for paint, name in (("#d62728", "red"), ("#2ca02c", "green"))
+        )
+    assert (
+        nearest("#d62728", "#2ca02c")[0]
+        < 15
+        < np.linalg.norm(lab("#d62728", "normal") - lab("#2ca02c", "normal"))
+    )
+    assert len(alike(figure)) == 1
+    one.set_linestyle("--")
+    assert alike(figure) == []
+
+
+def test_every_colour_scale_goes_from_dark_to_light_for_everybody(gallery: Mapping[str, Draw]) -> None:
+    """So that a value is read off it in any colour vision, and in grey."""
+    seen = set()
+    for name in NAMES:
+        for image in gallery[name](2).findobj(AxesImage):
+            scale = image.get_cmap()
+            seen.add(scale.name)
+            for vision in VISIONS:
+                lightness = [lab(scale(level)[:3], vision)[0] for level in np.linspace(0, 1, 33)]
+                steps = np.diff(lightness)
+                assert min(steps) > -0.5 or max(steps) < 0.5, (name, scale.name, vision)
+    assert seen == {"magma", "cividis", "Blues"}
+
+
+def test_the_consoles_curves_are_told_apart_by_colour_for_everybody_but_a_grey_printer() -> None:
+    """Curves that move have no dashes that one could see."""
+    text = (Path(server.__file__).parent / "static" / "plots.js").read_text(encoding="utf-8")
+    found = re.findall(r'"(#[0-9a-f]{6})"', text.partition("]")[0])
+    assert len(found) == 6
+    for one, other in combinations(found[:3], 2):  # as many as one plot of the scope has
+        for vision in set(VISIONS) - {"grey"}:
+            assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > LEAST, (one, other, vision)
 
 
 def test_a_plot_is_a_new_file_in_three_formats_at_two_widths(demo: Demo, run: Run, tmp_path: Path) -> None:

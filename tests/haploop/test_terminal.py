@@ -12,11 +12,19 @@ import pytest
 from rich.console import Console as Screen
 
 from haploop import progress
-from haploop.acquisition import Protocol, Recording, Representative, record
+from haploop.acquisition import (
+    PressVerdict,
+    Protocol,
+    Recording,
+    Representative,
+    load_study,
+    record,
+    run_study,
+)
 from haploop.calibration import Calibration, Check, Drive
-from haploop.instruments import Consent, InstrumentError, open_rig
+from haploop.instruments import Consent, InstrumentError, Request, open_rig
 from haploop.instruments.operator import console
-from haploop.show import Meter
+from haploop.show import Meter, StudyMeter
 from tests.haploop.conftest import Demo
 
 SENTENCE = "The button did not switch, and the force was beyond what the sensor can take; it is repeated now."
@@ -69,6 +77,38 @@ def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path: Path) -> No
         record(rig, "push", "P01", 2, tmp_path, meter.progress, meter.on_verdict)
     said = shown.file.getvalue()  # type: ignore[attr-defined]
     assert said == "Record the push button: 0 of 2 presses.\n1 of 2 presses.\n2 of 2 presses.\n"
+
+
+def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_path: Path) -> None:
+    text = 'name = "pilot"\nbuttons = ["toggle", "push"]\nparticipants = ["P01"]\npresses = 2\n'
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    study, shown = load_study(tmp_path), screen(force_terminal=True, color_system=None)
+    asked: list[tuple[str, int]] = []
+    lines: list[str] = []
+    with (
+        open_rig("simulated", simulate="twin") as rig,
+        StudyMeter(rig, study.progress(), shown) as meter,
+    ):
+        confirm = rig.operator.confirm
+
+        def answer(request: Request) -> bool:
+            asked.append((type(request).__name__, len(progress._shown)))
+            return confirm(request)
+
+        def verdict(participant: str, button: str, press: PressVerdict) -> None:
+            asked.append(("Verdict", len(progress._shown)))
+            with shown.capture() as captured:
+                shown.print(meter.lines())
+            lines.append(captured.get())
+            meter.on_study_verdict(participant, button, press)
+
+        rig.operator.confirm = answer  # type: ignore[assignment, method-assign]
+        assert run_study(rig, study, (), (), meter.progress, verdict, meter.on_request)
+    assert set(asked) == {("Consent", 0), ("Ready", 0), ("Verdict", 1)}
+    assert "P01, push: 1 of 2; 3 of 4 in all. Press 2" in "\n".join(lines)
+    assert max(len(line) for one in lines for line in one.splitlines()) <= 80
+    said = shown.file.getvalue()  # type: ignore[attr-defined]
+    assert "P01, toggle: 2 of 2 presses." in said and not progress._shown
 
 
 def test_a_question_is_asked_in_a_cell(monkeypatch: pytest.MonkeyPatch) -> None:

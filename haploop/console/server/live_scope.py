@@ -166,7 +166,7 @@ class LiveScope:
             if self._run is None or self._run.number != run.number or self._run.about != run.about:
                 self._begin(run, rows)
             if self._zero is None or block.end <= _REST * run.rate_hz:
-                forces = np.array([[row.name in _FORCES] for row in rows])
+                forces = np.array([row.name in _FORCES for row in rows], bool)[:, np.newaxis]
                 self._zero = np.where(forces, values.mean(axis=1, keepdims=True), 0.0)
             self._last = self._clock.now()
             now = self._last - block.end / run.rate_hz

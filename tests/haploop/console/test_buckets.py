@@ -9,6 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haploop.console.server.buckets import Buckets
+from haploop.console.server.live_scope import LiveScope
+from haploop.instruments import LiveBlock, Sensors, load_rig_file
+from haploop.instruments.live import Run
 
 SIZE = 50
 
@@ -62,3 +65,15 @@ def test_only_the_newest_buckets_are_kept():
     first, extremes = buckets.since(0)
     assert (first, list(extremes[1, 0])) == (15, [799, 849, 899, 949, 999])
     assert buckets.since(20)[1].shape == (2, 1, 0)
+
+
+def test_a_run_without_any_sensor_has_no_rows_and_is_followed_all_the_same():
+    run = Run("r", True, "record", "", ("a", "b"), 5000.0, Sensors(), None)
+    scope = LiveScope(load_rig_file("simulated"), None)
+    try:
+        for first in (0, 200):
+            scope._add(LiveBlock(run, first, np.zeros((2, 200)), np.zeros(2, bool)))
+        about = scope.about()
+    finally:
+        scope.close()
+    assert about["rows"] == [] and about["received"] == 400

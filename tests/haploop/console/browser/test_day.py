@@ -72,11 +72,11 @@ def test_preflight_calibration_map_and_button(browser, tmp_path):  # noqa: PLR09
         told(page, "stopped")
         page = visit(tab, console, "catalogue")
         expect(page.locator("#count")).to_have_text("4 files", timeout=WAIT)
-        write(page.get_by_label("Other conditions"), "patch=A, button=latch")
+        write(page.get_by_label("Other, such as"), "patch=A, button=latch")
         page.keyboard.press("Enter")
         expect(page.locator("#count")).to_have_text("1 file", timeout=WAIT)
         expect(page.locator("#files")).to_contain_text("buttons/latch.h5")
-        write(page.get_by_label("Other conditions"), "colour=red")
+        write(page.get_by_label("Other, such as"), "colour=red")
         page.keyboard.press("Enter")
         expect(page.locator("#said")).to_contain_text("'colour=red' is no condition", timeout=WAIT)
         assert not tab.errors and tab.hosts <= {"127.0.0.1", "blob"}
