@@ -94,8 +94,7 @@ def present_stimuli(
             except DataError as error:
                 sentence = str(error)
             board.set(request=None)
-            state = "failed" if sentence else "done"
-            board.change("surface", lambda now, s=state, t=sentence: {**now, "state": s, "sentence": t})
+            board.change("surface", _ended(sentence))
     finally:
         board.set(surface=None)
 
@@ -105,6 +104,12 @@ def _present(store: Store, presenter: Presenter, board: Board, asked: Mapping[st
     if stored is None or stored.due is None:
         raise DataError("No step of that session is due.")
     presenter.present(_Noted(stored.assignment, board, list(stored.events)), stored.due)
+
+
+def _ended(sentence: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """What makes a surface that presents one that has done so, or failed to for the reason in `sentence`."""
+    state = "failed" if sentence else "done"
+    return lambda now: {**now, "state": state, "sentence": sentence}
 
 
 def _surface(experiment: str, state: str, turn: str) -> dict[str, Any]:
