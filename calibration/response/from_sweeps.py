@@ -35,6 +35,11 @@ _STAYS = 0.6
 _WINDOW, _SLOWEST, _SIGNIFICANT = 0.2, 0.95, 6.0
 """Length (s) of the windows at a record's end whose ringing is compared; their ratio from which it is
 a tone from elsewhere; and the ratio to the noise's power from which it is no noise."""
+_CHANGED = 2.0
+"""Variance, over that of a response at a smaller level, up to which a change of its shape may be noise."""
+_FURTHER = 2.0
+"""Error, for a steady sine at the full level, over that change: a sweep does not stay on a resonance until it
+has reached its full amplitude (1.3 to 3.6 was measured on three plants with soft modes)."""
 _SHIFT = 81
 """Lines (10 Hz) from whose change a drift of the resonance among them is estimated."""
 
@@ -78,10 +83,13 @@ def from_sweeps(
     removed = uniform_filter1d(np.abs(raw - H) ** 2, _POOL, mode="nearest")
     # Where noise is most of what the gates remove, that much less stays.
     scatter = np.maximum(residual / power - removed, _STAYS * residual / power)
-    variance = scatter + _left_in(np.maximum(removed - residual / power, 0.0), sweep.stop_hz - f)
+    left_in = _left_in(np.maximum(removed - residual / power, 0.0), sweep.stop_hz - f)
+    variance = scatter + left_in
     cut_off = _cut_off(velocities[:repeats].mean(axis=0), rate_hz, length, lines, residual / repeats)
     variance += cut_off / (power / repeats)
     variance += _drift(H, f, y / x, residual / power * repeats, len(drives))
+    alone = [residual / np.abs(a) ** 2 + left_in for a in X[repeats:]]
+    variance += _of_shape(H, smaller, level_gain, alone)
     signal = np.maximum((np.abs(H) ** 2 * power - residual) / repeats, 0.0)
     return FrfEstimate(
         frequencies=f[kept],
@@ -148,6 +156,21 @@ def _drift(
     repeats = len(repeated)
     further = (plays - 1 - (repeats - 1) / 2) / (repeats - 1)
     return np.asarray(further**2 * shift * np.abs(slope) ** 2)
+
+
+def _of_shape(
+    H: ComplexArray, smaller: list[ComplexArray], level_gain: ComplexArray, variances: list[FloatArray]
+) -> FloatArray:
+    """Variance (lines,) because the response changes with the level by more than a gain.
+
+    A patch's hysteresis changes the gain alone; modes that soften change the shape as well, which no law of
+    the patch explains. `smaller` are responses (lines,) at smaller levels, with their `variances`.
+    """
+    found = np.zeros(len(H))
+    for one, gain, variance in zip(smaller, level_gain, variances, strict=True):
+        changed = np.abs(one / gain - H) ** 2 - _CHANGED * variance / np.abs(gain) ** 2
+        found = np.maximum(found, uniform_filter1d(changed, _POOL, mode="nearest"))
+    return _FURTHER**2 * found
 
 
 def _without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) -> ComplexArray:

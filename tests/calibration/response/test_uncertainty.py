@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.uncertainty import drawn, measured
+from benchmarks.uncertainty import Drawn, drawn, measured
 from haploop.calibration import (
     Calibration,
     LinearSweep,
@@ -20,6 +20,7 @@ from haploop.calibration import (
 from haploop.calibration.response import Hysteresis
 from haploop.calibration.response.from_multisine import from_multisine
 from haploop.calibration.response.from_sweeps import from_sweeps
+from haploop.mocks.plant import random_modal
 from tests.calibration.conftest import Calibrated, make_press
 from tests.calibration.response.synthetic import AS_SAMPLED, RATE, Plant, swept
 from tests.conftest import OpenRig
@@ -75,6 +76,17 @@ def test_a_drift_between_sweeps_is_in_their_deviation() -> None:
         assert within(error, found.deviation[inside], 2) > 0.9
         stated = np.linalg.norm(found.deviation[inside]) / np.linalg.norm(error)
         assert 0.5 < stated < 5
+
+
+def test_modes_that_soften_are_in_the_deviation() -> None:
+    """Sweeps at two levels show it, and a multisine on the lines that it leaves out."""
+    surface = random_modal(np.random.default_rng(60481), modes=6, damping=(0.006, 0.01), close_pairs=0)
+    soft = surface.model_copy(update={"softening": 0.001})
+    plant = Drawn(soft, "none", 0.0, {"seed": 60481, "hysteresis": 0.0, "vibrometer_noise_scale": 0.1}, "")
+    for excitation in (Multisine(), LinearSweep(seconds=4.0, shares=(0.5,))):
+        lines, model = measured(plant, excitation)
+        for row in (lines, model):
+            assert np.mean(row.ratios < 1) > 0.5 and np.mean(row.ratios < 2) > 0.9, (excitation, row)
 
 
 def test_a_law_that_does_not_hold_is_in_the_deviation(open: OpenRig) -> None:
