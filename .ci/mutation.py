@@ -56,7 +56,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "acquisition/checksum.py": FILES,
     "acquisition/recording/file_format.py": FILES,
     "acquisition/recording/rows.py": FILES,
-    "acquisition/recording/recording.py": FILES,
+    "acquisition/recording/recording.py": (f"{RECORDING}derived.py", *FILES),
     "acquisition/recording/writer.py": FILES,
     "acquisition/recording/salvage.py": (*FILES, f"{RECORDING}mutations.py"),
     "acquisition/recording/recovery.py": (*FILES, f"{RECORDING}mutations.py"),

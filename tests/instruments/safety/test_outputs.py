@@ -60,9 +60,7 @@ def test_what_feeds_the_amplifier_is_looked_at_and_stopped(fed: Any) -> None:
         rig.add("player", output)
         if wired:
             for look in (Outputs(rig).no_sweep, Outputs(rig).rest):
-                with pytest.raises(
-                    InstrumentError, match="The generator is on, and this rig has not"
-                ):
+                with pytest.raises(InstrumentError, match="The generator is on, and this rig has not"):
                     look()
             rig["generator"].is_on = False
         Outputs(rig).no_sweep()
