@@ -69,6 +69,7 @@ def test_every_figure_is_of_its_part_of_the_motion_and_without_the_noise() -> No
     assert found.wideband_floor == found.floor == pytest.approx(0.3 / np.sqrt(5), rel=1e-9)
     assert found.correlation == pytest.approx(0.9 / np.hypot(0.9, 0.05), rel=1e-9)
     assert found.verdict == "pass" and found.passed and found.reasons == () and found.drift == 0
+    assert not any(note.startswith(("Play ", "The motion changed", "Above ")) for note in found.notes)
     assert (found.plays, found.rate_hz, found.judged_hz, found.tolerance) == (5, RATE, 1000.0, 0.2)
     assert found.simulated and not found.overload and found.drive_measured_peak == 40.0
     np.testing.assert_allclose(found.target, TARGET, atol=1e-9)
