@@ -3,6 +3,7 @@
 One rig, one plant and one virtual clock from the first hour to the last; only what is wrong from the
 beginning (a dead patch, say) has a rig of its own for its hour, with the table as it is then. Whatever is
 asked to go wrong must be named by the command that it affects, nothing else may be, and nothing may grow.
+Nor may anything grow in two hours of recording.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from typing import Any
 
 import pytest
 
-from haploop.acquisition import Recording, record
+from haploop.acquisition import Protocol, Recording, record, verify
 from haploop.calibration import LinearSweep, build_button, calibrate
 from haploop.calibration.upkeep.history import History
 from haploop.calibration.upkeep.recalibration import adopt, calibrations_of, recalibrate
-from haploop.instruments import DataError, InstrumentError, Rig, open_rig
+from haploop.instruments import DataError, InstrumentError, Rig, load_rig_file, open_rig
 from tests.calibration.conftest import make_press
 
 START = datetime(2026, 8, 3, tzinfo=UTC)
@@ -287,6 +288,39 @@ def test_a_week_with_every_fault_noticed_and_nothing_growing(tmp_path: Path, mod
     assert week.outcomes["restored"] and week.outcomes["unchanged"]
     assert seconds < 600
     assert_flat(week.sizes)
+
+
+@pytest.mark.timeout(3600)
+def test_two_hours_of_recording_grow_nothing(
+    tmp_path: Path, mode: str, full: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Presses for the most part, and then nothing, at 1000 samples/s; looked at while it records."""
+    if mode != "twin":
+        pytest.skip("two hours pass in minutes on a virtual clock only, and on twins")
+    presses, seconds = (1000, 7200.0) if full else (10, 60.0)
+    file = load_rig_file("simulated").model_copy(update={"rate_hz": 1000.0})
+    found: list[tuple[float, int, int, float]] = []
+    with open_rig(file) as rig:
+        rejects = rig.operator.rejects
+
+        def look() -> bool:  # once a block
+            if rig.clock.now() >= len(found) * seconds / 40:
+                files = Path("/proc/self/fd")
+                opened = len(list(files.iterdir())) if files.is_dir() else 0
+                found.append((rig.clock.now(), threading.active_count(), opened, resident()))
+            return rejects()
+
+        monkeypatch.setattr(rig.operator, "rejects", look)
+        recording = record(rig, "push", "P01", presses, tmp_path, protocol=Protocol(trail=seconds))
+        assert rig.clock.now() > seconds
+    print(f"{len(found)} looks: {found[1]} ... {found[-1]}", file=sys.stderr)
+    assert len(recording.accepted) == presses and recording.header.rate_hz == 1000.0
+    assert len(recording.force) >= 1000 * seconds and verify(recording.path) == ()
+    quarter = len(found) // 4
+    for number, allowed in ((1, 0.0), (2, 0.0), (3, GROWTH)):
+        early = max(one[number] for one in found[1 : quarter + 1])
+        late = max(one[number] for one in found[-quarter:])
+        assert late <= early + allowed, (number, early, late)
 
 
 def assert_flat(sizes: list[Size]) -> None:

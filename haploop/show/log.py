@@ -54,9 +54,9 @@ def show_log(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None
 
 def _how(entry: Mapping[str, Any]) -> str:
     about = {key: value for key, value in entry.items() if key not in (*_WHO, "time", "kind")}
-    if entry.get("kind") == "played":
-        patches = ", ".join(about.get("patches", ()))
-        return f"{about.get('peak', 0):.4g} V peak for {about.get('seconds', 0):.3g} s into {patches}"
+    match about:
+        case {"patches": [*patches], "peak": float(peak), "seconds": float(seconds)}:
+            return f"{peak:.4g} V peak for {seconds:.3g} s into {_plain(patches)}"
     return "; ".join(f"{key.replace('_', ' ')}: {_plain(value)}" for key, value in about.items())
 
 

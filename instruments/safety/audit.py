@@ -114,7 +114,10 @@ def _entries(path: Path) -> Iterator[Mapping[str, Any]]:
         with path.open("rb") as lines:
             for number, line in enumerate(iter(lambda: lines.readline(_LONGEST_LINE), b""), start=1):
                 try:
-                    yield from_text(line)
+                    entry = from_text(line)
+                    if not entry.keys() >= {"time", "kind", "rig"}:
+                        raise ValueError("not of this log")
+                    yield entry
                 except ValueError:
                     why = f"Line {number} of {path.name} was torn, damaged or changed by hand."
                     yield {"kind": "damaged", "why": why}

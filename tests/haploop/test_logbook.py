@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from haploop.instruments import InstrumentError, open_rig
+from haploop.instruments.json_text import as_line
 from tests.haploop.conftest import Run
 
 RIG = """
@@ -79,3 +81,20 @@ def test_a_trip_under_a_seed_is_reset_without_it(run: Run, tmp_path: Path) -> No
     assert run("reset", "--rig", path, "--reason", "The gain was set back.").exit_code == 0
     with open_rig(path, simulation=wrong) as rig:
         assert rig.lockout is None
+
+
+def test_whatever_a_script_notes_is_shown(run: Run, tripped: Path) -> None:
+    with open_rig(tripped) as rig:
+        rig.audit.note("played", patches=3, peak="x", seconds=None)
+        rig.audit.note("replaced", patch="A", why={"a": [1, None, True]})
+    folder = rig.audit.folder
+    (folder / "log-2020-01.jsonl").write_text(as_line({"kind": "of no rig"}) + "torn\n", encoding="utf-8")
+    result = run("log", "--rig", tripped, "--last", 1000)
+    assert result.exit_code == 0 and "V peak for" in result.stdout
+    for shown in ("patches: 3", "a 1, -, yes", "Line 1 of", "Line 2 of"):
+        assert shown in " ".join(result.stdout.split()), shown
+    assert run("verify", folder / "log-2020-01.jsonl").exit_code == 1
+    assert len(json.loads(run("log", "--rig", tripped, "--last", 1000, "--json").stdout)["entries"]) > 4
+    (folder / "log-2020-01.jsonl").unlink()
+    (folder / "log-2020-01.jsonl").mkdir()
+    assert "cannot be read: Is a directory" in run("log", "--rig", tripped).stderr or os.name == "nt"

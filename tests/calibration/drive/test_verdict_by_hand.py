@@ -1,0 +1,274 @@
+"""Verdicts on plays of a few tones, whose every figure is known by hand: 1 s at 5000 samples/s."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from haploop.calibration import Check, Drive
+from haploop.calibration.drive.agreement import (
+    SharedPower,
+    error_spectra,
+    lines_inside,
+    odd_play,
+    plays_needed,
+    shared_power,
+    trend,
+)
+from haploop.calibration.drive.check import compare
+from haploop.calibration.drive.playing import Played
+
+RATE = 5000.0
+T = np.arange(5000) / RATE
+TARGET = 2.0 * np.sin(2 * np.pi * 250 * T)
+OUTSIDE = 2.0 * np.sin(2 * np.pi * 400 * T)
+DRIVE = Drive(
+    button="push", patch="A", point="button", rate_hz=RATE, volts=40 * np.sin(2 * np.pi * 250 * T),
+    target=TARGET, scale=1.0, method="broadband", carrier_hz=0.0, band=(200.0, 300.0), in_band=0.9,
+    known=(15.0, 625.0), predicted_error=0.1, unreached="", rig="simulated", simulated=True, sources=(),
+    calibration="",
+)  # fmt: skip
+RIG: Any = SimpleNamespace(simulated=False, limits=SimpleNamespace(peak=50.0))
+
+
+def noise(play: int) -> np.ndarray:
+    """As strong as the target, in its band, and of no other play."""
+    return np.asarray(2.0 * np.sin(2 * np.pi * (255 + play) * T))
+
+
+def judged(
+    share: Any = 1.0,
+    outside: float = 0.0,
+    spread: float = 0.0,
+    plays: int = 5,
+    peak: float = 40.0,
+    overload: str | None = None,
+    **drive: Any,
+) -> Check:
+    """Each play moves by its share of the target, something outside the band, and noise of its own."""
+    shares = np.broadcast_to(share, plays)
+    moved = np.array([shares[k] * TARGET + outside * OUTSIDE + spread * noise(k) for k in range(plays)])
+    return compare(replace(DRIVE, **drive), Played(moved, RATE, 1000.0, peak, overload), RIG)
+
+
+# Figures
+
+
+def test_every_figure_is_of_its_part_of_the_motion_and_without_the_noise() -> None:
+    found = judged(0.9, outside=0.05, spread=0.3)
+    assert found.wideband_nrmse == pytest.approx(np.hypot(0.1, 0.05), rel=1e-9)
+    assert found.wideband_interval == pytest.approx((found.wideband_nrmse,) * 2, rel=1e-6)
+    assert found.nrmse == pytest.approx(0.1, rel=1e-9) and found.outside == pytest.approx(0.05, rel=1e-9)
+    assert found.nrmse_interval == pytest.approx((0.1, 0.1), rel=1e-6)
+    assert found.outside_interval == pytest.approx((0.05, 0.05), rel=1e-6)
+    assert found.wideband_floor == found.floor == pytest.approx(0.3 / np.sqrt(5), rel=1e-9)
+    assert found.correlation == pytest.approx(0.9 / np.hypot(0.9, 0.05), rel=1e-9)
+    assert found.verdict == "pass" and found.passed and found.reasons == () and found.drift == 0
+    assert not any(note.startswith(("Play ", "The motion changed", "Above ")) for note in found.notes)
+    assert (found.plays, found.rate_hz, found.judged_hz, found.tolerance) == (5, RATE, 1000.0, 0.2)
+    assert found.simulated and not found.overload and found.drive_measured_peak == 40.0
+    np.testing.assert_allclose(found.target, TARGET, atol=1e-9)
+    level = 20 * np.log10(np.sqrt(2))
+    at = int(np.argmin(np.abs(found.octaves_hz - 251.2)))
+    assert found.target_db[at] == pytest.approx(level, abs=1e-6)
+    assert found.octaves_hz[0] == pytest.approx(25.12, abs=0.01) and found.octaves_hz[-1] <= 1000
+    # The noise of five plays, each alone in the mean with a fifth of its size.
+    assert found.floor_db[at] == pytest.approx(level + 20 * np.log10(0.3 / np.sqrt(5)), abs=1e-6)
+
+
+def test_the_third_octave_error_is_over_the_bands_that_hold_the_target() -> None:
+    assert judged(0.9, outside=0.1).third_octave_error_db == pytest.approx(-20 * np.log10(0.9), rel=1e-6)
+    weak = TARGET + 0.05 * OUTSIDE  # 26 dB below: within 30
+    found = compare(
+        replace(DRIVE, target=weak),
+        Played(np.array([TARGET + 0.1 * OUTSIDE] * 3), RATE, 1000.0, 40.0, None),
+        RIG,
+    )
+    assert found.third_octave_error_db == pytest.approx(20 * np.log10(2) / np.sqrt(2), rel=1e-6)
+
+
+def test_what_does_not_move_correlates_with_nothing() -> None:
+    found = judged(0.0)
+    assert found.correlation == 0.0 == found.envelope_correlation
+    assert judged(-1.0).correlation == pytest.approx(-1.0)
+    assert np.all(np.isfinite(list(found.wideband_interval)))
+
+
+# Verdicts
+
+
+@pytest.mark.parametrize(
+    ("given", "verdict", "says"),
+    [
+        ({"share": 0.81, "outside": 0.06}, "pass", ""),
+        (
+            {"share": 0.8, "outside": 0.05},
+            "fail",
+            "The whole motion of the surface differs from the target by 20.6% rms (95 % confidence: 20.6% to "
+            "20.6%), and 20% is accepted: 20.0% within 200 to 300 Hz, and 5.0% outside.",
+        ),
+        ({"overload": "The laser left its range."}, "fail", "The laser left its range."),
+        ({"peak": 50.9}, "pass", ""),
+        ({"peak": 51.1}, "fail", "The patch got 51.1 V, and the rig's limit is 50.0 V."),
+        ({"peak": 32.01}, "pass", ""),
+        (
+            {"peak": 31.9},
+            "fail",
+            "The patch got 32 V where the drive has 40.0 V: check the amplifier, the relay and the drive "
+            "monitor.",
+        ),
+        ({"in_band": 0.25}, "pass", ""),
+        (
+            {"in_band": 0.249},
+            "fail",
+            "Only 24.9% of the press's energy lies in the 200 to 300 Hz that were played, and 25% is needed.",
+        ),
+        ({"in_band": float("nan")}, "fail", "Only nan%"),
+        ({"predicted_error": 0.5}, "pass", ""),
+    ],
+)
+def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str) -> None:
+    found = judged(**given)
+    assert found.verdict == verdict and found.passed == (verdict == "pass")
+    assert (found.reasons == ()) if not says else found.reasons[0].startswith(says)
+
+
+def test_a_failure_says_why_it_probably_is() -> None:
+    unseen = "The surface followed 29.0% of the target motion: the patch is not connected, or the laser"
+    assert judged(0.29, predicted_error=0.5).reasons[1].startswith(unseen)
+    assert len(judged(0.31).reasons) == 1
+    expected = "The error predicted when the drive was computed is 20.1%: within the limits"
+    assert judged(0.7, predicted_error=0.201).reasons[1].startswith(expected)
+    assert len(judged(0.7, predicted_error=0.2).reasons) == 1
+    assert len(judged(0.29, in_band=0.1, peak=60.0).reasons) == 4
+
+
+def test_plays_that_do_not_tell_are_no_verdict_and_how_many_would() -> None:
+    shares = 1 - np.array([0.05, 0.35, 0.15, 0.25, 0.10])
+    found = judged(shares)
+    low, high = found.wideband_interval
+    assert found.verdict == "not shown" and low <= 0.2 < high
+    needed = plays_needed(shared_power(error_spectra(found.accelerations, TARGET)), 0.2)
+    assert needed is None or needed > 5
+    remedy = f"{needed} plays would probably show it." if needed else "More plays would not: use a range"
+    (reason,) = found.reasons
+    assert reason.startswith(
+        f"Not shown: the whole motion differs from the target by {found.wideband_nrmse:.1%} rms (95 % "
+        f"confidence: {low:.1%} to {high:.1%}), which does not tell on which side of the accepted 20% it"
+    )
+    assert remedy in reason
+
+
+def test_a_play_unlike_the_others_is_no_pass_and_is_named() -> None:
+    moved = np.array([TARGET + 0.02 * noise(k) for k in range(6)])
+    for added, verdict in ((0.15, "pass"), (0.25, "not shown")):
+        shaken = moved.copy()
+        shaken[3] += added * noise(20)
+        found = compare(DRIVE, Played(shaken, RATE, 1000.0, 40.0, None), RIG)
+        assert found.verdict == verdict and found.notes[0].startswith("Play 4 of 6 differs from all others")
+    assert found.reasons == ("Not shown: play 4 is not of the same motion as the others; check again.",)
+    assert compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG).notes == judged(1.0).notes
+
+
+def test_a_drift_is_named_by_its_size() -> None:
+    shares = 1 + np.linspace(-0.04, 0.04, 6)
+    rng = np.random.default_rng(1)
+    moved = np.array([s * TARGET + 1e-3 * rng.standard_normal(len(T)) for s in shares])
+    found = compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG)
+    assert found.drift == pytest.approx(0.08, rel=0.01)
+    said = "The motion changed by 8.0% of the target from the first play to the last"
+    assert any(note.startswith(said) for note in found.notes)
+
+
+@pytest.mark.parametrize(("size", "told"), [(0.4, False), (0.5, True)])
+def test_noise_that_would_hide_a_tone_above_the_band_is_told(size: float, told: bool) -> None:
+    # In the mean of five plays, a tone of 0.45 in each is a fifth of the target.
+    moved = np.array([TARGET + size * 2 * np.sin(2 * np.pi * (600 + k) * T) for k in range(5)])
+    found = compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG)
+    assert found.verdict == "pass"
+    said = "Above 562 Hz, the noise left in the mean of 5 plays exceeds 20% of the target's strongest third"
+    assert any(note.startswith(said) for note in found.notes) is told
+
+
+# Agreement
+
+
+def test_the_parts_of_a_spectrum_add_up_to_the_mean_square() -> None:
+    rng = np.random.default_rng(2)
+    for samples in (100, 101):
+        target, plays = rng.standard_normal(samples), rng.standard_normal((3, samples))
+        spectra = error_spectra(plays, target)
+        size = np.mean(target**2)
+        np.testing.assert_allclose(
+            np.sum(np.abs(spectra) ** 2, axis=1), np.mean((plays - target) ** 2, axis=1) / size
+        )
+    inside = lines_inside((200.0, 300.0), 5000, RATE)
+    assert np.flatnonzero(inside)[[0, -1]].tolist() == [200, 300] and len(inside) == 2501
+
+
+@pytest.mark.parametrize("plays", [3, 4, 8])
+def test_shared_power_is_that_of_all_pairs_and_its_deviation_the_jackknife(plays: int) -> None:
+    rng = np.random.default_rng(plays)
+    spectra = rng.standard_normal((plays, 6)) + 1j * rng.standard_normal((plays, 6)) + 0.7
+
+    def common(kept: list[int]) -> float:
+        pairs = [np.vdot(spectra[i], spectra[j]).real for i in kept for j in kept if i != j]
+        return float(np.mean(pairs))
+
+    every = list(range(plays))
+    left = [common([j for j in every if j != k]) for k in every] if plays > 2 else []
+    found = shared_power(spectra)
+    assert found.value == pytest.approx(common(every)) and found.plays == plays
+    deviation = np.sqrt((plays - 1) / plays * np.sum((np.array(left) - np.mean(left)) ** 2))
+    assert found.deviation == pytest.approx(deviation)
+    own = np.mean(np.sum(np.abs(spectra) ** 2, axis=1))
+    assert found.noise == pytest.approx((own - found.value) / plays)
+    reach = stats.t.ppf(0.975, plays - 1) * deviation
+    low, high = found.interval
+    assert low == pytest.approx(np.sqrt(max(found.value - reach, 0)))
+    assert high == pytest.approx(np.sqrt(found.value + reach))
+    with pytest.raises(ValueError, match="at least three"):
+        shared_power(spectra[:2])
+
+
+def test_a_negative_power_has_the_root_zero() -> None:
+    found = SharedPower(-0.01, 0.001, -1e-9, 4)
+    assert (found.root, found.floor) == (0.0, 0.0) and found.interval == (0.0, 0.0)
+    assert SharedPower(0.04, 0.0, 0.01, 4).root == 0.2 and SharedPower(0.04, 0.0, 0.01, 4).floor == 0.1
+
+
+@pytest.mark.parametrize(("deviation", "value"), [(0.02, 0.05), (0.004, 0.041), (0.02, 0.03), (0.5, 0.041)])
+def test_the_plays_needed_are_the_first_whose_interval_leaves_out_the_limit(
+    deviation: float, value: float
+) -> None:
+    reaches = {n: stats.t.ppf(0.975, n - 1) * deviation * np.sqrt(5 / n) for n in range(6, 65)}
+    expected = next((n for n, reach in reaches.items() if abs(value - 0.04) > reach), None)
+    assert plays_needed(SharedPower(value, deviation, 0.0, 5), 0.2) == expected
+
+
+def test_a_trend_is_the_change_from_first_to_last_and_not_of_noise() -> None:
+    rng = np.random.default_rng(3)
+
+    def spectra(slope: float, plays: int = 7) -> np.ndarray:
+        along = np.arange(plays)[:, None] / (plays - 1)
+        quiet = rng.standard_normal((plays, 40)) + 1j * rng.standard_normal((plays, 40))
+        return np.asarray(1e-3 * quiet + slope * along * np.eye(40)[:1])
+
+    assert trend(spectra(0.5)) == pytest.approx(0.5, rel=0.02)
+    assert [trend(spectra(0.0)) for _ in range(50)] == [0.0] * 50
+
+
+def test_an_odd_play_is_three_times_as_far_as_the_others() -> None:
+    spectra = np.zeros((5, 4), complex)
+    spectra[:, 0] = [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert odd_play(spectra) == (0, 0.0)
+    spectra[1, 1] = 2.8  # its nearest is sqrt(1 + 2.8^2) = 2.97 away, the others' 1 or 2
+    assert odd_play(spectra) == (0, 0.0)
+    spectra[1, 1] = 6.1
+    number, apart = odd_play(spectra)
+    assert number == 2 and apart == pytest.approx(np.sqrt(1 + 6.1**2))

@@ -1,0 +1,98 @@
+"""Areas of squares of even brightness: the pixel counts are known by hand.
+
+The image is averaged over 3 x 3 pixels, so that a square's edge falls to 2/3 and 1/3 of its brightness, and
+its corners to 4/9 and 1/9.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.experiments.contact.area import Background, Contact, ContactMeter, calibrate_meter
+from haploop.instruments import DataError, Frame
+
+SHAPE = (120, 160)
+
+
+def taken(pixels: Any) -> Frame:
+    return Frame(pixels, 7, 0.5)
+
+
+def frame(*squares: tuple[int, int, int, float], light: float = 0.0) -> Frame:
+    """Squares of (row, column, side, brightness above the background)."""
+    pixels = np.full(SHAPE, 10.0 + light)
+    for row, column, side, level in squares:
+        pixels[row : row + side, column : column + side] += level
+    return taken(pixels)
+
+
+def seen(*squares: tuple[int, int, int, float], noise: float = 0.3, light: float = 0.0) -> Contact:
+    meter = ContactMeter(Background(np.full(SHAPE, 10.0), noise), 2e-9)
+    return meter.measure(frame(*squares, light=light))
+
+
+def test_the_area_is_what_lies_above_half_of_the_brightness() -> None:
+    found = seen((40, 50, 20, 100.0))
+    assert found == Contact(7, 0.5, 396 * 2e-9, 396, 0, 0.0, "")
+    # It depends neither on the brightness nor on the light around it.
+    assert seen((40, 50, 20, 30.0)).pixels == seen((40, 50, 20, 100.0), light=5.0).pixels == 396
+    assert seen() == Contact(7, 0.5, 0.0, 0, 0, 0.0, "")
+
+
+@pytest.mark.parametrize(
+    ("noise", "level", "there"),
+    [(0.3, 11.9, False), (0.3, 12.1, True), (6.0, 12.1, True), (9.0, 17.9, False), (9.0, 18.1, True)],
+)
+def test_a_finger_is_twelve_grey_levels_bright_or_six_times_the_smoothed_noise(
+    noise: float, level: float, there: bool
+) -> None:
+    assert bool(seen((40, 50, 20, level), noise=noise).pixels) is there
+
+
+def test_a_finger_is_sixty_pixels_or_more() -> None:
+    # Above 12 of 100 grey levels lie the 8 x 8 pixels around a square of 6 x 6, without their corners.
+    assert seen((40, 50, 6, 100.0)).pixels == 6 * 6 - 4
+    assert seen((40, 50, 5, 100.0)).pixels == 0
+
+
+def test_the_largest_is_the_finger_and_the_others_are_told() -> None:
+    found = seen((40, 50, 20, 50.0), (80, 100, 12, 100.0), (20, 100, 4, 100.0))
+    assert (found.pixels, found.others) == (396, 1) and "more than one finger" in found.problem
+    assert seen((40, 50, 20, 239.0)).problem == ""
+    assert "saturated" in seen((40, 50, 20, 241.0)).problem
+
+
+@pytest.mark.parametrize(
+    ("light", "noise", "changed"),
+    [(9.9, 0.3, False), (-9.9, 0.3, False), (10.1, 0.3, True), (-10.1, 0.3, True), (17.9, 3.0, False),
+     (18.1, 3.0, True)],
+)  # fmt: skip
+def test_a_change_of_the_light_is_told(light: float, noise: float, changed: bool) -> None:
+    for squares in ((), ((40, 50, 20, 100.0),)):
+        found = seen(*squares, noise=noise, light=light)
+        assert ("light changed" in found.problem) is changed
+        assert found.light == pytest.approx(light)
+
+
+def test_a_target_tells_the_area_of_a_pixel_and_is_sharp() -> None:
+    background = Background(np.full(SHAPE, 10.0), 0.3)
+    target = frame((40, 50, 20, 100.0))
+    assert calibrate_meter([target] * 3, background, 396e-9).square_metres == pytest.approx(1e-9)
+    for frames, said in (
+        ([], "no frame of the target"),
+        ([frame()], "0 bright spots"),
+        ([frame((40, 50, 20, 100.0), (80, 100, 20, 100.0))], "2 bright spots"),
+        ([target, frame((40, 50, 21, 100.0))], "more than 1 %"),
+        ([taken(np.full((3, 4), 10.0))], "pixels and the background"),
+    ):
+        with pytest.raises(DataError, match=said):
+            calibrate_meter(frames, background, 1e-6)
+    # A straight edge of 28 pixels: 0.25 to 0.75 of it are 14 pixels, of a Gaussian 10.4 of deviation.
+    ramp = np.clip(np.minimum(np.arange(160) - 20, 139 - np.arange(160)) / 28, 0, 1)
+    soft = np.tile(10.0 + 100 * ramp, (120, 1))
+    soft[:20] = soft[100:] = 10.0
+    with pytest.raises(DataError, match="blurred over"):
+        calibrate_meter([taken(soft)] * 2, background, 1e-6)

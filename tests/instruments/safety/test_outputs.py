@@ -1,0 +1,125 @@
+"""What is at zero, and known to be, before a contact closes; and what was played, by hand."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from haploop.instruments import DataError, InstrumentError
+from haploop.instruments.json_text import as_file
+from haploop.instruments.safety import Outputs, machine
+from haploop.instruments.safety.duty import clear_old, count_plays, plays_of
+
+
+class Rig(dict[str, Any]):
+    """Instruments that tell what was done to them."""
+
+    def __init__(self, fed: Any = "one", **standing: float) -> None:
+        self.done: list[str] = []
+        inputs = fed if isinstance(fed, dict) else {}
+        super().__init__(
+            daq=SimpleNamespace(zero=lambda: self.done.append("zero"), outputs_read=lambda: standing),
+            amplifier=SimpleNamespace(input="" if inputs else fed, inputs=inputs),
+        )
+
+    def add(self, role: str, output: str, on: bool = False) -> None:
+        stop = lambda: self.done.append(f"{role} stopped")  # noqa: E731
+        self[role] = SimpleNamespace(output=output, is_on=on, identity=f"The {role}", stop=stop)
+
+
+def test_outputs_are_set_to_zero_and_read_back() -> None:
+    for volts in (0.0, 0.02, -0.02):
+        rig = Rig(one=0.0, two=volts)
+        Outputs(rig).rest()
+        assert rig.done == ["zero"]
+    for volts in (0.021, -0.021, float("nan"), 10.0):
+        with pytest.raises(InstrumentError, match="the output 'two' was set to zero and reads"):
+            Outputs(Rig(one=0.0, two=volts)).rest()
+
+
+def test_an_output_that_cannot_be_set_keeps_the_relay_open() -> None:
+    rig = Rig()
+
+    def held() -> None:
+        raise InstrumentError("Dev2 is in use.")
+
+    rig["daq"].zero = held
+    with pytest.raises(InstrumentError, match=r"not known to be at zero volts: Dev2 is in use\."):
+        Outputs(rig).rest()
+
+
+@pytest.mark.parametrize("fed", ["one", {"A": "zero", "B": "one"}])
+def test_what_feeds_the_amplifier_is_looked_at_and_stopped(fed: Any) -> None:
+    for output, wired in (("one", True), ("elsewhere", False)):
+        rig = Rig(fed)
+        rig.add("generator", output, on=True)
+        rig.add("player", output)
+        if wired:
+            for look in (Outputs(rig).no_sweep, Outputs(rig).rest):
+                with pytest.raises(InstrumentError, match="The generator is on, and this rig has not"):
+                    look()
+            rig["generator"].is_on = False
+        Outputs(rig).no_sweep()
+        assert not rig.done
+        Outputs(rig).rest()
+        assert rig.done == ["player stopped"] * wired + ["zero"]
+
+
+def test_without_an_amplifier_every_output_counts() -> None:
+    rig = Rig()
+    del rig["amplifier"]
+    rig.add("generator", "elsewhere", on=True)
+    with pytest.raises(InstrumentError, match="is on"):
+        Outputs(rig).no_sweep()
+
+
+# What was played
+
+
+def test_plays_are_of_the_last_minute_and_of_any_piece_in_order(tmp_path: Path) -> None:
+    now = 1000.0
+    count_plays(tmp_path, {"a"}, [(930.0, 940.0), (938.0, 940.5), (980.0, 990.0)])
+    count_plays(tmp_path, {"b"}, [(950.0, 951.0), (980.0, 990.0)])
+    assert plays_of(tmp_path, {"a", "b", "c"}, now) == [(938.0, 940.5), (950.0, 951.0), (980.0, 990.0)]
+    assert plays_of(tmp_path, {"c"}, now) == []
+    # Of a killed program, or of a clock that was set back: as if it had just ended.
+    count_plays(tmp_path, {"a"}, [(995.0, 1005.0)])
+    assert plays_of(tmp_path, {"a"}, now) == [(990.0, 1000.0)]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        [[5.0, 4.0]], [[1.0]], [[1.0, 2.0, 3.0]], [["1", 2.0]], [[True, 2.0]], [None], {}, "x", 1.0, None,
+        [[1.0, 2.0], 3],
+    ],
+)  # fmt: skip
+def test_a_count_without_sense_is_a_full_minute_and_replaced_by_that(content: Any, tmp_path: Path) -> None:
+    path = tmp_path / machine.file_for("a", "duty")
+    path.write_text(as_file("duty", content)[0], encoding="utf-8")
+    assert plays_of(tmp_path, {"a"}, 1000.0) == [(940.0, 1000.0)]
+    assert plays_of(tmp_path, {"a"}, 1030.0) == [(940.0, 1000.0)]
+
+
+def test_another_kind_of_file_is_no_count(tmp_path: Path) -> None:
+    path = tmp_path / machine.file_for("a", "duty")
+    path.write_text(as_file("lockout", [[1.0, 2.0]])[0], encoding="utf-8")
+    assert plays_of(tmp_path, {"a"}, 1000.0) == [(940.0, 1000.0)]
+
+
+def test_what_cannot_be_counted_is_said(tmp_path: Path) -> None:
+    (tmp_path / machine.file_for("a", "duty")).mkdir()
+    with pytest.raises(DataError, match="What is played cannot be counted in"):
+        count_plays(tmp_path, {"a"}, [(1.0, 2.0)])
+
+
+def test_counts_of_pieces_that_were_not_used_for_a_day_are_removed(tmp_path: Path) -> None:
+    for name, age in (("old.duty", 86_401), ("new.duty", 86_399), ("old.lockout", 10**6)):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (10**9 - age, 10**9 - age))
+    clear_old(tmp_path, 10.0**9)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.duty", "old.lockout"]
