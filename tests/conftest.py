@@ -22,8 +22,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """One worker a core, two on the wire, where client and server wait for one another; on hardware there is one
-    program only."""
+    """One worker a core, two on the wire, where client and server wait for one another; on hardware there is
+    one program only."""
     if config.getoption("--rig") not in ("twin", "wire"):
         return 0
     return 2 * (os.cpu_count() or 1) if config.getoption("--rig") == "wire" else None
