@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import tempfile
 from collections.abc import Iterator
@@ -26,10 +27,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """One worker a core; on hardware there is one program only."""
+    """One worker a core, two on the wire, where client and server wait for one another; on hardware there is
+    one program only."""
     if config.getoption("--rig") not in ("twin", "wire"):
         return 0
-    return None
+    return 2 * (os.cpu_count() or 1) if config.getoption("--rig") == "wire" else None
 
 
 def pytest_configure(config: pytest.Config) -> None:

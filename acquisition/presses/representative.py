@@ -173,8 +173,13 @@ def representative(
         )
     left_out: list[str] = []
     segmentations = {recording.path.name: _segmentation(recording) for recording in recordings}
-    usable = [(r, _usable(r, segmentations[r.path.name], left_out)) for r in recordings]
-    every = [press for _, presses in usable for press in presses]
+    usable = []
+    for recording in recordings:
+        presses = _usable(recording, segmentations[recording.path.name], left_out)
+        usable.append((recording, presses, recording.acceleration[2].copy(), recording.force))
+        # Of a hundred recordings, these two signals fit into memory, and all signals do not.
+        recording.forget()
+    every = [press for _, presses, _, _ in usable for press in presses]
     if not every:
         raise DataError(
             f"The recordings hold no usable press of the {first.button} button "
@@ -186,25 +191,25 @@ def representative(
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     curves: dict[str, list[FloatArray]] = defaultdict(list)
     names: dict[str, list[str]] = defaultdict(list)
-    for recording, presses in usable:
+    for recording, presses, shaken, force in usable:
         if presses:
-            vertical = recording.acceleration[2]
+            vertical = shaken
             if undo_low_pass is not None:
                 vertical = _undone(recording, vertical, undo_low_pass)
             vertical = high_pass(vertical, rate_hz, w.high_pass_hz)
-            curves[recording.participant] += _cut(recording, vertical, presses, before, after, opening)
+            curves[recording.participant] += _cut(recording, vertical, force, presses, before, after, opening)
             names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
 
     found = average([np.array(curves[participant]) for participant in sorted(curves)], rate_hz, m, method)
     for participant, kept in zip(sorted(curves), found.kept, strict=True):
         odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
         left_out += [f"{participant}, {name}: it differs from this participant's others" for name in odd]
-    acceleration, force, activation = found.template
+    acceleration, pressed, activation = found.template
     return Representative(
         button=first.button,
         rate_hz=rate_hz,
         acceleration=acceleration * _taper(before + after, round(w.taper * rate_hz)),
-        force=force,
+        force=pressed,
         activation=np.clip(activation, 0.0, 1.0),
         activation_index=int(np.argmax(activation > 0.5)),
         members=len(found.aligned),
@@ -304,6 +309,7 @@ def _noise_gain(recording: Recording, band: tuple[float, float]) -> float:
 def _cut(
     recording: Recording,
     vertical: FloatArray,
+    force: FloatArray,
     presses: list[tuple[ButtonPress, float]],
     before: int,
     after: int,
@@ -316,7 +322,7 @@ def _cut(
     rate_hz = recording.rate_hz
     rows = (
         (vertical, recording.delay("acceleration")),
-        (recording.force, recording.delay("force")),
+        (force, recording.delay("force")),
     )
     lags = np.arange(-before, after, dtype=np.float64)
     curves = []
@@ -324,7 +330,7 @@ def _cut(
         late = 0.0 if press.opened is None else press.opened - at - opening
         instants = at + lags + _stretch(lags, late, opening)
         curve = [_sampled(row, instants - delay * rate_hz) for row, delay in rows]
-        curve[1] = curve[1] - np.mean(recording.force[press.start : max(press.start + 1, press.onset)])
+        curve[1] = curve[1] - np.mean(force[press.start : max(press.start + 1, press.onset)])
         closed = np.where(lags < 0, 0.0, 1.0)
         if press.opened is not None:
             closed[instants >= press.opened] = 0.0

@@ -143,10 +143,19 @@ class Recording(InNotebook):
         """Blocks as they arrived: first, count, overload (a bit per channel), time (s, rig's clock)."""
         return self._contents.blocks
 
-    @property
+    @cached_property
     def content_hash(self) -> str:
         """SHA-256 of the samples, the metadata of their conversion to SI, the events and the verdicts."""
         return self._checked[1]
+
+    def forget(self) -> None:
+        """Free the samples and all signals; they are read and computed again when they are asked for.
+
+        For many recordings at once: with all its signals, a sample of ten channels takes 200 bytes.
+        """
+        for name, value in vars(Recording).items():
+            if isinstance(value, cached_property) and name not in ("content_hash", "sensors"):
+                self.__dict__.pop(name, None)
 
     @cached_property
     def sensors(self) -> Sensors:

@@ -8,7 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from haploop.acquisition import Recording, Representative, accepted_presses, record, representative
+from haploop.acquisition import (
+    ButtonPress,
+    Recording,
+    Representative,
+    accepted_presses,
+    record,
+    representative,
+)
 from haploop.calibration import Check, calibrate, drive_for
 from haploop.calibration.drive import check
 from haploop.demo.report import report, summarise
@@ -147,7 +154,7 @@ def _loop(
             ButtonResult(
                 button,
                 tuple(recordings[button]),
-                tuple(accepted_presses(recording) for recording in recordings[button]),
+                tuple(_accepted(recording) for recording in recordings[button]),
                 presses[button],
                 checks[button],
                 tuple(
@@ -167,6 +174,12 @@ def _loop(
         simulated_s=rig.clock.now() - start,
         wall_s=wall(),
     )
+
+
+def _accepted(recording: Recording) -> tuple[ButtonPress, ...]:
+    found = accepted_presses(recording)
+    recording.forget()
+    return found
 
 
 def _loss(rig: Rig, resonance_hz: float) -> str | None:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import click
 import pytest
 
 from haploop.cli import cli
+from tests.haploop.exchange.conftest import Files, files
+
+__all__ = ["files"]
 
 HEAVY = {"scipy", "h5py", "nidaqmx", "numpy", "matplotlib", "pydantic", "grpc", "jinja2", "serial", "pyvisa"}
 
@@ -19,8 +24,11 @@ from haploop.cli import cli
 try:
     cli.main({args}, standalone_mode=False)
 finally:
-    print(json.dumps(sorted({{name.partition(".")[0] for name in sys.modules}})), file=sys.stderr)
+    print(json.dumps([*sys.modules]), file=sys.stderr)
 """
+
+SLOW = {"matplotlib", "scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"}
+"""What takes longest to load; most commands compute nothing with it."""
 
 
 def commands(group: click.Group = cli, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
@@ -57,6 +65,29 @@ for path in {paths}:
         cli.main([*path, "--help"])
     except SystemExit as end:
         assert end.code == 0, path
-print(json.dumps(sorted({{name.partition(".")[0] for name in sys.modules}})), file=sys.stderr)
+print(json.dumps([*sys.modules]), file=sys.stderr)
 """
     assert not loaded_by(script.format(paths=commands())) & HEAVY
+
+
+@pytest.mark.parametrize(
+    ("args", "light"),
+    [
+        (["schema"], SLOW | {"h5py"}),
+        (["log"], SLOW | {"h5py"}),
+        (["verify", "{recording}"], SLOW | {"scipy", "nidaqmx", "pyvisa"}),
+        (["list", "--in", "{folder}"], SLOW | {"nidaqmx", "pyvisa"}),
+        (["show", "{recording}"], SLOW | {"nidaqmx", "pyvisa"}),
+        (["show", "{calibration}"], SLOW | {"nidaqmx", "pyvisa"}),
+        (["record", "push", "-p", "P02", "-n", "1", "--out", "{folder}"], SLOW),
+        (["doctor"], SLOW - {"scipy.optimize"}),  # it finds which patch is where
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_a_command_loads_what_it_works_with(
+    files: Files, tmp_path: Path, args: list[str], light: set[str]
+) -> None:
+    recording = shutil.copy(files.recording, tmp_path)
+    places = {"recording": recording, "calibration": files.calibration, "folder": tmp_path}
+    loaded = loaded_by(LOADED.format(args=[arg.format(**places) for arg in args]))
+    assert sorted(loaded & light) == []

@@ -230,6 +230,16 @@ def test_the_representative_stands_for_all_presses_of_all_participants(recording
     assert result.spread[near].max() < 0.5 * np.abs(result.acceleration).max()
 
 
+def test_no_recording_keeps_its_signals_in_memory(recordings):
+    """A study's hundred recordings would take gigabytes."""
+    own = recordings[0]
+    force, hashed = own.force.copy(), own.content_hash
+    representative(recordings)
+    for recording in recordings:
+        assert not {"force", "acceleration", "volts", "_gauges", "_checked"} & vars(recording).keys()
+    assert np.array_equal(own.force, force) and own.content_hash == hashed
+
+
 def test_saving_keeps_everything_and_overwrites_nothing(recordings, tmp_path):
     result = dataclasses.replace(
         representative(recordings[:1], undo_low_pass=(20, 400)), left_out=("P01, press 3: why",)

@@ -1,0 +1,70 @@
+"""Processor time and memory of commands on small files: what a person waits for before anything is measured.
+
+    python benchmarks/start.py                              # two minutes
+    python benchmarks/start.py --against OTHER/bin/python   # beside another environment, in the same rounds
+
+Prints Markdown. `tests/haploop/test_start.py` holds what each command may load, which does not depend on a
+machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.processes import haploop, in_rounds, spread
+
+COMMANDS = {
+    "--help": "--help",
+    "--version": "--version",
+    "record --help": "record --help",
+    "schema": "schema",
+    "log": "log",
+    "verify FILE": "verify P01-latch.h5",
+    "show RECORDING": "show P01-latch.h5",
+    "show CALIBRATION": "show calibration.h5",
+    "show RECORDING --plot PNG": "show P01-latch.h5 --plot NEW.png",
+    "list": "list --in .",
+    "export RECORDING --to csv": "export P01-latch.h5 --to csv --out NEW.csv",
+    "doctor, simulated": "doctor",
+    "record, one press, simulated": "record latch -p P02 -n 1 --out NEW",
+    "report CALIBRATION": "report calibration.h5 -o NEW.html",
+}
+
+
+def main() -> None:
+    """Make the files, run the commands in rounds, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--against", metavar="PYTHON", help="of an environment with another haploop")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these rows")
+    asked = parser.parse_args()
+    chosen = {name: words for name, words in COMMANDS.items() if name in (asked.only or COMMANDS)}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for words in ("record latch -p P01 -n 3 --out .", "calibrate --out calibration.h5"):
+            subprocess.run(haploop(words), cwd=folder, capture_output=True, check=True)
+        programs = {name: haploop(words) for name, words in chosen.items()}
+        if asked.against:
+            programs |= {f"other {name}": haploop(words, asked.against) for name, words in chosen.items()}
+        found = in_rounds(programs, asked.rounds, folder)
+    other = " other: CPU s | ratio |" if asked.against else ""
+    print(f"| command | CPU s, median (range) of {asked.rounds} | MB |{other}")
+    print(f"|---|---|---|{'---|---|' if asked.against else ''}")
+    for name in chosen:
+        cpu = [cost.cpu for cost in found[name]]
+        row = f"| {name} | {spread(cpu)} | {max(cost.memory for cost in found[name]):.0f} |"
+        if asked.against:
+            before = [cost.cpu for cost in found[f"other {name}"]]
+            row += f" {spread(before)} | {median(cpu) / median(before):.2f} |"
+        print(row)
+
+
+if __name__ == "__main__":
+    main()
