@@ -12,6 +12,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+import haploop
 from haploop.pytest_plugin import OpenRig
 
 __all__ = ["OpenRig"]
@@ -61,6 +62,21 @@ def full(request: pytest.FixtureRequest) -> bool:
 def mode(request: pytest.FixtureRequest) -> str:
     """What --rig names."""
     return str(request.config.getoption("--rig"))
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the digital buttons latch.h5 and push.h5, made in haste on the simulated table."""
+    folder = tmp_path_factory.mktemp("buttons")
+    with haploop.open_rig("simulated") as rig:
+        calibration = haploop.calibrate(rig, patch="A", point="button")
+        for name in ("latch", "push"):
+            recording = haploop.record(rig, button=name, participant="P01", presses=3, out=folder)
+            press = haploop.representative([recording])
+            button = haploop.build_button(rig, press, calibration, iterations=2, plays=3)
+            assert button.passed
+            button.save(folder / f"{name}.h5")
+    return folder
 
 
 @pytest.fixture

@@ -55,6 +55,10 @@ class _Sitting:
     told: dict[str, Any] | None = None
     """What the participant is told of it; None where the experiment gives no confirmation."""
 
+    def failed(self, sentence: str) -> None:
+        """Note that the stimulus was not presented: nobody can answer it, and it is to be presented again."""
+        self.playing, self.turn, self.problem = False, "", sentence
+
 
 class Conductor:
     """At most one session at a time. For any thread; `operator` and `participant` are what pages show."""
@@ -141,26 +145,26 @@ class Conductor:
             if sitting is None or not sitting.playing:
                 return
             if surface is None:
-                sitting.playing = False
-                sitting.problem = (
+                sitting.failed(
                     "The rig was left before the stimulus was over: prepare it, and present again."
                 )
             elif surface["turn"] == sitting.turn:
                 try:
                     self._presented(sitting, surface)
                 except HaploopError as error:
-                    sitting.playing, sitting.problem = False, str(error)
+                    sitting.failed(str(error))
             self._show()
 
     def _presented(self, sitting: _Sitting, surface: Mapping[str, Any]) -> None:
         for kind, details in surface["events"][sitting.noted :]:
             sitting.session.event(kind, **details)
             sitting.noted += 1
-        sitting.playing = surface["state"] == "presenting"
-        sitting.problem = surface["sentence"]
-        due = sitting.session.due
-        if surface["state"] == "done" and due is not None and due.kind == "finger":
-            self._take(sitting.turn, "done")
+        if surface["state"] == "failed":
+            sitting.failed(surface["sentence"])
+        elif surface["state"] == "done":
+            sitting.playing = False
+            if sitting.session.due is not None and sitting.session.due.kind == "finger":
+                self._take(sitting.turn, "done")
 
     # The participant's page
 
@@ -202,7 +206,7 @@ class Conductor:
             except InstrumentError as error:
                 status, answer = 503, {"error": str(error)}
             if status != 200:
-                sitting.playing, sitting.problem = False, str(answer.get("error", "The worker refused."))
+                sitting.failed(str(answer.get("error", "The worker refused.")))
 
     def _take(self, turn: object, answer: object) -> None:
         sitting = self._running()
