@@ -116,6 +116,8 @@ from .instruments import watch_live as watch_live
 from .mocks.participant import ParticipantModel as ParticipantModel
 from .mocks.participant import SimulatedParticipant as SimulatedParticipant
 from .mocks.participant import load_participant_model as load_participant_model
+from .processing import Processed as Processed
+from .processing import process_study as process_study
 from .report import write_recalibration as write_recalibration
 from .report import write_report as write_report
 from .show import file_contents as file_contents

@@ -24,9 +24,10 @@ from haploop.instruments import (
     watch_live,
 )
 from haploop.instruments.driver import Mode
+from haploop.lsl import Outlets, send
 from haploop.progress import note
 
-__all__ = ["find", "published", "show_json", "show_meter"]
+__all__ = ["find", "published", "show_json", "show_meter", "stream"]
 
 _REFRESH = 0.5
 """Seconds of one wait for a block; the loop then checks whether the rig was closed."""
@@ -60,6 +61,24 @@ def find(file: RigFile, simulate: Mode | None, wait: float) -> Tap:
                 waiting = True
                 note(f"Waiting for a command that uses the rig {file.name}.")
             clock.sleep(_RETRY)
+
+
+def stream(file: RigFile, simulate: Mode | None, wait: float) -> None:
+    """Send the blocks of a rig by LSL, until its program ends and no other comes within `wait` seconds."""
+    outlets = Outlets(file, bool(simulate or file.simulate))
+    note("Sending by LSL: every computer that reaches this one over its network can receive it.")
+    found = False
+    while True:
+        try:
+            with find(file, simulate, wait) as tap:
+                found = True
+                send(tap, outlets)
+        except ConfigurationError:
+            if not found:
+                raise
+            return
+        if not wait:
+            return
 
 
 def show_json(tap: Tap) -> None:

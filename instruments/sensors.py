@@ -247,6 +247,13 @@ class Sensors(BaseModel):
     extra: dict[str, AnalogChannel] = {}
     """Further channels recorded with presses, each under a name that the rig file chooses."""
 
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """Channels that are recorded with presses, in the order of a recording."""
+        used = [sensor for sensor in (self.force, self.acceleration, self.activation) if sensor]
+        names = [name for sensor in used for name in sensor.channels]
+        return tuple(dict.fromkeys([*names, *(along.channel for along in self.extra.values())]))
+
     @field_validator("extra")
     @classmethod
     def _names(cls, extra: dict[str, AnalogChannel]) -> dict[str, AnalogChannel]:

@@ -26,6 +26,8 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import pytest
 
+import haploop
+
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 EXAMPLE = ROOT / "examples" / "haploop-acme-relay"
@@ -102,6 +104,12 @@ def blocks(text: str) -> list[Block]:
         else:
             found.append(Block(line, match["language"], match["text"], match["excuse"] or ""))
     return found
+
+
+def test_the_reference_has_each_name_once() -> None:
+    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    named = re.findall(r"^::: haploop\.(\w+)$", text, re.MULTILINE)
+    assert sorted(named) == sorted(haploop.__all__)
 
 
 class Page:

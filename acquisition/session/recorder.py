@@ -167,9 +167,7 @@ def _wiring(rig: Rig) -> tuple[ForceTorque, list[str]]:
             f"The rig {rig.name!r} has no [sensors.{missing[0]}]; recording a press needs force, "
             "acceleration and activation."
         )
-    channels = [name for sensor in sensors.values() if sensor for name in sensor.channels]
-    channels += [along.channel for along in rig.sensors.extra.values()]
-    return force, list(dict.fromkeys(channels))
+    return force, list(rig.sensors.recorded)
 
 
 def _header(rig: Rig, stream: Stream, session: Session, p: Protocol) -> Header:

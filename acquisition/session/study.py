@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -224,6 +225,22 @@ class Study:
         name = Path(file_name(participant, button))
         suffix = name.suffix if number == 1 else f".{number}{name.suffix}"
         return self.folder / name.with_suffix(suffix), number
+
+    def parts(self) -> dict[tuple[str, str], list[Path]]:
+        """Paths of the recordings of each (participant, button), in the order in which they are recorded.
+
+        The folder is read once, for studies with thousands of files. Nothing is opened.
+        """
+        names: dict[str, list[Path]] = defaultdict(list)
+        for path in self.folder.glob("*.h5"):
+            stem = path.name.partition(".")[0]
+            if _PART.fullmatch(path.name[len(stem) :]):
+                names[stem].append(path)
+        return {
+            (participant, button): sorted(names[f"{participant}-{button}"], key=_session_number)
+            for participant in self.file.participants
+            for button in self.file.order_for(participant)
+        }
 
     def _parts(self, participant: str, button: str) -> list[Path]:
         """Paths of the recordings of all sessions, in order, without recovered files."""

@@ -25,7 +25,12 @@ __all__ = ["live"]
     help="Wait this long for a command that uses the rig.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a line for each block.")
-def live(rig: str, simulate: Mode | None, wait: float, as_json: bool) -> None:
+@click.option(
+    "--lsl",
+    is_flag=True,
+    help="Send the samples as a Lab Streaming Layer stream; with --wait, of one command after another.",
+)
+def live(rig: str, simulate: Mode | None, wait: float, as_json: bool, lsl: bool) -> None:
     """Show the levels of a running recording or play.
 
     Run it in a second terminal, with the rig file of the command that records or plays. Mean, rms and peak
@@ -33,9 +38,13 @@ def live(rig: str, simulate: Mode | None, wait: float, as_json: bool) -> None:
     affected: a view that is too slow misses blocks, and counts them.
     """
     from haploop.instruments import load_rig_file  # noqa: PLC0415
-    from haploop.live import find, show_json, show_meter  # noqa: PLC0415
+    from haploop.live import find, show_json, show_meter, stream  # noqa: PLC0415
 
-    with find(load_rig_file(rig), simulate, wait) as tap:
+    file = load_rig_file(rig)
+    if lsl:
+        stream(file, simulate, wait)
+        return
+    with find(file, simulate, wait) as tap:
         if as_json:
             show_json(tap)
         else:

@@ -25,7 +25,7 @@ from haploop.commands.options import (
     press_method,
 )
 from haploop.exits import CommandState
-from haploop.progress import print_line
+from haploop.progress import Steps, print_json, print_line
 
 if TYPE_CHECKING:
     from haploop.acquisition import AverageMethod
@@ -183,6 +183,37 @@ def represent(
     outputs.check_new_file(out)
     opened.representative(button, press_method).save(out)
     display.show_file(out, as_json)
+    return 0
+
+
+@study.command()
+@click.option("--out", "-o", type=PATH, default=Path("processed"), show_default=True, help="Folder to write.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this Dask scheduler instead.")
+@STUDY
+@JSON
+def process(out: Path, workers: int | None, dask: str | None, path: Path, as_json: bool) -> int:
+    """Compute rows of all presses, representative presses and statistics.
+
+    OUT gets presses.csv (a row a press), statistics.csv, BUTTON.h5 (the representative press of each button)
+    and parts/, from which an interrupted run continues. Run it again after a session: only what is new or
+    changed is computed, and presses.csv, statistics.csv and the buttons are replaced.
+    """
+    opened = haploop.load_study(path)
+    with Steps() as steps:
+        done = haploop.process_study(opened, out, workers=workers, dask=dask, progress=steps)
+    if as_json:
+        print_json(
+            {
+                "folder": str(done.folder),
+                "presses": done.presses,
+                "parts": done.parts,
+                "computed": done.computed,
+                "buttons": done.buttons,
+            }
+        )
+    else:
+        print_line(f"{done.folder}: {done.presses} presses; {done.computed} of {done.parts} parts computed.")
     return 0
 
 

@@ -1,6 +1,9 @@
+from .csv_file import write_rows as write_rows
 from .formats import FORMATS as FORMATS
 from .formats import Exported as Exported
 from .formats import export_file as export_file
 from .importing import import_press as import_press
 from .importing import import_response as import_response
 from .importing import is_response_file as is_response_file
+from .press_table import COLUMNS as COLUMNS
+from .press_table import press_table as press_table

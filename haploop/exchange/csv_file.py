@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import re
 import warnings
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import new_file
 
-__all__ = ["read_signals", "write_presses", "write_responses", "write_signals"]
+__all__ = ["read_signals", "write_presses", "write_responses", "write_rows", "write_signals"]
 
 _UNIT = re.compile(r"[\[(](?P<unit>[^\[(\])]*)[\])]$")
 _SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
@@ -53,10 +55,18 @@ def write_responses(found: Responses, path: Path) -> None:
 def write_presses(table: PressTable, path: Path) -> None:
     """One row a press; an unknown value is an empty cell."""
     with new_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(table.units))
+        write_rows(file, table.units, table.rows)
+
+
+def write_rows(
+    file: TextIO, columns: Iterable[str], rows: Iterable[Mapping[str, Cell]], headings: bool = True
+) -> None:
+    """Write rows into an open file (newline=""), with a line of headings before them or without."""
+    writer = csv.DictWriter(file, list(columns))
+    if headings:
         writer.writeheader()
-        for row in table.rows:
-            writer.writerow({name: _cell(value) for name, value in row.items()})
+    for row in rows:
+        writer.writerow({name: _cell(value) for name, value in row.items()})
 
 
 def _cell(value: Cell) -> Cell:

@@ -10,7 +10,10 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.live.tap import LiveBlock, Run
 from haploop.instruments.sensors import Accelerometer, Divider, ForceTorque, Sensor, Switch
 
-__all__ = ["Level", "levels", "quantities"]
+__all__ = ["Level", "levels", "quantities", "signals"]
+
+Quantities = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], FloatArray]
+"""Names, units, channels and (quantities, samples) values."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +36,24 @@ class Level:
 def levels(block: LiveBlock) -> tuple[Level, ...]:
     """Compute the levels of all quantities of sensors and laser, then of the other channels, in volts."""
     found = []
-    run, used = block.run, set[str]()
-    for names, units, channels, values in quantities(run, block.volts):
-        used |= set(channels)
+    run = block.run
+    for names, units, channels, values in signals(run, block.volts):
         overload = bool(block.overload[[run.channels.index(channel) for channel in channels]].any())
         found += [
             _level(name, unit, row, overload) for name, unit, row in zip(names, units, values, strict=True)
         ]
-    for row, channel in enumerate(run.channels):
-        if channel not in used:
-            found.append(_level(channel, "V", block.volts[row], bool(block.overload[row])))
     return tuple(found)
 
 
-def quantities(
-    run: Run, volts: FloatArray
-) -> list[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], FloatArray]]:
+def signals(run: Run, volts: FloatArray) -> list[Quantities]:
+    """As `quantities`, and then the channels without a sensor, in volts."""
+    found = quantities(run, volts)
+    used = {channel for _, _, channels, _ in found for channel in channels}
+    rest = [row for row, channel in enumerate(run.channels) if channel not in used]
+    return found + [((run.channels[row],), ("V",), (run.channels[row],), volts[[row]]) for row in rest]
+
+
+def quantities(run: Run, volts: FloatArray) -> list[Quantities]:
     """Names, units, channels and (quantities, samples) SI values of each completely streamed sensor.
 
     `volts` is (channels, samples) of the run's channels; a channel without a sensor is left out.

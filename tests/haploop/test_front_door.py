@@ -19,6 +19,7 @@ WORK = {
     "study run": ["load_study", "open_rig", "run_study"],
     "study represent": ["load_study", "Study", "Representative"],
     "represent": ["Recording", "representative", "Representative"],
+    "study process": ["load_study", "process_study", "Processed"],
     "study status": ["load_study", "Study"],
     "study reject": ["load_study", "Study"],
     "study repeat": ["load_study", "Study"],
