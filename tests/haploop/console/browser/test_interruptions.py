@@ -128,7 +128,7 @@ def test_stop_reaches_the_safe_state_while_the_server_hangs(tab, console):
         expect(page.locator("#stopped")).to_contain_text("the relay is open, read back", timeout=10_000)
     finally:
         console.process.send_signal(signal.SIGCONT)
-    told(page, "stopped")
+    told(page, "by P12: stopped")
     assert Recording.open(console.data / "recordings" / "P12-toggle.h5").state == "interrupted"
 
 
