@@ -228,6 +228,12 @@ def test_stop_in_a_job_without_the_rig_reads_the_rig_back_all_the_same(tmp_path,
         assert told[0]["state"] == "safe" and len(opened) == 1
 
 
+def opening_with(monkeypatch: pytest.MonkeyPatch, open_rig: Callable[..., object]) -> None:
+    """Have the rig opened by `open_rig`, for a job "any" that does nothing with it."""
+    monkeypatch.setattr(workers, "open_rig", open_rig)
+    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+
+
 def test_stop_says_when_the_rig_could_not_be_opened(tmp_path, monkeypatch):
     worker, told, opening = made(tmp_path), [], threading.Event()
 
@@ -238,8 +244,7 @@ def test_stop_says_when_the_rig_could_not_be_opened(tmp_path, monkeypatch):
             time.sleep(0.1)
         raise InstrumentError("The rig is in use by another program.")
 
-    monkeypatch.setattr(workers, "open_rig", refuse)
-    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+    opening_with(monkeypatch, refuse)
 
     def operator() -> None:
         begin(worker, "any")
@@ -262,8 +267,7 @@ def test_stop_breaks_a_system_call_that_opens_the_rig(tmp_path, monkeypatch):
         time.sleep(20)
         raise AssertionError("It was not interrupted.")
 
-    monkeypatch.setattr(workers, "open_rig", silent)
-    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+    opening_with(monkeypatch, silent)
 
     def operator() -> None:
         begin(worker, "any")
@@ -290,8 +294,7 @@ def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(t
                 interrupts.append(one)
         return real(*given, **named)
 
-    monkeypatch.setattr(workers, "open_rig", slow)
-    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+    opening_with(monkeypatch, slow)
 
     def operator() -> None:
         begin(worker, "any")
@@ -317,8 +320,7 @@ def test_an_unconfirmed_stop_is_confirmed_when_the_rig_was_read_back(tmp_path, m
                 time.sleep(0.02)
         return real(*given, **named)
 
-    monkeypatch.setattr(workers, "open_rig", slow)
-    monkeypatch.setitem(jobs.JOBS, "any", jobs.Job(lambda _tools, _wanted: lambda _: {}, lambda _: "Any"))
+    opening_with(monkeypatch, slow)
 
     def operator() -> None:
         begin(worker, "any")

@@ -98,7 +98,8 @@ def told(page: Any, text: str) -> None:
 
 
 def press(locator: Any, *keys: str) -> None:
-    """Focus a control and press keys in it; Enter when none is named."""
+    """Focus a control, once it can be used, and press keys in it; Enter when none is named."""
+    expect(locator).to_be_enabled(timeout=WAIT)
     locator.focus()
     for key in keys or ("Enter",):
         locator.page.keyboard.press(key)

@@ -42,8 +42,8 @@ def test_a_recording_by_keyboard_alone(tab, console):
     time.sleep(3)
     assert page.locator("#count").inner_text() == before, "a pause is a pause"
     second.keyboard.press("n")
-    told(page, "done")
-    told(second, "done")
+    told(page, "by P11: done")
+    told(second, "by P11: done")
     expect(page.locator("#disk")).to_contain_text("CRC-checked", timeout=WAIT)
     expect(page.locator("#missed")).to_have_text("none")
     assert page.locator("#force-plot canvas").count() == 1
@@ -85,7 +85,7 @@ def test_the_participants_page_has_the_prompt_and_nothing_else(browser, tab, con
     assert "P13" not in shown.locator("body").inner_text()
     expect(shown.locator("body")).to_have_attribute("data-sound", re.compile("now|good"), timeout=WAIT)
     assert shown.locator("a, input, #stop").count() == 0
-    told(page, "done")
+    told(page, "by P13: done")
     other.close()
 
 
@@ -99,7 +99,7 @@ def test_the_simulated_finger_presses_with_a_key(tab, console):
         expect(page.locator("#prompt")).to_contain_text(f"({number} of 2)", timeout=WAIT)
         page.keyboard.press("f")
         expect(page.locator("#last")).to_contain_text(f"Press {number}: good", timeout=WAIT)
-    told(page, "done")
+    told(page, "by P14: done")
     page.get_by_label("The simulated person presses by itself").check()
 
 
@@ -110,14 +110,15 @@ def test_the_scope_shows_every_channel_and_a_latched_overload(tab, console):
     expect(page.locator("#scope canvas")).to_have_count(4, timeout=WAIT)
     expect(page.locator("#rate")).to_have_text(re.compile(r"^\d+ updates a second"), timeout=WAIT)
     expect(page.locator("#received")).to_contain_text("at 5000 Hz", timeout=WAIT)
-    told(page, "done")
+    told(page, "by P15: done")
 
 
 def test_a_pause_of_a_minute(tab, console):
     """The sitting waits with the file open; samples go on to it, and no press is looked for."""
     page = visit(tab, console, "record")
-    fill(page, "P16", "toggle", 3)
+    fill(page, "P16", "toggle", 6)
     page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.locator("#count")).to_contain_text("P16", timeout=WAIT)
     expect(page.locator("#last")).to_contain_text("good", timeout=WAIT)
     page.keyboard.press("p")
     expect(page.locator("#prompt")).to_contain_text("Paused", timeout=WAIT)
@@ -125,12 +126,12 @@ def test_a_pause_of_a_minute(tab, console):
     time.sleep(60)
     assert page.locator("#count").inner_text() == before
     page.keyboard.press("n")
-    told(page, "done")
+    told(page, "by P16: done")
     recording = Recording.open(console.data / "recordings" / "P16-toggle.h5")
     at = {event.kind: event.sample for event in recording.events}
     # Simulated time stands still while the machine is too slow for it, so that it may have been less.
     assert at["resumed"] - at["paused"] > 40 * recording.rate_hz
     assert not any(at["paused"] < verdict.first < at["resumed"] for verdict in recording.verdicts)
-    assert recording.complete and len(recording.accepted) == 3
+    assert recording.complete and len(recording.accepted) == 6
     blocks = recording.blocks
     assert (blocks["first"][1:] == blocks["first"][:-1] + blocks["count"][:-1]).all()
