@@ -99,6 +99,23 @@ def test_what_does_not_move_correlates_with_nothing() -> None:
     assert np.all(np.isfinite(list(found.wideband_interval)))
 
 
+def test_a_check_in_words_and_as_plain_values() -> None:
+    found = judged(0.9, outside=0.05, spread=0.3)
+    assert repr(found) == "<Check push: pass, error 11.2 % (11.2 to 11.2 %), 5 plays, simulated>"
+    assert (
+        str(found) == "error of the whole motion 0.112 (0.112 to 0.112), in band 0.100, outside 0.050: pass"
+    )
+    assert str(judged(0.5)).endswith(f"outside 0.000: fail. {' '.join(judged(0.5).reasons)}")
+    np.testing.assert_allclose(found.noise, 0.3 * (noise(0) - noise(1)) / np.sqrt(10), atol=1e-12)
+    np.testing.assert_allclose(found.measured, found.accelerations.mean(axis=0))
+    said = found.summary()
+    assert said["wideband_nrmse"] == found.wideband_nrmse and said["plays"] == 5 and said["passed"] is True
+    assert said["outside_interval"] == list(found.outside_interval) and said["verdict"] == "pass"
+    assert (said["reasons"], said["notes"]) == ([], list(found.notes))
+    nothing = replace(found, nrmse=float("nan"), nrmse_interval=(float("nan"), float("inf"))).summary()
+    assert nothing["nrmse"] is None and nothing["nrmse_interval"] == [None, None]
+
+
 # Verdicts
 
 
