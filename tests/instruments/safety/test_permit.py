@@ -239,3 +239,17 @@ def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(worl
         pass
     with pytest.raises(LimitError, match=r"rises to 25.5 V"), permit(1.25, 0.006):
         pass
+
+
+def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_after_its_end(
+    world: World,
+) -> None:
+    long = np.sin(np.arange(65_000) / 3)
+    with world.permit({"one": long}):
+        world.clock.sleep(65.0)
+    now = world.audit._wall().timestamp()
+    ((start, stop),) = plays_of(world.counted, {"card"}, now + 0.5)
+    assert stop - start == pytest.approx(64.999, abs=0.002)
+    world.clock.sleep(61.0)
+    with world.permit(limits=Limits(duty=0.1 / 60)):
+        pass
