@@ -13,6 +13,7 @@ import pytest
 
 from haploop.instruments import InstrumentError, LimitError, Limits, Sweep, load_rig_file
 from haploop.instruments.amplifier.e413 import E413
+from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety import Audit, Limiter, Outputs, entries
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.limiter import Ratings
@@ -253,3 +254,15 @@ def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_afte
     world.clock.sleep(61.0)
     with world.permit(limits=Limits(duty=0.1 / 60)):
         pass
+
+
+def test_without_a_rig_nothing_is_authorised_but_a_relay() -> None:
+    nobody = Interlocked._interlock
+    for ask in (
+        lambda: nobody.authorise("one", DRIVE, RATE),
+        lambda: nobody.authorise_sweep("one", SWEEP, False),
+        lambda: nobody.authorise_sweep("one", SWEEP, True),
+    ):
+        with pytest.raises(LimitError, match="Nothing is played on 'one' without a rig's limits"):
+            ask()
+    nobody.authorise_patches(frozenset({"A"}))
