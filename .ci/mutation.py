@@ -58,8 +58,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     "acquisition/recording/rows.py": FILES,
     "acquisition/recording/recording.py": (f"{RECORDING}derived.py", *FILES),
     "acquisition/recording/writer.py": FILES,
-    "acquisition/recording/salvage.py": (*FILES, f"{RECORDING}mutations.py"),
-    "acquisition/recording/recovery.py": (*FILES, f"{RECORDING}mutations.py"),
+    "acquisition/recording/salvage.py": (f"{RECORDING}salvage.py", *FILES),
+    "acquisition/recording/recovery.py": (f"{RECORDING}salvage.py", *FILES),
     "acquisition/presses/segmentation.py": (
         "tests/acquisition/presses/test_by_hand.py",
         "tests/acquisition/presses/test_segmentation.py",

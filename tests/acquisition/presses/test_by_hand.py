@@ -139,6 +139,14 @@ def test_the_delays_of_the_channels_are_taken_into_account() -> None:
     assert find_presses(recording(force))[0].force_at_activation is None
 
 
+def test_a_press_without_a_beginning_or_an_end() -> None:
+    pressed = np.full(1000, 2.0)
+    for changes, activation in (((1,), 0.5), ((0, 1), 0.5), ((500,), 499.5), ((0, 500), 499.5)):
+        (press,) = find_presses(recording(pressed, changes))
+        assert (press.start, press.onset, press.release, press.stop) == (0, 0, 999, 1000)
+        assert press.activation == activation
+
+
 def test_a_contact_that_is_closed_at_rest_and_bounces_switches_once() -> None:
     force = trapezoid(2000, 500, 100, 300, 2.0)
     # Closed at rest; open from 560 on, with bounces of two samples; closed again at 850.

@@ -94,8 +94,8 @@ def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pyt
     def refused(name: object, *more: int) -> int:
         if name == path:
             if theirs:
-                path.unlink()
-                path.write_text("theirs")
+                (tmp_path / "theirs").write_text("theirs")
+                (tmp_path / "theirs").replace(path)
             raise OSError(errno.EIO, "Input/output error")
         return real(name, *more)  # type: ignore[arg-type]
 

@@ -99,6 +99,23 @@ def test_what_does_not_move_correlates_with_nothing() -> None:
     assert np.all(np.isfinite(list(found.wideband_interval)))
 
 
+def test_a_check_in_words_and_as_plain_values() -> None:
+    found = judged(0.9, outside=0.05, spread=0.3)
+    assert repr(found) == "<Check push: pass, error 11.2 % (11.2 to 11.2 %), 5 plays, simulated>"
+    assert (
+        str(found) == "error of the whole motion 0.112 (0.112 to 0.112), in band 0.100, outside 0.050: pass"
+    )
+    assert str(judged(0.5)).endswith(f"outside 0.000: fail. {' '.join(judged(0.5).reasons)}")
+    np.testing.assert_allclose(found.noise, 0.3 * (noise(0) - noise(1)) / np.sqrt(10), atol=1e-12)
+    np.testing.assert_allclose(found.measured, found.accelerations.mean(axis=0))
+    said = found.summary()
+    assert said["wideband_nrmse"] == found.wideband_nrmse and said["plays"] == 5 and said["passed"] is True
+    assert said["outside_interval"] == list(found.outside_interval) and said["verdict"] == "pass"
+    assert (said["reasons"], said["notes"]) == ([], list(found.notes))
+    nothing = replace(found, nrmse=float("nan"), nrmse_interval=(float("nan"), float("inf"))).summary()
+    assert nothing["nrmse"] is None and nothing["nrmse_interval"] == [None, None]
+
+
 # Verdicts
 
 
@@ -242,13 +259,44 @@ def test_a_negative_power_has_the_root_zero() -> None:
     assert SharedPower(0.04, 0.0, 0.01, 4).root == 0.2 and SharedPower(0.04, 0.0, 0.01, 4).floor == 0.1
 
 
-@pytest.mark.parametrize(("deviation", "value"), [(0.02, 0.05), (0.004, 0.041), (0.02, 0.03), (0.5, 0.041)])
+@pytest.mark.parametrize(
+    ("deviation", "value"), [(0.02, 0.06), (0.004, 0.045), (0.01, 0.03), (1e-5, 0.03), (0.5, 0.041)]
+)
 def test_the_plays_needed_are_the_first_whose_interval_leaves_out_the_limit(
     deviation: float, value: float
 ) -> None:
     reaches = {n: stats.t.ppf(0.975, n - 1) * deviation * np.sqrt(5 / n) for n in range(6, 65)}
     expected = next((n for n, reach in reaches.items() if abs(value - 0.04) > reach), None)
     assert plays_needed(SharedPower(value, deviation, 0.0, 5), 0.2) == expected
+
+
+def test_sixty_four_plays_are_the_most() -> None:
+    reaches = [stats.t.ppf(0.975, n - 1) * 0.01 * np.sqrt(5 / n) for n in (63, 64, 65)]
+    for value, expected in ((np.mean(reaches[:2]), 64), (np.mean(reaches[1:]), None)):
+        assert plays_needed(SharedPower(0.04 + float(value), 0.01, 0.0, 5), 0.2) == expected
+
+
+@pytest.mark.parametrize("lines", [1, 3, 30])
+def test_a_trend_is_significant_by_an_f_test_against_the_other_contrasts(lines: int) -> None:
+    rng = np.random.default_rng(lines)
+    plays, along = 6, np.arange(6) - 2.5
+    quiet = (rng.standard_normal((plays, lines)) + 1j * rng.standard_normal((plays, lines))) * 1e-3
+
+    def significant(slope: float) -> tuple[bool, np.ndarray]:
+        spectra = quiet + slope * along[:, None]
+        around = (np.abs(spectra - spectra.mean(axis=0)) ** 2).sum(axis=0)
+        changed = (np.abs(along @ spectra) ** 2).sum() / (along @ along)
+        noise = (around.sum() - changed) / (plays - 2)
+        freedom = 2 * around.sum() ** 2 / (around**2).sum()
+        limit = stats.f.ppf(1 - 1e-5, freedom, freedom * (plays - 2))
+        return bool(changed > noise * limit), spectra
+
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (low, middle) if significant(middle)[0] else (middle, high)
+    assert trend(significant(low * 0.999)[1]) == 0.0
+    assert trend(significant(high * 1.001)[1]) > 0.0
 
 
 def test_a_trend_is_the_change_from_first_to_last_and_not_of_noise() -> None:

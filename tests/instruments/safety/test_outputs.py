@@ -83,8 +83,8 @@ def test_without_an_amplifier_every_output_counts() -> None:
 def test_plays_are_of_the_last_minute_and_of_any_piece_in_order(tmp_path: Path) -> None:
     now = 1000.0
     count_plays(tmp_path, {"a"}, [(930.0, 940.0), (938.0, 940.5), (980.0, 990.0)])
-    count_plays(tmp_path, {"b"}, [(950.0, 951.0), (980.0, 990.0)])
-    assert plays_of(tmp_path, {"a", "b", "c"}, now) == [(938.0, 940.5), (950.0, 951.0), (980.0, 990.0)]
+    count_plays(tmp_path, {"b"}, [(937.0, 951.0), (980.0, 990.0)])
+    assert plays_of(tmp_path, {"a", "b", "c"}, now) == [(938.0, 940.5), (937.0, 951.0), (980.0, 990.0)]
     assert plays_of(tmp_path, {"c"}, now) == []
     # Of a killed program, or of a clock that was set back: as if it had just ended.
     count_plays(tmp_path, {"a"}, [(995.0, 1005.0)])

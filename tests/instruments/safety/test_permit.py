@@ -13,6 +13,7 @@ import pytest
 
 from haploop.instruments import InstrumentError, LimitError, Limits, Sweep, load_rig_file
 from haploop.instruments.amplifier.e413 import E413
+from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety import Audit, Limiter, Outputs, entries
 from haploop.instruments.safety.duty import plays_of
 from haploop.instruments.safety.limiter import Ratings
@@ -239,3 +240,29 @@ def test_what_a_player_makes_of_it_is_held_to_its_volts_and_not_to_its_ends(worl
         pass
     with pytest.raises(LimitError, match=r"rises to 25.5 V"), permit(1.25, 0.006):
         pass
+
+
+def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_after_its_end(
+    world: World,
+) -> None:
+    long = np.sin(np.arange(65_000) / 3)
+    with world.permit({"one": long}):
+        world.clock.sleep(65.0)
+    now = world.audit._wall().timestamp()
+    ((start, stop),) = plays_of(world.counted, {"card"}, now + 0.5)
+    assert stop - start == pytest.approx(64.999, abs=0.002)
+    world.clock.sleep(61.0)
+    with world.permit(limits=Limits(duty=0.1 / 60)):
+        pass
+
+
+def test_without_a_rig_nothing_is_authorised_but_a_relay() -> None:
+    nobody = Interlocked._interlock
+    for ask in (
+        lambda: nobody.authorise("one", DRIVE, RATE),
+        lambda: nobody.authorise_sweep("one", SWEEP, False),
+        lambda: nobody.authorise_sweep("one", SWEEP, True),
+    ):
+        with pytest.raises(LimitError, match="Nothing is played on 'one' without a rig's limits"):
+            ask()
+    nobody.authorise_patches(frozenset({"A"}))

@@ -1,0 +1,267 @@
+"""One acquisition of NI-DAQmx cards, with the waveforms that are played along: a task for each card.
+
+The card of the outputs is master, and the others run on its sample clock (docs/hardware.md, "Two cards on one
+clock"), armed before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nidaqmx.constants import AcquisitionType, TerminalConfiguration
+from nidaqmx.stream_readers import AnalogMultiChannelReader
+from nidaqmx.stream_writers import AnalogMultiChannelWriter
+
+from haploop.instruments.arrays import FloatArray
+from haploop.instruments.daq.ni_cards import Plan, believed
+from haploop.instruments.daq.ni_errors import cut_off
+from haploop.instruments.daq.role import Block, Stream
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+
+if TYPE_CHECKING:
+    from haploop.instruments.daq.ni_daqmx import NiDaq
+
+__all__ = ["NiStream"]
+
+_CONFIGS = {
+    "diff": TerminalConfiguration.DIFF,
+    "rse": TerminalConfiguration.RSE,
+    "nrse": TerminalConfiguration.NRSE,
+}
+_LATE = 5.0
+"""Delay beyond which a block counts as lost (s)."""
+_BEYOND = 2.0
+"""Multiple of its range beyond which a reading is invalid; some cards read a twentieth beyond the range."""
+_SAME = 1e-6
+"""Largest relative difference between the rates that cards on one clock report."""
+_AFTER = 1.0
+"""Time for an output to report its last sample, when the inputs have delivered theirs (s)."""
+_COUNTED = 1.0
+"""Interval at which the cards' sample counts are compared (s)."""
+_APART = 0.5
+"""Largest apparent lag between two cards on one clock (s): they transfer samples in chunks."""
+
+
+class NiStream(Stream):
+    """See `Stream`."""
+
+    def __init__(
+        self,
+        daq: NiDaq,
+        plan: Plan,
+        channels: tuple[str, ...],
+        rate_hz: float,
+        block: int,
+        samples: int | None,
+        play: dict[str, FloatArray],
+    ) -> None:
+        self.channels = channels
+        self._daq, self._plan = daq, plan
+        self._block, self._samples = block, samples
+        order = [name for _, names in plan.inputs for name in names]
+        self._rows = [order.index(name) for name in channels]
+        self._inputs: list[Any] = []
+        self._player: Any = None
+        self._length = 0
+        self._open = True
+        with ExitStack() as undo:
+            undo.callback(self.release)
+            delays, ranges, widths = [], [], []
+            for home, names in plan.inputs:
+                with daq.talking_to(home):
+                    master = home == plan.master
+                    task = self._input(home, names, rate_hz if master else self.rate_hz)
+                    own = float(task.timing.samp_clk_rate)
+                    if master:
+                        self.rate_hz = own
+                    elif not abs(own - self.rate_hz) <= _SAME * self.rate_hz:
+                        raise ConfigurationError(
+                            f"{home} would sample at {own:g} Hz on the clock of {plan.master}, which runs at "
+                            f"{self.rate_hz:g} Hz: choose a rate that both cards have."
+                        )
+                    # Some cards have few rates, and choose the next one.
+                    if not rate_hz / 2 < self.rate_hz < 2 * rate_hz:
+                        raise ConfigurationError(
+                            f"{home} would sample at {self.rate_hz:g} Hz, and {rate_hz:g} Hz were asked for: "
+                            "choose a rate that it has."
+                        )
+                    delays += plan.delays(task)
+                    listed = list(task.ai_channels)
+                    if len(listed) != len(names):
+                        raise InstrumentError(
+                            f"{home} lists {len(listed)} channels and was given {len(names)}: try again."
+                        )
+                    for channel in listed:
+                        high = believed(home, "range (V)", float(channel.ai_rng_high), 1e-3, 1e3)
+                        bits = believed(home, "resolution (bits)", float(channel.ai_resolution), 8, 32)
+                        ranges.append(high)
+                        widths.append(2 * high / 2.0**bits)
+            self.delays = np.array(delays)[self._rows]
+            self.full_scale = np.array(ranges)[self._rows]
+            # One code below full scale, midway between two codes.
+            self._end = (np.array(ranges) - 1.5 * np.array(widths))[:, np.newaxis]
+            self._beyond = _BEYOND * np.array(ranges)[:, np.newaxis]
+            self._readers = []
+            for task in self._inputs:
+                reader = AnalogMultiChannelReader(task.in_stream)
+                reader.verify_array_shape = False  # The shape is known; a check costs a call per read.
+                self._readers.append(reader)
+            if play:
+                self._arm_player(play)
+            for (home, _), task in reversed(list(zip(plan.inputs, self._inputs, strict=True))):
+                with daq.talking_to(home):
+                    task.start()
+            undo.pop_all()
+
+    @property
+    def homes(self) -> tuple[str, ...]:
+        """Devices whose inputs it has reserved."""
+        return tuple(home for home, _ in self._plan.inputs) if self._open else ()
+
+    def __iter__(self) -> Iterator[Block]:
+        """See `Stream.__iter__`."""
+        first = 0
+        while self._open and (self._samples is None or first < self._samples):
+            count = self._block if self._samples is None else min(self._block, self._samples - first)
+            volts = self._read(first, count)
+            size = np.abs(volts)
+            # NaN fails this comparison too.
+            if not np.all(size <= self._beyond):
+                raise InstrumentError(
+                    f"{' and '.join(home for home, _ in self._plan.inputs)} delivered values beyond range "
+                    f"from sample {first} on: the block was discarded. Restart the driver or device server."
+                )
+            self._refuse_cut_off(first + count)
+            overload = np.any(size >= self._end, axis=1)
+            yield Block(first, volts[self._rows], overload[self._rows])
+            first += count
+
+    def close(self) -> None:
+        """See `Stream.close`."""
+        if self._open:
+            self.release()
+            self._daq.zero()
+
+    def release(self) -> None:
+        """Release the tasks; outputs keep their value."""
+        self._open = False
+        self._daq.forget(self)
+        with ExitStack() as every:
+            # Release each, even when another one cannot be reached.
+            for task in self._inputs:
+                every.enter_context(self._daq.talking_to(self._plan.master))
+                every.callback(task.close)
+            self._inputs = []
+            every.callback(self.stop_playing)
+
+    def stop_playing(self) -> None:
+        """Stop the waveform and free its outputs."""
+        player, self._player = self._player, None
+        if player is not None and self._plan.output is not None:
+            with self._daq.talking_to(self._plan.output):
+                player.close()
+
+    def _input(self, home: str, names: tuple[str, ...], rate_hz: float) -> Any:
+        settings = self._daq.settings
+        task = self._daq.task(f"{home} input")
+        self._inputs.append(task)
+        for name in names:
+            channel = settings.channels[name]
+            task.ai_channels.add_ai_voltage_chan(
+                channel.terminal,
+                terminal_config=_CONFIGS[channel.config],
+                min_val=-channel.range,
+                max_val=channel.range,
+            )
+        source = "" if home == self._plan.master else f"/{self._plan.master}/ai/SampleClock"
+        kept = max(int(settings.buffer_s * rate_hz), 2 * self._block)
+        if self._samples is None:
+            task.timing.cfg_samp_clk_timing(
+                rate_hz, source, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=kept
+            )
+            # NI's default at 5 kS/s is two seconds.
+            task.in_stream.input_buf_size = kept
+        else:
+            task.timing.cfg_samp_clk_timing(
+                rate_hz, source, sample_mode=AcquisitionType.FINITE, samps_per_chan=self._samples
+            )
+        return task
+
+    def _arm_player(self, play: dict[str, FloatArray]) -> None:
+        """Load the waveforms; they begin with the master's first sample."""
+        output = self._plan.output
+        assert output is not None, "a waveform has an output"
+        settings = self._daq.settings
+        length = self._length = max(2, *(len(volts) for volts in play.values()))
+        rows = np.array([np.pad(v, (0, length - len(v)), mode="edge") for v in play.values()], np.float64)
+        with self._daq.talking_to(output):
+            task = self._player = self._daq.task(f"{self._plan.output} output")
+            for name in play:
+                reach = settings.outputs[name].range
+                task.ao_channels.add_ao_voltage_chan(
+                    settings.outputs[name].terminal, min_val=-reach, max_val=reach
+                )
+            master = self._plan.master
+            # Also on the master's own card: two dividers of one timebase need not give the same rate.
+            task.timing.cfg_samp_clk_timing(self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length)
+            taken = AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
+            if taken != length:
+                raise InstrumentError(
+                    f"{output} took {taken} of a waveform's {length} samples; nothing was played."
+                )
+            task.start()
+
+    def _read(self, first: int, count: int) -> FloatArray:
+        """Read the next `count` samples of every task, (channels in the tasks' order, samples)."""
+        volts = []
+        timeout = count / self.rate_hz + _LATE
+        for (home, names), reader in zip(self._plan.inputs, self._readers, strict=True):
+            # NaN marks samples that were counted but not written.
+            part = np.full((len(names), count), np.nan)
+            with self._daq.talking_to(home):
+                got = reader.read_many_sample(part, count, timeout)
+            if got != count:
+                raise InstrumentError(
+                    f"{home} delivered {got} of {count} samples from sample {first} on: the acquisition "
+                    "has ended before its time."
+                )
+            volts.append(part)
+        # Once a second: each card is asked for its count by a call of its own, which costs as much as a read.
+        second = round(_COUNTED * self.rate_hz)
+        if len(volts) > 1 and self._samples is None and (first + count) // second > first // second:
+            self._refuse_drift()
+        return np.concatenate(volts)
+
+    def _refuse_cut_off(self, end: int) -> None:
+        """Check, when the inputs are at sample `end`, that the waveform has been played whole so far."""
+        task, output = self._player, self._plan.output
+        if task is None or output is None:
+            return
+        with self._daq.talking_to(output):
+            # The task's own error, such as an underflow, is raised here.
+            done = task.is_task_done()
+            if not done and end >= self._length:
+                task.wait_until_done(_AFTER)
+                done = True
+            played = int(task.out_stream.total_samp_per_chan_generated) if done else end
+        # An acquisition that is shorter than the waveform ends it: the outputs run on its clock.
+        whole = self._length if self._samples is None else min(self._length, self._samples)
+        if played < whole and done:
+            raise cut_off(output, played)
+
+    def _refuse_drift(self) -> None:
+        """Check that cards on one clock have taken equally many samples."""
+        # The master is queried before and after the others: the calls may be a second apart.
+        asked = [*self._inputs, self._inputs[0]]
+        with self._daq.talking_to(self._plan.master):
+            before, *counts, after = [int(task.in_stream.total_samp_per_chan_acquired) for task in asked]
+        apart = max(_APART * self.rate_hz, 2 * self._block)
+        for (home, _), count in zip(self._plan.inputs[1:], counts, strict=True):
+            if not before - apart <= count <= after + apart:
+                raise InstrumentError(
+                    f"{home} has taken {count} samples and {self._plan.master} {before} to {after}: they do "
+                    "not run on one clock. Check the RTSI cable."
+                )

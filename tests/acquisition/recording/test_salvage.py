@@ -1,0 +1,113 @@
+"""Which part of a damaged or unfinished recording is kept, block by block and row by row."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from haploop.acquisition import Recording, recover, verify
+from haploop.acquisition.recording.file_format import from_codes, read_header
+from haploop.acquisition.recording.rows import EVENT, VERDICT, block_dtype
+from haploop.acquisition.recording.salvage import finish, intact_part, later_rows, read_blocks
+from haploop.acquisition.recording.writer import Writer
+from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header
+
+BLOCKS = 12
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Twelve blocks of 250 samples, the last of 100; an event and a verdict at the end of each."""
+    found = tmp_path / "P01-push.h5"
+    with Writer(found, header(), 250, 20) as writer:
+        for number in range(BLOCKS):
+            writer.write(block_of(250 * number, 250 if number < BLOCKS - 1 else 100), 0.05 * number)
+            writer.note(writer.written, "note", f"After block {number}.")
+            writer.write_verdict(PRESS._replace(number=number + 1, first=0, end=writer.written))
+    return found
+
+
+def places(path: Path) -> dict[str, int]:
+    with h5py.File(path, "r", locking=False) as file:
+        return {name: file[name].id.get_offset() for name in ("blocks", "events", "presses")}
+
+
+def spoil(path: Path, place: int) -> None:
+    """Change one byte."""
+    raw = bytearray(path.read_bytes())
+    raw[place] ^= 0xFF
+    path.write_bytes(raw)
+
+
+@pytest.mark.parametrize("number", [0, 1, 6, BLOCKS - 1])
+def test_of_an_unfinished_recording_the_blocks_before_a_damaged_one_are_kept(number: int, path: Path) -> None:
+    spoil(path, places(path)["blocks"] + number * block_dtype(CHANNELS, 250).itemsize + 24)
+    with h5py.File(path, "r", locking=False) as file:
+        head, _ = read_header(file, path)
+        contents = read_blocks(file, head)
+        later = BLOCKS - 1 - number
+        assert later_rows(file) == ({"blocks": later} if later else {})
+    kept = 250 * number
+    np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
+    assert contents.blocks["first"].tolist() == list(range(0, kept, 250))
+    assert contents.events["sample"].tolist() == [250 * (n + 1) for n in range(number)]
+    assert contents.presses["end"].tolist() == [250 * (n + 1) for n in range(number)]
+    if number:
+        recovered = Recording.open(recover(path))
+        np.testing.assert_array_equal(recovered.volts, from_codes(codes_of(0, kept), FULL_SCALE))
+        told = recovered.events[-1]
+        assert told.kind == "recovered" and told.sample == kept and verify(recovered.path) == ()
+        told_later = f"{later} blocks after damaged ones; only blocks before a damaged one are kept."
+        assert told.text.endswith(told_later if later else "samples after the last block are lost.")
+        assert told.text.startswith(f"Recovered {kept / 5000:.2f} s with {number} of 1 presses accepted;")
+
+
+@pytest.mark.parametrize(("name", "size"), [("events", EVENT.itemsize), ("presses", VERDICT.itemsize)])
+def test_a_damaged_row_hides_no_other(name: str, size: int, path: Path) -> None:
+    spoil(path, places(path)[name] + 3 * size)
+    with h5py.File(path, "r", locking=False) as file:
+        head, _ = read_header(file, path)
+        contents = read_blocks(file, head)
+        assert later_rows(file) == {name: BLOCKS - 4}
+    counts = {"events": len(contents.events), "presses": len(contents.presses)}
+    assert counts == {"events": BLOCKS, "presses": BLOCKS} | {name: BLOCKS - 1}
+    assert contents.codes.shape == (CHANNELS, 250 * 11 + 100)
+
+
+@pytest.mark.parametrize("sample", [0, 249, 250, 1700, 2849])
+def test_of_a_finished_recording_the_blocks_before_a_changed_sample_are_kept(sample: int, path: Path) -> None:
+    finish(path)
+    with h5py.File(path, "r+", locking=False) as file:
+        codes = file["codes"][:]
+        codes[CHANNELS - 1, sample] ^= 1
+        file["codes"][:] = codes
+    with h5py.File(path, "r", locking=False) as file:
+        head, state = read_header(file, path)
+        contents = intact_part(file, head)
+    assert state == "finished"
+    kept = sample // 250 * 250
+    np.testing.assert_array_equal(contents.codes, codes_of(0, kept))
+    assert contents.blocks["count"].sum() == kept and len(contents.events) == len(contents.presses)
+    assert contents.events["sample"].tolist() == list(range(250, kept + 1, 250))
+
+
+def test_a_finished_recording_that_is_whole_is_kept_whole(path: Path) -> None:
+    finish(path)
+    with h5py.File(path, "r", locking=False) as file:
+        head, _ = read_header(file, path)
+        contents = intact_part(file, head)
+    np.testing.assert_array_equal(contents.codes, codes_of(0, 2850))
+    assert len(contents.events) == len(contents.presses) == len(contents.blocks) == BLOCKS
+    assert contents.blocks["count"].tolist() == [250] * 11 + [100]
+
+
+def test_what_does_not_fit_together_is_told(path: Path, tmp_path: Path) -> None:
+    finish(path)
+    assert verify(path) == ()
+    odd = tmp_path / "P02-push.h5"
+    with Writer(odd, header(), 250, 4) as writer:
+        writer.write(block_of(0), 0.0)
+    assert verify(odd) == (f"{odd} was interrupted: `haploop recover` salvages it into a finished file.",)
