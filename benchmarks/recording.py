@@ -25,8 +25,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from contestants import CHANNELS, CONTESTANTS, FULL_SCALE, NAMES, Material, Way, header, raw
 
+from benchmarks.contestants import CHANNELS, CONTESTANTS, FULL_SCALE, NAMES, Material, Way, header, raw
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader

@@ -26,9 +26,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from contestants import NAMES, Material, header
-from recording import PAPER_RATE, Paced
 
+from benchmarks.contestants import NAMES, Material, header
+from benchmarks.recording import PAPER_RATE, Paced
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader

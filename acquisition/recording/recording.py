@@ -175,7 +175,8 @@ class Recording(InNotebook):
     @cached_property
     def force(self) -> FloatArray:
         """(samples,) N: Fz relative to the rest of the gauges (their mean during hands off)."""
-        return np.asarray(self._sensor("force").to_si(self._gauges)[2])
+        # A copy: a row of the six would keep all of them in memory.
+        return np.asarray(self._sensor("force").to_si(self._gauges)[2].copy())
 
     @cached_property
     def acceleration(self) -> FloatArray:
