@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 
@@ -10,12 +11,14 @@ import click
 import pytest
 
 from haploop.cli import cli
+from haploop.commands.examples import EXAMPLES
 
 HEAVY = {"scipy", "h5py", "nidaqmx", "numpy", "matplotlib", "pydantic", "grpc", "jinja2", "serial", "pyvisa"}
 
 LOADED = """
 import json, sys
 from haploop.cli import cli
+from haploop.commands.examples import EXAMPLES
 try:
     cli.main({args}, standalone_mode=False)
 finally:
@@ -52,6 +55,7 @@ def test_the_help_of_each_command_loads_nothing_heavy() -> None:
     script = """
 import json, sys
 from haploop.cli import cli
+from haploop.commands.examples import EXAMPLES
 for path in {paths}:
     try:
         cli.main([*path, "--help"])
@@ -60,3 +64,26 @@ for path in {paths}:
 print(json.dumps(sorted({{name.partition(".")[0] for name in sys.modules}})), file=sys.stderr)
 """
     assert not loaded_by(script.format(paths=commands())) & HEAVY
+
+
+def leaves() -> list[tuple[str, ...]]:
+    every = commands()
+    return [path for path in every if not any(other[: len(path)] == path for other in every if other != path)]
+
+
+def test_the_help_of_each_command_shows_an_example() -> None:
+    assert sorted(EXAMPLES) == sorted(" ".join(path) for path in leaves())
+
+
+@pytest.mark.parametrize("path", leaves(), ids=" ".join)
+def test_an_example_is_a_command_that_can_be_given(path: tuple[str, ...]) -> None:
+    """Click takes its arguments and options; what they name is in the examples' own world."""
+    name = " ".join(path)
+    words = shlex.split(EXAMPLES[name].partition(" > ")[0])
+    assert words[: len(path) + 1] == ["haploop", *path]
+    command: click.Command = cli
+    for word in path:
+        assert isinstance(command, click.Group)
+        command = command.commands[word]
+    with command.make_context(name, words[len(path) + 1 :]) as context:
+        assert command.epilog and EXAMPLES[name] in command.get_help(context)
