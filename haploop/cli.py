@@ -14,6 +14,7 @@ from haploop.commands.analyse import analyse
 from haploop.commands.button import button
 from haploop.commands.calibrations import calibrations
 from haploop.commands.demo import demo
+from haploop.commands.examples import show_examples
 from haploop.commands.experiment import experiment
 from haploop.commands.export import export, import_
 from haploop.commands.files import recover, show, verify
@@ -73,6 +74,7 @@ for command in (
     twin,
 ):
     cli.add_command(command)
+show_examples(cli)
 
 
 def main() -> None:

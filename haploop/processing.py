@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 import haploop
-from haploop.acquisition import AverageMethod, Recording, Representative, Study, representative
+from haploop.acquisition import AverageMethod, Representative, Study, open_part, representative
 from haploop.exchange import COLUMNS, press_table, write_rows
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.extras import optional
@@ -106,6 +106,7 @@ class _Task:
     """Rows and representative press of some recordings; without rows, of all participants."""
 
     name: str
+    study: str
     paths: tuple[Path, ...]
     method: AverageMethod
     rows: bool
@@ -157,19 +158,35 @@ def _tasks(study: Study, folder: Path) -> tuple[list[_Task], list[_Task]]:
         if paths:
             name = f"{participant}-{button}"
             parts.append(
-                _Task(name, paths, method, True, inside / f"{name}.json", inside / f"{name}-press.h5")
+                _Task(
+                    name,
+                    study.file.name,
+                    paths,
+                    method,
+                    True,
+                    inside / f"{name}.json",
+                    inside / f"{name}-press.h5",
+                )
             )
             every[button] += paths
     wholes = [
-        _Task(button, tuple(paths), method, False, inside / f"{button}.whole.json", folder / f"{button}.h5")
+        _Task(
+            button,
+            study.file.name,
+            tuple(paths),
+            method,
+            False,
+            inside / f"{button}.whole.json",
+            folder / f"{button}.h5",
+        )
         for button, paths in every.items()
     ]
     return parts, wholes
 
 
-def _work(paths: tuple[Path, ...], method: AverageMethod, rows: bool) -> _Result:
+def _work(study: str, paths: tuple[Path, ...], method: AverageMethod, rows: bool) -> _Result:
     """What a worker does: rows, the representative press, and why there is none."""
-    recordings = [Recording.open(path) for path in paths]
+    recordings = [open_part(path, study) for path in paths]
     table = [dict(row) for row in press_table("", recordings, {}).rows] if rows else []
     try:
         return table, representative([one for one in recordings if one.accepted], method=method), ""
@@ -186,7 +203,7 @@ def _computed(tasks: Sequence[_Task], workers: int | None, dask: str | None) -> 
     count = min(workers or _cores(), len(tasks))
     if count <= 1 or (workers is None and len(tasks) <= _ALONE):
         for task in tasks:
-            task.save(_work(task.paths, task.method, task.rows))
+            task.save(_work(task.study, task.paths, task.method, task.rows))
             yield task
         return
     left, broken = list(tasks), 0
@@ -213,7 +230,7 @@ def _through(pool: Executor, tasks: Sequence[_Task], most: int) -> Iterator[_Tas
     following = iter(tasks)
     while True:
         for task in islice(following, most - len(waiting)):
-            waiting[pool.submit(_work, task.paths, task.method, task.rows)] = task
+            waiting[pool.submit(_work, task.study, task.paths, task.method, task.rows)] = task
         if not waiting:
             return
         done, _ = wait(waiting, return_when=FIRST_COMPLETED)

@@ -41,7 +41,7 @@ from haploop.instruments import (
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import hold
 
-__all__ = ["Study", "StudyProgress", "load_study", "run_study"]
+__all__ = ["Study", "StudyProgress", "load_study", "open_part", "run_study"]
 
 CONSENT = "consent"
 """Kind of the event that states in each recording that consent was confirmed."""
@@ -125,17 +125,8 @@ class Study:
     def progress_of(self, participant: str, button: str) -> StudyProgress:
         """Progress of one participant with one button. Raises ConfigurationError and DataError."""
         self._refuse(participant, button)
-        recordings = []
-        for path in self._parts(participant, button):
-            recording = Recording.open(path)
-            header = recording.header
-            if (header.study, header.participant, header.button) != (self.file.name, participant, button):
-                raise DataError(
-                    f"{path} belongs to the study {header.study!r} (button {header.button}, participant "
-                    f"{header.participant}), not to {self.file.name!r}: move it away."
-                )
-            recordings.append(recording)
-        return StudyProgress(participant, button, self.file.presses_of(button), tuple(recordings))
+        recordings = tuple(open_part(path, self.file.name) for path in self._parts(participant, button))
+        return StudyProgress(participant, button, self.file.presses_of(button), recordings)
 
     def progress(self, participants: Collection[str] = ()) -> tuple[StudyProgress, ...]:
         """Progress of all or some participants with each button, in the order in which they are recorded."""
@@ -258,6 +249,18 @@ class Study:
                     f"The study {self.file.name!r} has no {what} {name!r}, only {', '.join(names)}: "
                     f"add the {what} in {self.path}."
                 )
+
+
+def open_part(path: Path, study: str) -> Recording:
+    """Open a recording of the study of this name. Raises DataError for another's, or under a false name."""
+    recording = Recording.open(path)
+    header = recording.header
+    if header.study != study or path.name.partition(".")[0] != f"{header.participant}-{header.button}":
+        raise DataError(
+            f"{path} belongs to the study {header.study!r} (button {header.button}, participant "
+            f"{header.participant}), not to {study!r}: move it away."
+        )
+    return recording
 
 
 def load_study(path: str | Path) -> Study:

@@ -42,8 +42,7 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
                                phones and headsets: envelope and frequency
                                of a press, a drive, a check or a button
 
-    A file of a format without units gets a sidecar, PATH.json. Example:
-    haploop export press.h5 --to wav48 --out press.wav
+    A file of a format without units gets a sidecar, PATH.json.
     """  # noqa: D301 - click's mark must be the character itself
     done = haploop.export_file(files, format, out)
     if as_json:
@@ -101,7 +100,7 @@ def import_(
     A signal (.wav, .csv, .mat, .uff, .unv, or SEP-005 as .json) becomes a representative press, which
     `haploop button make` turns into a digital button. Responses (.uff with frequency response functions, for
     example the export of a scanning vibrometer) become a calibration of --rig; --patch and --point select
-    one of several. Example: haploop import click.wav --scale 9.81 --button latch --out press.h5
+    one of several.
     """
     outputs.check_new_file(out)
     if haploop.is_response_file(file):

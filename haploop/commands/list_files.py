@@ -28,7 +28,7 @@ def list_command(where: Sequence[str], folders: Sequence[Path], rebuild: bool, a
     WHERE is NAME=VALUE, NAME!=VALUE, NAME>=VALUE or NAME<=VALUE; all must hold. NAME is kind, participant,
     button, date, verdict, presses, rig, simulated, study, patch, point, file, content_hash or problem; in
     VALUE, * stands for anything. Files are verified when they are first read; damaged ones have
-    kind=damaged. Example: haploop list kind=recording button=latch "date>=2026-11" --in data
+    kind=damaged.
     """
     with Steps() as steps:
         found = haploop.list_files(folders or [Path()], where, rebuild=rebuild, progress=steps)

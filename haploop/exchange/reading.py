@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy
 from scipy.ndimage import gaussian_filter1d
 
 import haploop
-from haploop.acquisition import Recording, Representative, Study, content_hash
+from haploop.acquisition import Recording, Representative, Study, content_hash, open_part
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Response, VibrationMap
 from haploop.exchange.press_table import press_table
 from haploop.exchange.views import About, Channel, Envelope, PressTable, Responses, Signals
@@ -192,10 +193,11 @@ def recording_presses(paths: Sequence[Path]) -> PressTable:
 
 def study_presses(study: Study) -> PressTable:
     """One row a press of a study. Raises ConfigurationError and DataError."""
-    recordings = [recording for entry in study.progress() for recording in entry.recordings]
-    simulated = any(recording.simulated for recording in recordings)
-    about: About = {"source": study.path.name, "simulated": simulated, **_software(simulated)}
-    return press_table(f"Study {study.file.name}", recordings, about)
+    # One recording in memory at a time.
+    recordings = (open_part(path, study.file.name) for paths in study.parts().values() for path in paths)
+    table = press_table(f"Study {study.file.name}", recordings, {})
+    simulated = any(row["simulated"] for row in table.rows)
+    return replace(table, about={"source": study.path.name, "simulated": simulated, **_software(simulated)})
 
 
 def envelope_of_representative(path: Path) -> Envelope:

@@ -188,3 +188,13 @@ def test_a_study_without_recordings_is_refused(tmp_path: Path, run: Run) -> None
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     result = run("study", "process", "--study", tmp_path, "--out", tmp_path / "out")
     assert result.exit_code == 2 and "has no recording yet" in result.stderr
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_recording_of_another_study_is_refused(folder: Path, tmp_path: Path, workers: int) -> None:
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    for name, source in (("P01-latch.h5", "P01-latch.h5"), ("P02-push.h5", "P01-push.h5")):
+        (tmp_path / "recordings" / name).write_bytes((folder / "recordings" / source).read_bytes())
+    with pytest.raises(haploop.DataError, match=r"P02-push.h5 belongs to .*participant P01"):
+        haploop.process_study(haploop.load_study(tmp_path), tmp_path / "out", workers=workers)

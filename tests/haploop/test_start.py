@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import click
 import pytest
 
 from haploop.cli import cli
+from haploop.commands.examples import EXAMPLES
 from tests.haploop.exchange.conftest import Files, files
 
 __all__ = ["files"]
@@ -21,6 +23,7 @@ HEAVY = {"scipy", "h5py", "nidaqmx", "numpy", "matplotlib", "pydantic", "grpc", 
 LOADED = """
 import json, sys
 from haploop.cli import cli
+from haploop.commands.examples import EXAMPLES
 try:
     cli.main({args}, standalone_mode=False)
 finally:
@@ -60,6 +63,7 @@ def test_the_help_of_each_command_loads_nothing_heavy() -> None:
     script = """
 import json, sys
 from haploop.cli import cli
+from haploop.commands.examples import EXAMPLES
 for path in {paths}:
     try:
         cli.main([*path, "--help"])
@@ -91,3 +95,26 @@ def test_a_command_loads_what_it_works_with(
     places = {"recording": recording, "calibration": files.calibration, "folder": tmp_path}
     loaded = loaded_by(LOADED.format(args=[arg.format(**places) for arg in args]))
     assert sorted(loaded & light) == []
+
+
+def leaves() -> list[tuple[str, ...]]:
+    every = commands()
+    return [path for path in every if not any(other[: len(path)] == path for other in every if other != path)]
+
+
+def test_the_help_of_each_command_shows_an_example() -> None:
+    assert sorted(EXAMPLES) == sorted(" ".join(path) for path in leaves())
+
+
+@pytest.mark.parametrize("path", leaves(), ids=" ".join)
+def test_an_example_is_a_command_that_can_be_given(path: tuple[str, ...]) -> None:
+    """Click takes its arguments and options; what they name is in the examples' own world."""
+    name = " ".join(path)
+    words = shlex.split(EXAMPLES[name].partition(" > ")[0])
+    assert words[: len(path) + 1] == ["haploop", *path]
+    command: click.Command = cli
+    for word in path:
+        assert isinstance(command, click.Group)
+        command = command.commands[word]
+    with command.make_context(name, words[len(path) + 1 :]) as context:
+        assert command.epilog and EXAMPLES[name] in command.get_help(context)

@@ -1,0 +1,71 @@
+"""One example of each command, shown at the end of its help; tests run those that need no person."""
+
+from __future__ import annotations
+
+import click
+
+__all__ = ["EXAMPLES", "show_examples"]
+
+EXAMPLES = {
+    "analyse confusion": "haploop analyse confusion answers.csv --plot confusion.pdf",
+    "analyse power": "haploop analyse power plan.toml --runs 1000",
+    "analyse ratings": "haploop analyse ratings ratings.csv --plot ratings.pdf",
+    "analyse thresholds": "haploop analyse thresholds staircase.csv",
+    "button check": "haploop button check latch.h5 --rig lab.toml",
+    "button make": "haploop button make recordings/P01-latch.h5 -c calibration.h5 -o latch.h5",
+    "calibrate": "haploop calibrate --patch A --point button --out calibration.h5",
+    "calibrations activate": 'haploop calibrations activate 2 --rig lab.toml --reason "back in room 3"',
+    "calibrations adopt": 'haploop calibrations adopt latch.h5 push.h5 --rig lab.toml --reason "installed"',
+    "calibrations diff": "haploop calibrations diff 1 2 --rig lab.toml",
+    "calibrations list": "haploop calibrations list --rig lab.toml",
+    "calibrations plot": "haploop calibrations plot trend.pdf --rig lab.toml",
+    "calibrations show": "haploop calibrations show 2 --rig lab.toml",
+    "check": "haploop check recordings/P01-latch.h5 --calibration calibration.h5 --out checked",
+    "demo": "haploop demo --seed 7 --out demo",
+    "doctor": "haploop doctor --rig lab.toml --simulate wire",
+    "experiment export": "haploop experiment export matching answers.csv",
+    "experiment new": "haploop experiment new matching --from matching",
+    "experiment run": "haploop experiment run matching --participant P01",
+    "experiment simulate": "haploop experiment simulate matching --participants 12",
+    "experiment status": "haploop experiment status matching",
+    "experiment withdraw": "haploop experiment withdraw matching P01",
+    "export": "haploop export press.h5 --to wav48 --out press.wav",
+    "import": "haploop import click.wav --scale 9.81 --button latch --out press.h5",
+    "list": 'haploop list kind=recording button=latch "date>=2026-11" --in data',
+    "live": "haploop live --rig lab.toml --wait 60",
+    "log": "haploop log --rig lab.toml",
+    "map": "haploop map --points 0,5,12-20 --patches A,C --out map",
+    "recalibrate": "haploop recalibrate --rig lab.toml",
+    "record": "haploop record latch --participant P01 --presses 5",
+    "recover": "haploop recover recordings/P01-latch.h5",
+    "report": "haploop report pilot calibration.h5 latch.h5 --out report.html --pdf",
+    "represent": "haploop represent recordings/P01-latch.h5 recordings/P02-latch.h5 --out press.h5",
+    "reset": 'haploop reset --rig lab.toml --reason "gain set back to 50"',
+    "schema": "haploop schema > rig.json_schema.json",
+    "serve": "haploop serve --rig lab.toml --data study-2026",
+    "show": "haploop show recordings/P01-latch.h5 --plot latch.pdf",
+    "study new": "haploop study new pilot",
+    "study process": "haploop study process --study pilot --out processed",
+    "study reject": 'haploop study reject P01 latch 7 --study pilot --reason "the phone rang"',
+    "study repeat": "haploop study repeat P01 latch --study pilot",
+    "study represent": "haploop study represent latch --study pilot --out latch.h5",
+    "study run": "haploop study run --study pilot --participant P01",
+    "study status": "haploop study status --study pilot",
+    "twin all": "haploop twin all --rig haptable --press latch",
+    "twin ni": "haploop twin ni --rig haptable",
+    "twin ofv": "haploop twin ofv --rig bench",
+    "twin scpi": "haploop twin scpi --rig bench",
+    "twin serial": "haploop twin serial --rig bench",
+    "twin yocto": "haploop twin yocto --rig haptable",
+    "verify": "haploop verify recordings/*.h5 calibration.h5",
+}
+
+
+def show_examples(group: click.Group, path: str = "") -> None:
+    """Put the examples below the help of the commands of a group."""
+    for name, command in group.commands.items():
+        whole = f"{path} {name}".strip()
+        if isinstance(command, click.Group):
+            show_examples(command, whole)
+        elif whole in EXAMPLES:
+            command.epilog = f"\b\nExample:\n  {EXAMPLES[whole]}"
