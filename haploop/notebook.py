@@ -8,10 +8,10 @@ from html import escape
 from typing import Any
 
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from haploop.figures import mark_simulated, png
 from haploop.instruments import DataError, Rig
+from haploop.progress import rows_of
 from haploop.show import contents_of
 
 __all__ = ["html"]
@@ -25,17 +25,9 @@ def html(value: Any) -> str:
     if isinstance(value, Rig):
         return _rig(value)
     contents = contents_of(value)
-    return _table(str(contents.table.title), _rows(contents.table)) + _picture(
-        contents.draw, bool(contents.values["simulated"])
-    )
-
-
-def _rows(table: Table) -> list[tuple[str, str]]:
-    found = [
-        tuple(str(cell) for cell in cells)
-        for cells in zip(*(column.cells for column in table.columns), strict=True)
-    ]
-    return [(row[0], row[1]) for row in found]
+    facts = [(str(name), str(text)) for name, text in rows_of(contents.table)]
+    picture = _picture(contents.draw, bool(contents.values["simulated"]))
+    return _table(str(contents.table.title), facts) + picture
 
 
 def _table(title: str, rows: list[tuple[str, str]]) -> str:

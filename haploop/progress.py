@@ -24,7 +24,21 @@ from rich.progress import (
 from rich.table import Column, Table
 from rich.text import Text
 
-__all__ = ["Bars", "Steps", "note", "print_json", "print_line", "print_table", "say", "shown"]
+__all__ = [
+    "SIMULATED",
+    "Bars",
+    "Steps",
+    "note",
+    "print_json",
+    "print_line",
+    "print_table",
+    "rows_of",
+    "say",
+    "shown",
+]
+
+SIMULATED = "Simulated: no real instrument measured this."
+"""What stands below each result, in each file and on each page of a simulated rig."""
 
 _shown: list[Console] = []
 """Consoles that show something at the foot of the terminal: a sentence goes through them, above it."""
@@ -139,6 +153,11 @@ def print_table(table: Table) -> None:
     console.print(table)
 
 
+def rows_of(table: Table) -> Iterator[tuple[Any, ...]]:
+    """Yield the cells of each row of a table."""
+    return zip(*(column.cells for column in table.columns), strict=True)
+
+
 def _widths(console: Console, table: Table, column: Column) -> tuple[int, int]:
     """Widths of a column's longest word (a hash is not one) and of its longest line."""
     cells = [*([column.header] if table.show_header else []), *column.cells]
@@ -154,7 +173,7 @@ def _print_rows(console: Console, table: Table) -> None:
     """Print each row of a table as lines of heading and cell."""
     if table.title:
         console.print(table.title, style="italic")
-    for cells in zip(*(column.cells for column in table.columns), strict=True):
+    for cells in rows_of(table):
         row = Table.grid(padding=(0, 2, 0, 2))
         row.add_column()
         row.add_column(overflow="fold")

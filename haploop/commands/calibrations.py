@@ -12,7 +12,7 @@ import haploop
 from haploop import instruments, outputs
 from haploop import show as display
 from haploop.commands.options import COLUMNS, JSON, PATH, RIG
-from haploop.progress import print_json, print_line, print_table
+from haploop.progress import SIMULATED, print_json, print_line, print_table
 
 if TYPE_CHECKING:
     from haploop.calibration import History
@@ -150,4 +150,4 @@ def _show(history: History, name: str, as_json: bool) -> None:
         return
     print_table(table)
     if values["simulated"]:
-        print_line("Simulated: no real instrument measured this.")
+        print_line(SIMULATED)

@@ -11,7 +11,7 @@ import haploop
 from haploop import outputs
 from haploop import show as display
 from haploop.commands.options import JSON, PATH, RIG, FiniteRange
-from haploop.progress import print_json, print_line
+from haploop.progress import SIMULATED, print_json, print_line
 
 __all__ = ["export", "import_"]
 
@@ -52,7 +52,7 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
     else:
         print_line(f"{' and '.join(map(str, done.files))}: {done.kind} as {done.format}.")
         if done.simulated:
-            print_line("Simulated: no real instrument measured this.")
+            print_line(SIMULATED)
     return 0
 
 

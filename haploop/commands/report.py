@@ -10,7 +10,7 @@ import click
 
 import haploop
 from haploop.commands.options import JSON, PATH
-from haploop.progress import Steps, print_json, print_line
+from haploop.progress import SIMULATED, Steps, print_json, print_line
 
 __all__ = ["report"]
 
@@ -45,7 +45,7 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, as_json: bool) -> int:
         )
         return 0
     if made.simulated:
-        print_line("Simulated: no real instrument measured this.")
+        print_line(SIMULATED)
     print_line(f"Report: {made.html}")
     if made.pdf:
         print_line(f"PDF: {made.pdf}")

@@ -13,9 +13,10 @@ import haploop
 from haploop.acquisition import Recording, Representative, Study, content_hash
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Response, VibrationMap
 from haploop.exchange.press_table import press_table
-from haploop.exchange.views import SIMULATED, About, Channel, Envelope, PressTable, Responses, Signals
+from haploop.exchange.views import About, Channel, Envelope, PressTable, Responses, Signals
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
+from haploop.progress import SIMULATED
 
 __all__ = [
     "button_signals",

@@ -9,8 +9,9 @@ import numpy as np
 
 from haploop.calibration import write_uff
 from haploop.calibration.response import read_uff_sets, write_uff_sets
-from haploop.exchange.views import SIMULATED, About, Channel, Responses, Signals
+from haploop.exchange.views import About, Channel, Responses, Signals
 from haploop.instruments import DataError
+from haploop.progress import SIMULATED
 
 __all__ = ["has_responses", "read_signals", "write_responses", "write_signals"]
 

@@ -15,9 +15,9 @@ from haploop.calibration import Response
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.files import new_file
+from haploop.progress import SIMULATED
 
 __all__ = [
-    "SIMULATED",
     "About",
     "Cell",
     "Channel",
@@ -36,7 +36,6 @@ __all__ = [
 About = Mapping[str, str | float | int | bool]
 """Where data come from: source, content hash, simulated or not, and what else is known."""
 Cell = str | float | int | bool | None
-SIMULATED = "Simulated: no real instrument measured this."
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from haploop.figures import on_page, pdf_of, text_page
+from haploop.progress import SIMULATED
 from haploop.report.drawings import Drawing
 
 __all__ = ["pdf_pages"]
@@ -37,7 +38,7 @@ def _text(summary: Mapping[str, Any]) -> Iterator[tuple[str, bool]]:
     yield summary["title"], True
     yield f"Rig {summary['rig']}, haploop {summary['software']}", False
     if summary["simulated"]:
-        yield "Simulated: no real instrument measured this.", True
+        yield SIMULATED, True
     yield "", False
     if summary["verdicts"]:
         yield "Verdicts", True

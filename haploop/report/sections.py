@@ -10,12 +10,11 @@ from pathlib import Path
 from statistics import mean, stdev
 from typing import Any
 
-from rich.table import Table
-
 from haploop.acquisition import Recording, Representative, Study, content_hash, load_study
 from haploop.calibration import Calibration, Check, DigitalButton, Drive
 from haploop.calibration.map import VibrationMap
 from haploop.instruments import DataError
+from haploop.progress import rows_of
 from haploop.show import file_contents
 
 __all__ = ["Section", "Verdict", "section"]
@@ -70,18 +69,11 @@ def section(path: Path) -> Section:
         title=str(contents.table.title),
         simulated=bool(values["simulated"]),
         rig=_rig(loaded),
-        facts=[(row[0], row[1]) for row in _rows(contents.table)],
+        facts=[(str(name), str(text)) for name, text in rows_of(contents.table)],
         verdicts=_verdicts(loaded, values),
         sources=sources,
         loaded=loaded,
     )
-
-
-def _rows(table: Table) -> list[tuple[str, ...]]:
-    return [
-        tuple(str(cell) for cell in cells)
-        for cells in zip(*(column.cells for column in table.columns), strict=True)
-    ]
 
 
 def _files_of_map(folder: Path) -> list[tuple[str, str]]:

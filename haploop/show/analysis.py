@@ -20,11 +20,9 @@ from haploop.experiments import (
     Threshold,
 )
 from haploop.progress import print_json, print_line, print_table
-from haploop.show.formatting import interval, json_number, percent
+from haploop.show.formatting import ANSWERS_SIMULATED, interval, json_number, percent
 
 __all__ = ["show_identification", "show_power", "show_ratings", "show_thresholds"]
-
-_SIMULATED = "Simulated participants answered: no person did."
 
 
 def show_identification(result: Identification, simulated: bool, as_json: bool) -> None:
@@ -47,7 +45,7 @@ def show_identification(result: Identification, simulated: bool, as_json: bool) 
     for note in result.notes:
         print_line(note)
     if simulated:
-        print_line(_SIMULATED)
+        print_line(ANSWERS_SIMULATED)
 
 
 def show_ratings(result: Ratings, simulated: bool, as_json: bool) -> None:
@@ -85,7 +83,7 @@ def show_ratings(result: Ratings, simulated: bool, as_json: bool) -> None:
     for note in result.notes:
         print_line(note)
     if simulated:
-        print_line(_SIMULATED)
+        print_line(ANSWERS_SIMULATED)
 
 
 def show_power(found: Sequence[Power], as_json: bool) -> None:
@@ -141,7 +139,7 @@ def show_thresholds(
         table.add_row(*one.who, *numbers, str(one.trials))
     print_table(table)
     if simulated:
-        print_line(_SIMULATED)
+        print_line(ANSWERS_SIMULATED)
 
 
 def _table(title: str, *columns: str) -> Table:

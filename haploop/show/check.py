@@ -8,9 +8,9 @@ from rich.table import Table
 
 from haploop.acquisition import Representative
 from haploop.calibration import Check, check_feeling
-from haploop.progress import print_json, print_line, print_table
+from haploop.progress import SIMULATED, print_json, print_line, print_table
 from haploop.show.feeling import add_feeling, feeling_values
-from haploop.show.formatting import SIMULATED, interval, json_number, percent, property_table, verdict
+from haploop.show.formatting import interval, json_number, percent, property_table, verdict
 
 __all__ = ["check_contents", "show_check"]
 

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from haploop.experiments import Store
 from haploop.progress import print_json, print_line, print_table
+from haploop.show.formatting import ANSWERS_SIMULATED
 
 __all__ = ["experiment_values", "show_experiment"]
 
@@ -56,4 +57,4 @@ def show_experiment(store: Store, as_json: bool) -> None:
     for gone in found["withdrawn"]:
         print_line(f"{gone['participant']} withdrew at {gone['time']}.")
     if found["simulated"]:
-        print_line("Simulated participants answered: no person did.")
+        print_line(ANSWERS_SIMULATED)

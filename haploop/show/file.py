@@ -18,11 +18,10 @@ from haploop.calibration.map import VibrationMap
 from haploop.figures import Columns
 from haploop.instruments import DataError
 from haploop.outputs import check_new_picture, save_picture
-from haploop.progress import print_json, print_line, print_table
+from haploop.progress import SIMULATED, print_json, print_line, print_table
 from haploop.show.button import button_contents
 from haploop.show.calibration import calibration_contents, drive_contents, waveforms_contents
 from haploop.show.check import check_contents
-from haploop.show.formatting import SIMULATED
 from haploop.show.map import map_contents
 from haploop.show.press import recording_contents, representative_contents
 

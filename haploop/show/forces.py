@@ -15,8 +15,7 @@ from haploop.figures import Columns, activation_forces
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.outputs import check_new_picture, save_picture
-from haploop.progress import print_json, print_line, print_table
-from haploop.show.formatting import SIMULATED
+from haploop.progress import SIMULATED, print_json, print_line, print_table
 
 __all__ = ["Forces", "forces_in", "show_forces"]
 

@@ -13,7 +13,7 @@ from rich.text import Text
 from haploop.calibration import Resonance
 
 __all__ = [
-    "SIMULATED",
+    "ANSWERS_SIMULATED",
     "damping",
     "fixed",
     "interval",
@@ -23,8 +23,7 @@ __all__ = [
     "verdict",
 ]
 
-SIMULATED = "Simulated: no real instrument measured this."
-"""Printed after every result of a simulated rig."""
+ANSWERS_SIMULATED = "Simulated participants answered: no person did."
 
 
 def property_table(title: str) -> Table:

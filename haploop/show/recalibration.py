@@ -10,8 +10,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop.calibration.upkeep import Outcome
-from haploop.progress import print_json, print_line, print_table
-from haploop.show.formatting import SIMULATED
+from haploop.progress import SIMULATED, print_json, print_line, print_table
 
 __all__ = ["OUTCOME_TITLES", "show_outcome"]
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from haploop.acquisition import PressVerdict, Study, StudyProgress
 from haploop.instruments import Request, Rig
-from haploop.progress import print_json, print_line, print_table, say
+from haploop.progress import SIMULATED, print_json, print_line, print_table, say
 from haploop.show.meter import Meter, rejection_line
 
 __all__ = ["StudyMeter", "status"]
@@ -107,7 +107,7 @@ def status(study: Study, entries: Sequence[StudyProgress], as_json: bool) -> Non
         table.add_row(*cells, ", ".join(study.file.order_for(name)))
     print_table(table)
     if any(recording.simulated for one in entries for recording in one.recordings):
-        print_line("Simulated: no real instrument measured this.")
+        print_line(SIMULATED)
     now = next((one for one in entries if one.in_progress), None)
     if now is not None:
         print_line(f"{now.participant}, {now.button} is being recorded now.")
