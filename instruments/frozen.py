@@ -8,7 +8,8 @@ from haploop.instruments.errors import ConfigurationError
 
 __all__ = ["Frozen", "FrozenDict", "frozen"]
 
-Key, Value = TypeVar("Key"), TypeVar("Value")
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 
 class Frozen:
@@ -47,8 +48,8 @@ class FrozenDict(dict[Key, Value]):
             "What a rig file says cannot be changed in the program: change the file, and open the rig again."
         )
 
-    __setitem__ = __delitem__ = __ior__ = _refuse  # type: ignore[assignment]
-    update = clear = pop = popitem = setdefault = _refuse  # type: ignore[assignment]
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    update = clear = pop = popitem = setdefault = _refuse
 
     def __reduce__(self) -> tuple[type[dict[Key, Value]], tuple[dict[Key, Value]]]:
         """Copies, deep ones and pickles are of a plain dictionary."""

@@ -91,9 +91,9 @@ class PartReader:
             begin = max(0, at - length) if at is not None else 0
             zero = self._volts("force", begin, begin + length).mean(axis=1, keepdims=True)
             if at is None:
-                return self._si("force", self._volts("force", first, end) - zero)[2]
+                return np.asarray(self._si("force", self._volts("force", first, end) - zero)[2])
             self._zero = zero
-        return self._si("force", self._volts("force", first, end) - self._zero)[2]
+        return np.asarray(self._si("force", self._volts("force", first, end) - self._zero)[2])
 
     def acceleration(self, first: int, end: int) -> FloatArray:
         """(3, samples) m/s^2 of samples `first` to `end` - 1: as `Recording.acceleration`, of this part."""
