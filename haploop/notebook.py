@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from haploop.figures import mark_simulated, png
 from haploop.instruments import DataError, Rig
-from haploop.progress import rows_of
+from haploop.progress import SIMULATED, rows_of
 from haploop.show import contents_of
 
 __all__ = ["html"]
@@ -26,8 +26,9 @@ def html(value: Any) -> str:
         return _rig(value)
     contents = contents_of(value)
     facts = [(str(name), str(text)) for name, text in rows_of(contents.table)]
-    picture = _picture(contents.draw, bool(contents.values["simulated"]))
-    return _table(str(contents.table.title), facts) + picture
+    simulated = bool(contents.values["simulated"])
+    said = f"<div>{escape(SIMULATED)}</div>" if simulated else ""
+    return _table(str(contents.table.title), facts) + said + _picture(contents.draw, simulated)
 
 
 def _table(title: str, rows: list[tuple[str, str]]) -> str:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any, NoReturn, TypeVar
+
 from haploop.instruments.errors import ConfigurationError
 
-__all__ = ["Frozen"]
+__all__ = ["Frozen", "FrozenDict", "frozen"]
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 
 class Frozen:
@@ -33,3 +38,26 @@ class Frozen:
         if name in self._frozen:
             self.__setattr__(name, None)
         super().__delattr__(name)
+
+
+class FrozenDict(dict[Key, Value]):
+    """A dictionary of a rig file, which nobody changes after it was read. A copy of it is a plain one."""
+
+    def _refuse(self, *_given: object, **_named: object) -> NoReturn:
+        raise ConfigurationError(
+            "What a rig file says cannot be changed in the program: change the file, and open the rig again."
+        )
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    update = clear = pop = popitem = setdefault = _refuse
+
+    def __reduce__(self) -> tuple[type[dict[Key, Value]], tuple[dict[Key, Value]]]:
+        """Copies, deep ones and pickles are of a plain dictionary."""
+        return dict, (dict(self),)
+
+
+def frozen(value: Any) -> Any:
+    """Return a value of a rig file with every dictionary in it frozen."""
+    if isinstance(value, dict):
+        return FrozenDict({key: frozen(one) for key, one in value.items()})
+    return [frozen(one) for one in value] if isinstance(value, list) else value

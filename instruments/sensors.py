@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
+from haploop.instruments.frozen import FrozenDict
 
 __all__ = [
     "Accelerometer",
@@ -244,7 +245,7 @@ class Sensors(BaseModel):
     acceleration: Accelerometer | None = None
     activation: Switch | None = None
     drive: Divider | None = None
-    extra: dict[str, AnalogChannel] = {}
+    extra: dict[str, AnalogChannel] = Field(default_factory=FrozenDict)
     """Further channels recorded with presses, each under a name that the rig file chooses."""
 
     @property
@@ -265,4 +266,4 @@ class Sensors(BaseModel):
                 )
             if name in _TAKEN or name.startswith("acceleration_"):
                 raise ValueError(f"{name!r} is the name of something that every recording has: use another")
-        return extra
+        return FrozenDict(extra)

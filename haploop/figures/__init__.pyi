@@ -17,6 +17,7 @@ from .map import animate_map as animate_map
 from .map import map_figure as map_figure
 from .paper import Profile as Profile
 from .paper import activation_forces as activation_forces
+from .paper import activation_time as activation_time
 from .paper import comparison as comparison
 from .paper import drives as drives
 from .paper import profiles as profiles

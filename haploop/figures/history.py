@@ -45,6 +45,10 @@ _PANELS = (
 )
 
 
+_BROKEN = (0, (1, 1))
+"""Dashes of what no place has."""
+
+
 @dataclass(frozen=True)
 class _ActivePeriod:
     """A period (begin, end) of one active generation, with its metrics and thresholds by place."""
@@ -73,9 +77,8 @@ def trend(history: History, columns: Columns = 2) -> Figure:
                 _trace(axes, panel, place, periods, looks, number)
             for look in looks:
                 if look["outcome"] == "broken":
-                    axes.axvline(
-                        datetime.fromisoformat(look["when"]), color=VERMILLION, linewidth=0.7, zorder=0
-                    )
+                    when = datetime.fromisoformat(look["when"])
+                    axes.axvline(when, color=VERMILLION, linewidth=0.7, linestyle=_BROKEN, zorder=0)
             axes.set_ylabel(panel[1])
             letter(axes, index)
             axes.ticklabel_format(axis="y", useOffset=False)
@@ -145,7 +148,7 @@ def _legend(figure: Figure, places: Sequence[Place], across: int) -> None:
         Line2D([], [], color=INK, marker="s", markersize=4, label="active calibration"),
         Line2D([], [], color=INK, marker="o", markersize=2.6, linestyle="", label="look: unchanged"),
         Line2D([], [], color=INK, marker="^", markersize=4.2, linestyle="", label="drifted"),
-        Line2D([], [], color=VERMILLION, linewidth=0.7, label="broken"),
+        Line2D([], [], color=VERMILLION, linewidth=0.7, linestyle=_BROKEN, label="broken"),
     ]
     if len(places) > 1:
         marks += [

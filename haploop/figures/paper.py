@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Profile",
     "activation_forces",
+    "activation_time",
     "comparison",
     "drives",
     "profiles",
@@ -366,7 +367,7 @@ def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colo
 def _whole(axes: Axes, press: Representative, check: Check) -> None:
     """Draw the recorded press above the measured motion: one over the other, each would hide the other."""
     drive = check.drive
-    zero = _activation(press, drive)
+    zero = activation_time(press, drive)
     measured = np.arange(len(check.measured)) / check.rate_hz - zero
     recorded = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
     curves = (
@@ -385,7 +386,7 @@ def _whole(axes: Axes, press: Representative, check: Check) -> None:
 
 
 def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
-    time = 1e3 * (np.arange(len(check.target)) / check.rate_hz - _activation(press, check.drive))
+    time = 1e3 * (np.arange(len(check.target)) / check.rate_hz - activation_time(press, check.drive))
     middle = time[int(np.argmax(np.abs(check.target)))]
     part = (time >= middle - 15) & (time <= middle + 15)
     axes.plot(time[part], check.target[part], color=ORANGE, linewidth=2.0, label="Target")
@@ -396,7 +397,7 @@ def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool)
         legend_under(axes, 2)
 
 
-def _activation(press: Representative, drive: Drive) -> float:
+def activation_time(press: Representative, drive: Drive) -> float:
     """Time (s) of the activation on the drive's clock, from the best fit of its modulation to the target."""
     step = round(drive.rate_hz / press.rate_hz)
     coarse = drive.target[::step]

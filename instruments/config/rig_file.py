@@ -25,6 +25,7 @@ from haploop.instruments import entry_points
 from haploop.instruments.config.ati_cal import read_ati_cal
 from haploop.instruments.config.toml_lines import Location, Places, key_lines, parse_toml, place, read_text
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.frozen import FrozenDict, frozen
 from haploop.instruments.limits import Limits
 from haploop.instruments.sensors import Sensors
 
@@ -60,6 +61,10 @@ class Device(BaseModel):
 
     driver: str
 
+    def model_post_init(self, _context: Any, /) -> None:
+        """Freeze the settings: the digest of the file, and what a recording says of its rig, are of them."""
+        object.__setattr__(self, "__pydantic_extra__", frozen(self.model_extra or {}))
+
     @property
     def settings(self) -> dict[str, Any]:
         """Everything but the driver's name."""
@@ -79,7 +84,7 @@ class TableSettings(_Section):
     rate_hz: Positive = 50_000.0
     """Sample rate of drives and of the vibrometer: ten times the recording's, so that the steps of
     the drive lie far above the table's band."""
-    patch_places: dict[str, tuple[Fraction, Fraction]] = {}
+    patch_places: dict[str, tuple[Fraction, Fraction]] = Field(default_factory=FrozenDict)
     """Places of the patches, as fractions of the table's width and height from the corner at its first
     grid point: `haploop doctor` finds swapped relay channels by them."""
 
@@ -91,7 +96,7 @@ class TableSettings(_Section):
         unknown = sorted(set(places) - set(info.data.get("patches", places)))
         if unknown:
             raise ValueError(f"there is no patch {unknown[0]!r} in patches")
-        return places
+        return FrozenDict(places)
 
     def nearest(self, place: tuple[float, float]) -> int:
         """Number of the grid point nearest to a place (fractions of width and height)."""

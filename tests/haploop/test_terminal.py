@@ -104,7 +104,8 @@ def test_a_studys_meter_counts_in_all_and_is_away_while_a_question_is_asked(tmp_
 
         rig.operator.confirm = answer  # type: ignore[assignment, method-assign]
         assert run_study(rig, study, (), (), meter.progress, verdict, meter.on_request)
-    assert set(asked) == {("Consent", 0), ("Ready", 0), ("Verdict", 1)}
+    told = {one for one in asked if one[0] in ("Consent", "Ready", "Verdict")}
+    assert told == {("Consent", 0), ("Ready", 0), ("Verdict", 1)}
     assert "P01, push: 1 of 2; 3 of 4 in all. Press 2" in "\n".join(lines)
     assert max(len(line) for one in lines for line in one.splitlines()) <= 80
     said = shown.file.getvalue()  # type: ignore[attr-defined]

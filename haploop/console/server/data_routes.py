@@ -20,7 +20,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from haploop.acquisition import load_study
+from haploop.acquisition import Representative, load_study
 from haploop.acquisition.recording import PartReader
 from haploop.calibration import (
     Calibration,
@@ -32,9 +32,10 @@ from haploop.calibration import (
     check_feeling,
 )
 from haploop.calibration.map import MapFolder
+from haploop.calibration.spectra import resample, third_octaves
 from haploop.catalogue import list_files
 from haploop.console.data_folder import DataFolder, store_of
-from haploop.figures import trend
+from haploop.figures import activation_time, trend
 from haploop.instruments import DataError, HaploopError
 from haploop.instruments.arrays import FloatArray
 from haploop.show import experiment_values
@@ -304,6 +305,8 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
     check = Check.load(data.path(asked["check"])) if asked.get("check") else button.check
     feeling = check_feeling(check, button.press)
     drive = check.drive
+    recorded = _recorded(button.press, check)
+    low, high = check.octaves_hz[0], check.octaves_hz[-1]
     begin, end = _loud(check.target)
     step = max(1, round(check.rate_hz / _SHOWN_HZ))
     return {
@@ -317,10 +320,13 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "above_threshold_db": feeling.measured[0].total,
         "notes": feeling.notes,
         "step_s": step / check.rate_hz,
+        "recorded": np.round(recorded[begin:end:step], 4),
         "target": np.round(check.target[begin:end:step], 4),
         "measured": np.round(check.measured[begin:end:step], 4),
         "drive": np.round(np.interp(_times(begin, end, step, check.rate_hz), _clock(drive), drive.volts), 3),
         "octaves_hz": check.octaves_hz,
+        "recorded_db": third_octaves(recorded, check.rate_hz, low * 0.99, high * 1.01)[1],
+        "drive_db": third_octaves(drive.volts, drive.rate_hz, low * 0.99, high * 1.01)[1],
         "target_db": check.target_db,
         "measured_db": check.measured_db,
         "floor_db": check.floor_db,
@@ -330,6 +336,20 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
             if name.startswith(f"checks/{Path(asked.get('file', '')).stem}-")
         ],
     }
+
+
+def _recorded(press: Representative, check: Check) -> FloatArray:
+    """The recorded press at the times of a check, scaled as its target; zeros before and after."""
+    samples = round(len(press.acceleration) * check.rate_hz / press.rate_hz)
+    finer = check.drive.scale * resample(press.acceleration, samples)
+    first = round(
+        (activation_time(press, check.drive) - press.activation_index / press.rate_hz) * check.rate_hz
+    )
+    found = np.zeros(len(check.target))
+    begin, end = max(0, first), min(len(found), first + samples)
+    if begin < end:
+        found[begin:end] = finer[begin - first : end - first]
+    return found
 
 
 def _loud(target: FloatArray) -> tuple[int, int]:

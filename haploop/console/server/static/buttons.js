@@ -42,13 +42,13 @@ async function show(anew) {
   $("said-of-it").textContent = `${found.name}, patch ${found.patch} at the ${found.point} point${found.simulated ? ", simulated" : ""}. Error of the whole motion ${percent(check.wideband_nrmse)} (${percent(check.wideband_interval[0])} to ${percent(check.wideband_interval[1])}) over ${check.plays} plays; outside the band ${percent(check.outside)}. Loudest 100 ms: ${found.above_threshold_db === null ? "-" : found.above_threshold_db.toFixed(1)} dB above the detection threshold; can it be felt: ${found.felt}.`;
   fill($("reasons"), ...[...new Set([...check.reasons, ...check.notes, ...found.notes])].map((one) => el("li", {}, one)));
   const times = found.target.map((_, k) => 1000 * k * found.step_s);
-  $("legend").append(legend(["target", "measured (mean of the plays)", "drive"]));
-  plots.push(plot($("motion-plot"), "Target and measured acceleration", { series: [line(0), line(1, { dash: [5, 3] })], data: [times, found.target, found.measured], xLabel: "ms", yLabel: "m/s²", height: 240 }));
-  plots.push(plot($("drive-plot"), "Drive", { series: [line(2)], data: [times, found.drive], xLabel: "ms", yLabel: "V at the patch", height: 140 }));
-  $("octave-plot").append(legend(["target", "measured", "noise of the mean"]));
+  $("legend").append(legend(["target", "measured (mean of the plays)", "drive", "recorded press, scaled as the target"]));
+  plots.push(plot($("motion-plot"), "Recorded, target and measured acceleration", { series: [line(3, { width: 1 }), line(0), line(1, { dash: [5, 3] })], data: [times, found.recorded, found.target, found.measured], xLabel: "ms", yLabel: "m/s²", height: 240 }));
+  plots.push(plot($("drive-plot"), "Drive", { series: [line(2)], data: [times, found.drive], xLabel: "ms", yLabel: "drive (V)", height: 140 }));
+  $("octave-plot").append(legend(["target", "measured", "drive (dB re 1 V)", "recorded", "noise of the mean"]));
   const floor = Math.min(...found.measured_db.filter(Number.isFinite), ...found.floor_db.filter(Number.isFinite)) - 5;
   const shown = (values) => values.map((value) => (value === null || value < floor ? null : value));
-  plots.push(plot($("octave-plot"), "Third octaves of target, measured motion and noise", { series: [line(0), line(1, { dash: [5, 3] }), line(2, { dash: [2, 3] })], data: [found.octaves_hz, shown(found.target_db), shown(found.measured_db), shown(found.floor_db)], x: { distr: 3 }, xLabel: "Hz", yLabel: "dB re 1 m/s²", height: 220 }));
+  plots.push(plot($("octave-plot"), "Third octaves of recorded press, target, measured motion, drive and noise", { series: [line(0), line(1, { dash: [5, 3] }), line(2, { dash: [8, 3, 2, 3] }), line(3, { width: 1 }), line(4, { dash: [2, 3] })], data: [found.octaves_hz, shown(found.target_db), shown(found.measured_db), shown(found.drive_db), shown(found.recorded_db), shown(found.floor_db)], x: { distr: 3 }, xLabel: "Hz", yLabel: "dB re 1 m/s²", height: 220 }));
 }
 
 let mark = "";
