@@ -319,7 +319,7 @@ def _first_stage(
     quiet = shaken[start:onset]
     noise = float(np.sqrt(np.mean(quiet**2))) if len(quiet) else 0.0
     largest = int(np.argmax(before))
-    if before[largest] < max(p.stage_share * float(main.max()), p.stage_noise * noise):
+    if before[largest] <= max(p.stage_share * float(main.max()), p.stage_noise * noise):
         return None
     # The click begins where the signal near its largest swing first exceeds the noise.
     near = max(0, largest - round(0.008 * rate_hz))

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from haploop.cli import cli
 from haploop.instruments import load_rig_file
+from haploop.instruments.json_text import as_line
 from haploop.instruments.safety import Audit, state_folder
 from haploop.progress import Steps, note, print_line, print_table
 from tests.haploop.conftest import Demo, Run
@@ -159,7 +160,7 @@ def test_the_log_holds_no_python(run: Run, rig: Path) -> None:
         "opened", instruments={"daq": "PCI-6034E", "operator": ""}, patches=["A", "B"], none=[], level=0.125
     )
     with next(folder.glob("log-*.jsonl")).open("a", encoding="utf-8") as log:
-        log.write(json.dumps({"rig": file.name, "time": "yesterday", "kind": "odd", "checked": True}) + "\n")
+        log.write(as_line({"rig": file.name, "time": "yesterday", "kind": "odd", "checked": True}))
     shown = run("log", "--rig", rig)
     assert shown.exit_code == 0, shown.stderr
     assert "instruments: daq PCI-6034E; patches: A, B; none: none; level: 0.125" in shown.stdout

@@ -13,7 +13,7 @@ import pytest
 from haploop.acquisition import json_files, verify
 from haploop.acquisition.json_files import write_json
 from haploop.calibration.upkeep.history import Activation, Generation, History
-from haploop.instruments import DataError, InstrumentError
+from haploop.instruments import DataError, InstrumentError, json_text
 from tests.calibration.map.killing import Victims
 
 WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
@@ -128,7 +128,8 @@ def test_another_content_is_said(history: History, content: object) -> None:
 
 def test_a_manifest_of_a_later_version_is_said(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as later:
-        later.setattr(json_files, "VERSION", 2)
+        for module in (json_files, json_text):
+            later.setattr(module, "VERSION", 2)
         folder = publish(history).folder
     with pytest.raises(DataError, match="format 2 and this version reads 1"):
         Generation.open(folder)
@@ -170,6 +171,7 @@ WRITER = """
 from datetime import UTC, datetime
 from haploop.acquisition import json_files, verify
 from haploop.acquisition.json_files import write_json
+from haploop.instruments import json_text
 from haploop.calibration.upkeep.history import History
 from tests.calibration.map.killing import serve
 from tests.calibration.upkeep.test_history import Part

@@ -232,7 +232,7 @@ def test_a_slow_hub_is_no_fault(wired: Setup) -> None:
     fault = ReplyFault("delay", delay=0.05)
     wired.hub.faults.append(fault)
     wired.relay.connect(["A"])
-    assert fault.fired > 5
+    assert fault.fired >= 3
     assert wired.relay.connected() == {"A"}
 
 
