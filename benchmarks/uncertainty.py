@@ -212,6 +212,9 @@ def main() -> None:
     parser.add_argument("--plants", type=int, default=200)
     parser.add_argument("--settled", type=int, default=60, help="plants measured after settling")
     parser.add_argument("--sweeps", type=int, default=40, help="plants measured with sweeps as well")
+    parser.add_argument(
+        "--every", type=int, default=20, help="plants after which the table is printed so far"
+    )
     parser.add_argument("--name", default="uncertainty", help="another name gives other plants")
     asked = parser.parse_args()
     counts = dict(zip(WAYS, (asked.plants, asked.settled, asked.sweeps), strict=True))
@@ -239,8 +242,9 @@ def main() -> None:
                 f"{time.process_time() - began:.0f} s CPU",
                 flush=True,
             )
-    table(rows)
-    print(f"\nRefused: {len(refused)}")
+        if (number + 1) % asked.every == 0 or number + 1 == max(counts.values()):
+            table(rows)
+            print(f"\nRefused: {len(refused)}", flush=True)
 
 
 if __name__ == "__main__":

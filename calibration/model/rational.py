@@ -418,7 +418,7 @@ def _refined(poles: ComplexArray, lines: Lines, steps: int = _STEPS, settled: fl
             kept = (before - tried.power) / foreseen
             if kept > _AS_FORESEEN:
                 trust = max(trust / 10, 1e-9)
-            elif kept < _LESS_THAN_FORESEEN:
+            elif not kept > _LESS_THAN_FORESEEN:
                 trust = max(10 * trust, 1e-4)
             if kept > 0:
                 best = tried
