@@ -1,9 +1,9 @@
 """Change the code that keeps volts within limits and samples whole, one place at a time, and run its tests.
 
-Usage: python .ci/mutation.py [MODULE...] [--sample N] [--seed S] [--out FILE], on Linux, in an environment
-with haploop[test] and cosmic-ray. MODULE is a path below, or a part of it; without one, all. A mutant that no
-test notices is printed with its change. Each mutant is written into a copy of the tree, and tested by a
-process of its own with limits on time, memory and the size of files. docs/safety.md has the results.
+Usage: python .ci/mutation.py [MODULE...] [--sample N] [--seed S] [--out FILE] [--again FILE], on Linux, in an
+environment with haploop[test] and cosmic-ray. MODULE is a path below, or a part of it; without one, all. A
+mutant that no test notices is printed with its change. Each mutant is written into a copy of the tree, and
+tested by a process of its own with limits on time, memory and the size of files. Results: docs/safety.md.
 """
 
 from __future__ import annotations
@@ -201,8 +201,15 @@ def main() -> int:
     parser.add_argument("--sample", type=int, default=40, help="mutants of a module, at random; 0 for all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="a JSON line for each mutant")
+    parser.add_argument("--again", type=Path, help="only those that lived in a file of --out")
     asked = parser.parse_args()
+    lived_before: dict[str, list[tuple[str, int]]] = {}
+    for line in asked.again.read_text(encoding="utf-8").splitlines() if asked.again else ():
+        if (said := json.loads(line))["outcome"] == "alive":
+            lived_before.setdefault(said["module"], []).append((said["operator"], said["occurrence"]))
     names = [name for part in asked.modules or [""] for name in TESTS if part in name]
+    if asked.again:
+        names = [name for name in names if name in lived_before]
     lived = 0
     with tempfile.TemporaryDirectory() as folder:
         tree, log = made_tree(Path(folder)), Path(folder, "run", "log")
@@ -213,10 +220,9 @@ def main() -> int:
             outcome, seconds = tested(tree, tests, 600, log)
             if outcome != "alive":
                 raise SystemExit(f"The tests of {name} fail on unchanged code:\n{log.read_text()[-3000:]}")
-            every = mutants(code)
-            chosen = random.Random(f"{asked.seed} {name}").sample(
-                every, min(asked.sample or len(every), len(every))
-            )
+            every = lived_before.get(name) or mutants(code)
+            count = len(every) if asked.again else min(asked.sample or len(every), len(every))
+            chosen = random.Random(f"{asked.seed} {name}").sample(every, count)
             counts: Counter[str] = Counter()
             for operator, occurrence in chosen:
                 mutant = changed(code, operator, occurrence)

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections import namedtuple
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from haploop.acquisition import Recording, recover
 from haploop.acquisition.recording import set_aside
 from haploop.acquisition.recording.rows import block_dtype
 from haploop.acquisition.recording.writer import Writer, _allocate
-from haploop.instruments import ConfigurationError, DataError, InstrumentError
+from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
 from tests.acquisition.recording.pattern import CHANNELS, PRESS, block_of, header
 
 Usage = namedtuple("Usage", "total used free")
@@ -161,3 +162,21 @@ def test_a_damaged_file_is_recovered_in_a_process_with_limited_memory(tmp_path: 
     assert first == 0 and 200 << 20 < own < 4 << 30  # before anything is read
     assert np.isclose(more - own, 1 << 30, atol=50 << 20)
     assert child.stdout == '{"error": "", "text": ""}'
+
+
+def test_an_overload_is_a_bit_of_its_channel_and_the_last_bit_is_of_all_others(tmp_path: Path) -> None:
+    head = replace(header(), channels=tuple(f"c{n}" for n in range(40)), full_scale=np.full(40, 10.0),
+                   delays=np.zeros(40))  # fmt: skip
+    flags = np.zeros((5, 40), bool)
+    for number, channels in enumerate(((), (0,), (0, 3), (30,), (31, 39))):
+        flags[number, list(channels)] = True
+    path = tmp_path / "P01-push.h5"
+    with Writer(path, head, 250, 8) as writer:
+        for number, flagged in enumerate(flags):
+            writer.write(Block(250 * number, np.zeros((40, 250)), flagged), 0.0)
+        beyond = np.zeros((40, 250))
+        beyond[5, 7] = 10.1  # clipped, and not said by the card
+        writer.write(Block(1250, beyond, flags[1]), 0.0)
+    found = Recording.open(path).blocks
+    assert found["overload"].tolist() == [0, 1, 9, 1 << 30, 1 << 31, 1 + (1 << 5)]
+    assert found["first"].tolist() == [0, 250, 500, 750, 1000, 1250]
