@@ -1,4 +1,4 @@
-"""Every benchmark in a short form, into one document: `python benchmarks/all.py --out results.md`.
+"""Every benchmark in a short form, into one document: `python benchmarks/all.py --out RESULTS`.
 
     python benchmarks/all.py                                # half an hour on two cores
     python benchmarks/all.py --only start twin
