@@ -1,6 +1,6 @@
 """Every benchmark in a short form, into one document: `python benchmarks/all.py --out RESULTS`.
 
-    python benchmarks/all.py                                # half an hour on two cores
+    python benchmarks/all.py
     python benchmarks/all.py --only start twin
     python benchmarks/all.py --against OTHER/bin/python     # start, demo, server beside another environment
 
