@@ -1,8 +1,8 @@
-"""Every benchmark in a short form, into one document: `python benchmarks/all.py --out results.md`.
+"""Every benchmark in a short form, into one document: `python benchmarks/all.py --out RESULTS`.
 
-    python benchmarks/all.py                                # half an hour on two cores
+    python benchmarks/all.py
     python benchmarks/all.py --only start twin
-    python benchmarks/all.py --against OTHER/bin/python     # start and demo beside another environment
+    python benchmarks/all.py --against OTHER/bin/python     # start, demo, server beside another environment
 
 The short forms show that a figure is still of the size that README.md states; what README.md states comes
 from the long forms. Every benchmark runs by itself, one after the other; those that have peers run them in
@@ -26,6 +26,7 @@ SHORT = {
     "start": "--rounds 3",
     "demo": "--rounds 2 --participants 1 4",
     "twin": "--rounds 5 --presses 5",
+    "server": "--rounds 1 --seconds 5",
     "recording": "--rounds 3 --megabytes 32 --seconds 4",
     "tap": "--rounds 2 --seconds 2",
     "console": "--seconds 20",
@@ -54,7 +55,7 @@ def main() -> int:
     failed = False
     for name in asked.only:
         arguments = SHORT[name]
-        if asked.against and name in ("start", "demo"):
+        if asked.against and name in ("start", "demo", "server"):
             arguments += f" --against {asked.against}"
         began, clock, before = datetime.now(UTC), time.monotonic(), os.times()
         load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""

@@ -1,6 +1,6 @@
 """Processor time and memory of commands on small files: what a person waits for before anything is measured.
 
-    python benchmarks/start.py                              # two minutes
+    python benchmarks/start.py                              # a few minutes
     python benchmarks/start.py --against OTHER/bin/python   # beside another environment, in the same rounds
 
 Prints Markdown. `tests/haploop/test_start.py` holds what each command may load, which does not depend on a
