@@ -493,8 +493,16 @@ def test_a_staircase_by_keyboard_follows_the_answers(browser, tab, console):
     shown.context.close()
 
 
+def prepare(page: Any) -> None:
+    """Prepare the rig, and confirm what no software reads: the laser's settings."""
+    page.get_by_role("button", name="Prepare the rig").click()
+    expect(page.locator("#ready")).to_contain_text("is the range 20 mm/s", timeout=WAIT)
+    page.get_by_role("button", name="Yes, done").click()
+    expect(page.locator("#ready")).to_have_text("The rig is ready.", timeout=5 * WAIT)
+
+
 def test_the_rig_plays_the_digital_buttons_and_stop_leaves_the_trial_due(browser, tmp_path, made):
-    """Prepared, the finger calibrated, one trial played and answered; STOP; prepared again; the last trial."""
+    """Prepared, the finger calibrated, a trial played and answered; STOP; prepared again; the last trial."""
     data = tmp_path / "data"
     (data / "played").mkdir(parents=True)
     (data / "played" / "experiment.toml").write_text(PLAYED, encoding="utf-8")
@@ -509,8 +517,7 @@ def test_the_rig_plays_the_digital_buttons_and_stop_leaves_the_trial_due(browser
         begin(page, "played", "P01", consent=False)
         present(page)
         expect(page.locator("#said")).to_contain_text("prepare it first", timeout=WAIT)
-        page.get_by_role("button", name="Prepare the rig").click()
-        expect(page.locator("#ready")).to_have_text("The rig is ready.", timeout=5 * WAIT)
+        prepare(page)
         present(page)
         expect(shown.locator("#where")).to_have_text("experiment, 1 of 2", timeout=2 * WAIT)
         present(page)
@@ -521,8 +528,7 @@ def test_the_rig_plays_the_digital_buttons_and_stop_leaves_the_trial_due(browser
         expect(page.locator("#stopped")).to_contain_text("The output is zero", timeout=WAIT)
         expect(page.locator("#ready")).to_have_text("The rig is not prepared.", timeout=WAIT)
         assert shown.locator("#stop").count() == 0
-        page.get_by_role("button", name="Prepare the rig").click()
-        expect(page.locator("#ready")).to_have_text("The rig is ready.", timeout=5 * WAIT)
+        prepare(page)
         present(page)
         expect(shown.locator(".choices button")).to_have_count(2, timeout=WAIT)
         shown.keyboard.press("2")
