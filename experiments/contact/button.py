@@ -245,11 +245,11 @@ def run_button(
     return tuple(found)
 
 
-def latency_of(played: Sequence[Played], budget: float = BUDGET) -> Latency:
-    """Distribution of the latencies from frame to first sample. Raises DataError without any."""
+def latency_of(played: Sequence[Played | float], budget: float = BUDGET) -> Latency:
+    """Distribution of the latencies (s) from frame to first sample. Raises DataError without any."""
     if not played:
         raise DataError("There is no activation whose latency could be told: press the button first.")
-    values = np.array([one.latency for one in played])
+    values = np.array([one.latency if isinstance(one, Played) else one for one in played])
     return Latency(
         len(values),
         float(np.median(values)),

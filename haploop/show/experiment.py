@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.experiments import Store
+from haploop.experiments import Store, latency_of
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.formatting import ANSWERS_SIMULATED
 
@@ -17,6 +18,7 @@ __all__ = ["experiment_values", "show_experiment"]
 def experiment_values(store: Store) -> dict[str, Any]:
     """Return each session that was begun, and each withdrawal, as JSON values. Raises DataError."""
     sessions = store.sessions()
+    latencies = [e.values["latency"] for one in sessions for e in one.events if e.kind == "activation"]
     return {
         "experiment": store.experiment.file.name,
         "folder": str(store.folder),
@@ -35,6 +37,7 @@ def experiment_values(store: Store) -> dict[str, Any]:
             }
             for one in sessions
         ],
+        "latency": asdict(latency_of(latencies)) if latencies else None,
         "withdrawn": [{"participant": one.participant, "time": one.time} for one in store.withdrawals()],
     }
 
@@ -56,5 +59,16 @@ def show_experiment(store: Store, as_json: bool) -> None:
     print_table(table)
     for gone in found["withdrawn"]:
         print_line(f"{gone['participant']} withdrew at {gone['time']}.")
+    if told := found["latency"]:
+        over = "within" if told["worst"] <= told["budget"] else "beyond"
+        print_line(
+            f"{told['count']} activations: from frame to drive {_ms(told['median'])} (median), "
+            f"{_ms(told['p95'])} (95 %), {_ms(told['worst'])} at most, {over} the budget of "
+            f"{_ms(told['budget'])}."
+        )
     if found["simulated"]:
         print_line(ANSWERS_SIMULATED)
+
+
+def _ms(seconds: float) -> str:
+    return f"{1000 * seconds:.0f} ms"
