@@ -30,7 +30,7 @@ from haploop.acquisition import AverageMethod, Representative, Study, open_part,
 from haploop.exchange import COLUMNS, press_table, write_rows
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.extras import optional
-from haploop.instruments.files import new_file
+from haploop.instruments.files import check_destination, new_file
 from haploop.instruments.progress import Progress, silent
 
 __all__ = ["Processed", "process_study"]
@@ -152,6 +152,10 @@ def _tasks(study: Study, folder: Path) -> tuple[list[_Task], list[_Task]]:
             f"The study {study.file.name!r} has no recording yet: record some with `haploop study run`."
         )
     inside, method = folder / "parts", study.file.method
+    if not inside.is_dir():
+        # Only what an earlier run has written is replaced: latch.h5 may be somebody's digital button.
+        for name in ("presses.csv", "statistics.csv", *(f"{button}.h5" for button in study.file.buttons)):
+            check_destination(folder / name)
     inside.mkdir(parents=True, exist_ok=True)
     parts, every = [], defaultdict[str, list[Path]](list)
     for (participant, button), paths in files.items():

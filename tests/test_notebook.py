@@ -29,4 +29,6 @@ def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     texts = "\n".join(str(output.get("text", output.get("data", {}).get("text/plain"))) for output in outputs)
     forces = {name: float(newton) for name, newton in re.findall(r"'(latch|toggle|push)': ([0-9.]+)", texts)}
     assert forces["latch"] > forces["push"] > forces["toggle"]
+    (resonance,) = re.findall(r"^([0-9.]+) Hz, damping", texts, re.MULTILINE)
+    assert abs(float(resonance) - 263.2) < 1  # of the simulated table; the paper's is at 263.5 Hz
     assert len(re.findall(r"^(?:latch|toggle|push): pass, error", texts, re.MULTILINE)) == 3

@@ -198,3 +198,10 @@ def test_a_recording_of_another_study_is_refused(folder: Path, tmp_path: Path, w
         (tmp_path / "recordings" / name).write_bytes((folder / "recordings" / source).read_bytes())
     with pytest.raises(haploop.DataError, match=r"P02-push.h5 belongs to .*participant P01"):
         haploop.process_study(haploop.load_study(tmp_path), tmp_path / "out", workers=workers)
+
+
+def test_files_of_others_are_not_replaced(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "latch.h5").write_text("a digital button")
+    with pytest.raises(haploop.ConfigurationError, match=r"latch.h5 already exists"):
+        haploop.process_study(haploop.load_study(folder), tmp_path, workers=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["latch.h5"]
