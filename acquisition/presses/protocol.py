@@ -16,8 +16,8 @@ __all__ = ["Protocol"]
 class Protocol:
     """Timing of the prompts and acceptance limits. Times in s of the stream, not of the wall clock."""
 
-    block: float = 0.04
-    """Length of a block: 25 a second, so that a live view moves 20 times a second or more."""
+    block: float = 0.05
+    """Length of a block."""
     rest: float = 0.5
     """Duration of hands off at the beginning, in which the sensors' rest is measured."""
     rest_spread: float = 0.15

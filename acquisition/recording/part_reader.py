@@ -14,7 +14,7 @@ from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.rejections import without_rejected
 from haploop.acquisition.recording.rows import Event, PressVerdict, events_in, verdicts_in
 from haploop.acquisition.recording.salvage import codes_between, records_after, tables
-from haploop.instruments import Sensor
+from haploop.instruments import DataError, Sensor
 from haploop.instruments.arrays import FloatArray
 
 __all__ = ["PartReader"]
@@ -113,7 +113,9 @@ class PartReader:
         return np.asarray(self._sensor(name).to_si(volts))
 
     def _sensor(self, name: str) -> Sensor:
-        sensor: Sensor = getattr(self._sensors, name)
+        sensor: Sensor | None = getattr(self._sensors, name)
+        if sensor is None:
+            raise DataError(f"{self.path} was recorded without a sensor for {name}.")
         return sensor
 
 

@@ -284,6 +284,7 @@ def run_study(
     patience: float | None = None,
     attempts: int | None = None,
     pause: float = 0.0,
+    block: float | None = None,
 ) -> bool:
     """Record the presses still due in a study, of all or of some participants and buttons.
 
@@ -293,7 +294,7 @@ def run_study(
     each session ("P01, latch"), `on_verdict(participant, button, press)` for each press and `on_request` for
     each request of a session, as in `record`. `notes` are stored in every recording of this run. `wait` (s),
     `patience` (s) and `attempts` replace the study file's; `pause` (s) is the longest total pause of each
-    session (`Protocol.pause`).
+    session, and `block` (s) the length of a block (`Protocol`).
 
     Raises ConfigurationError for a name that the study does not have, DataError when a participant has
     not consented, and the errors of `record`.
@@ -302,7 +303,7 @@ def run_study(
         for button in buttons or study.file.buttons:
             study.progress_of(participant, button)
     _refuse_another_rig(rig, study)
-    limits: dict[str, Any] = {"wait": wait, "patience": patience, "attempts": attempts}
+    limits: dict[str, Any] = {"wait": wait, "patience": patience, "attempts": attempts, "block": block}
     with study.hold():
         for participant in participants or study.file.participants:
             entries = study.progress([participant])

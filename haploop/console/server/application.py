@@ -31,7 +31,7 @@ _STATIC = Path(__file__).parent / "static"
 PAGES = ("record", "study", "preflight", "table", "buttons", "experiment", "catalogue", "participant")
 """Pages beside the first one: PAGE.html in the folder of static files."""
 _PERIOD = 0.02
-"""s between two looks for new buckets; a recording has a block every 40 ms, and each is a frame."""
+"""s between two looks for new buckets; the console records a block every 40 ms, and each is a frame."""
 _TOKEN_DEADLINE = 5.0
 
 

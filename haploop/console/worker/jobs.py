@@ -48,6 +48,8 @@ __all__ = ["JOBS", "Job", "Tools", "clean", "numbers"]
 Work = Callable[[Rig], dict[str, Any]]
 _PAUSE = 1800.0
 """s: total pause of a session; the space for its samples is allocated before the first one."""
+_BLOCK = 0.04
+"""s: 25 blocks a second, so that the live view moves 20 times a second or more."""
 _WAIT = 600.0
 _SPACE = 1e9
 """Bytes free below which the preflight is not green: a session allocates up to some hundred megabytes."""
@@ -133,7 +135,7 @@ def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     notes = _notes(tools, wanted.get("notes"))
     out = tools.data.path("recordings")
     path = out / file_name(participant, button)
-    protocol = Protocol(wait=_WAIT, pause=_PAUSE, segmentation=segmentation_for(button))
+    protocol = Protocol(block=_BLOCK, wait=_WAIT, pause=_PAUSE, segmentation=segmentation_for(button))
 
     def work(rig: Rig) -> dict[str, Any]:
         _session(tools, participant, button, presses, "recordings")
@@ -166,7 +168,15 @@ def _study(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     def work(rig: Rig) -> dict[str, Any]:
         _session(tools, "", "", 0, tools.data.name(study.folder))
         complete = run_study(
-            rig, study, participants, buttons, tools.progress, tools.on_verdict, notes=notes, pause=_PAUSE
+            rig,
+            study,
+            participants,
+            buttons,
+            tools.progress,
+            tools.on_verdict,
+            notes=notes,
+            pause=_PAUSE,
+            block=_BLOCK,
         )
         return {"study": tools.data.name(folder), "complete": complete}
 

@@ -153,7 +153,7 @@ def test_the_operator_rejects_the_press_before(tmp_path):
 
 def test_a_session_that_is_paused_waits_with_the_file_open(tmp_path):
     rig = world_rig(seed=4)
-    # In blocks of 40 ms: a pause of 16 s, longer than any patience, before the second press.
+    # In blocks of 50 ms: a pause of 20 s, longer than any patience, before the second press.
     answers = iter([False] * 15 + [True] * 400 + [False] * 10_000)
     rig.operator.paused = lambda: next(answers)
     notes = iter([()] * 100 + [("Coffee.",)])

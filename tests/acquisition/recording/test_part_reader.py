@@ -48,7 +48,7 @@ def test_each_look_reads_what_was_added_and_parts_are_those_of_the_whole(tmp_pat
         recording = record(rig, "push", "P01", 4, tmp_path, on_verdict=look)
     reader = readers[0]
     assert len(looks) == 4 and {state for *_, state in looks} == {"recording"}
-    assert len(read) * 200 == looks[-1][0], "each block was read once"
+    assert len(read) * 250 == looks[-1][0], "each block was read once"
     reader.look()
     assert (reader.state, len(reader.verdicts)) == ("finished", 4)
     same(reader, recording)
