@@ -164,7 +164,7 @@ def test_a_session_that_is_paused_waits_with_the_file_open(tmp_path):
     assert not any(
         v.first < told["resumed"].sample and v.end > told["paused"].sample for v in recording.accepted
     )
-    assert told["resumed"].sample - told["paused"].sample == pytest.approx(16 * recording.rate_hz, rel=0.1)
+    assert told["resumed"].sample - told["paused"].sample == pytest.approx(20 * recording.rate_hz, rel=0.1)
     assert told["note"].text == "Coffee." and told["paused"].sample < told["note"].sample
     assert sum(block["count"] for block in recording.blocks) == recording.volts.shape[1]
 

@@ -80,7 +80,7 @@ def test_what_the_card_gave_is_what_the_file_holds(finished):
     assert recording.complete
     assert verify(recording.path) == ()
     assert recording.duration == codes.shape[1] / 5000
-    assert np.allclose(np.diff(recording.blocks["time"]), 0.04)
+    assert np.allclose(np.diff(recording.blocks["time"]), 0.05)
 
 
 def test_a_finished_file_says_who_what_and_how(finished):
