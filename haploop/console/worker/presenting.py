@@ -95,7 +95,7 @@ def present_stimuli(
                 sentence = str(error)
             board.set(request=None)
             state = "failed" if sentence else "done"
-            board.change("surface", lambda now, s=state, t=sentence: {**now, "state": s, "sentence": t})
+            board.set(surface={**board["surface"], "state": state, "sentence": sentence})
     finally:
         board.set(surface=None)
 
