@@ -3,8 +3,8 @@
 Usage: python .ci/mutation.py [MODULE...] [--sample N] [--seed S] [--out FILE] [--again FILE], on Linux, in an
 environment with haploop[test] and cosmic-ray. MODULE is a path below, or a part of it; without one, all. A
 mutant that no test notices is printed with its change. Each mutant is written into a copy of the tree, and
-tested by a process of its own with limits on time, memory and the size of files. docs/explanation/safety.md has
-the results.
+tested by a process of its own with limits on time, memory and the size of files. docs/explanation/safety.md
+has the results.
 """
 
 from __future__ import annotations
