@@ -73,7 +73,8 @@ def digest(flat: Flat) -> str:
 def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -> Value:
     """Rebuild the dataclass from the mapping of `flatten`.
 
-    Raises DataError when a field is missing or of another type, or the dataclass refuses its content.
+    Raises DataError when a field is missing or of another type, or the dataclass refuses its content: when it
+    is made, or by a method `refuse_nonsense`, for content that a script can make and no measurement has.
     """
     values: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
@@ -93,7 +94,10 @@ def restore(kind: type[Value], flat: Flat, path: str | Path, prefix: str = "") -
             with unreadable(path, f"{path} holds a {key!r} of another type: {_ELSE}."):
                 values[name] = _field(hint, flat[key])
     try:
-        return kind(**values)
+        made = kind(**values)
+        if refuse_nonsense := getattr(made, "refuse_nonsense", None):
+            refuse_nonsense()
+        return made
     except DataError as error:
         raise DataError(f"{path} cannot be used: {error}") from None
 

@@ -186,7 +186,9 @@ def test_no_way_out_leaves_voltage(
         after = r.uniform(0.0, 0.9) * ready.seconds[name]
         code = interrupted(way, after, commands(ready, out)[name])
         codes.append(code)
-        assert code in (0, 70, 129, 130, 143), (name, way, after)
+        # An exception within the way out is said, because nobody knows what it kept from being done.
+        said = (3,) if way == "exception" else ()
+        assert code in (0, 70, 129, 130, 143, *said), (name, way, after)
         assert not signals._held, "what asks the program to stop is heard again"
         for plant in plants[before:]:
             assert_safe(plant)

@@ -26,6 +26,8 @@ from haploop.instruments.notebook import InNotebook
 
 __all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
 
+_LARGEST = 1e9
+"""Samples/s, N and m/s^2 that no press reaches."""
 _KIND = "representative"
 _RIPPLE = 1e-4
 """Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
@@ -85,6 +87,17 @@ class Representative(InNotebook):
     """Band (Hz) in which the accelerometer's low-pass was undone; None when it was not undone."""
     noise_gain: float = 1.0
     """Gain (rms) of undoing the low-pass for white noise up to half the sample rate."""
+
+    def refuse_nonsense(self) -> None:
+        """See `hdf5.restore`. Raises DataError for signals that no presses have."""
+        signals = (self.acceleration, self.force, self.activation, self.spread)
+        whole = all(np.ndim(one) == 1 and np.all(np.abs(one) < _LARGEST) for one in signals)
+        if not whole or len({len(one) for one in signals}) != 1:
+            raise DataError(f"the press's signals are not of one length with values below {_LARGEST:g}.")
+        if not 0 <= self.activation_index < len(self.force):
+            raise DataError(f"the press activates at sample {self.activation_index} of {len(self.force)}.")
+        if not 0 < self.rate_hz < _LARGEST:
+            raise DataError(f"the press has {self.rate_hz:g} samples/s.")
 
     def __repr__(self) -> str:
         peak = float(np.max(np.abs(self.acceleration), initial=0.0))

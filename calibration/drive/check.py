@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import scipy
@@ -25,7 +25,7 @@ from haploop.calibration.drive.playing import Played, play, refuse_foreign, targ
 from haploop.calibration.perception import feeling_of
 from haploop.calibration.response import prepare
 from haploop.calibration.spectra import third_octaves
-from haploop.instruments import ConfigurationError, Rig
+from haploop.instruments import ConfigurationError, DataError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.notebook import InNotebook
 from haploop.instruments.progress import Progress, part_of, silent
@@ -118,6 +118,23 @@ class Check(InNotebook):
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
     simulated: bool
+
+    def refuse_nonsense(self) -> None:
+        """See `hdf5.restore`. Raises DataError for motion that nobody can have measured."""
+        signals = (self.target, self.accelerations)
+        if not all(np.all(np.isfinite(one)) for one in signals) or not self.target.size:
+            raise DataError("the check's target and plays have values that are not finite, or none.")
+        if np.ndim(self.target) != 1 or self.accelerations.shape[1:] != self.target.shape:
+            raise DataError("the check's plays are not as long as its target.")
+        octaves = (self.octaves_hz, self.target_db, self.measured_db, self.floor_db)
+        if any(np.ndim(one) != 1 or len(one) != len(self.octaves_hz) for one in octaves):
+            raise DataError("the check does not have one level for each third-octave band.")
+        if any(np.any(np.isnan(one)) for one in octaves):
+            raise DataError("the check has a third-octave level that is no number.")
+        if not 0 < self.rate_hz < 1e9:
+            raise DataError(f"the check has {self.rate_hz:g} samples/s.")
+        if self.verdict not in get_args(Verdict):
+            raise DataError(f"the check has the verdict {self.verdict!r}: there is no such.")
 
     def __repr__(self) -> str:
         low, high = (100 * edge for edge in self.wideband_interval)

@@ -73,6 +73,18 @@ class Model:
     spacing: float
     """Median distance of the response's lines (Hz)."""
 
+    def refuse_nonsense(self) -> None:
+        """See `hdf5.restore`. Raises DataError for poles that no fit finds."""
+        each = (self.poles, self.residues, self.resonant, self.decay_deviation)
+        if np.ndim(self.poles) != 1 or any(one.shape != self.poles.shape for one in each):
+            raise DataError("the model does not have one residue for each pole.")
+        if not all(
+            np.all(np.isfinite(one)) for one in (self.residues, self.constant, self.slope, *self.band)
+        ):
+            raise DataError("the model's residues, constant, slope and band are not finite.")
+        if not np.all((np.abs(self.poles) > 0) & (np.abs(self.poles) < 1e9)):
+            raise DataError("the model has a pole at 0, or beyond any frequency.")
+
     @property
     def stable(self) -> bool:
         """True when every pole lies in the left half plane."""

@@ -70,6 +70,28 @@ class Response:
     hysteresis: Hysteresis = LINEAR
     """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
 
+    def refuse_nonsense(self) -> None:
+        """See `hdf5.restore`. Raises DataError for lines that no measurement has."""
+        lines = self.frequencies.shape
+        if len(lines) != 1 or not lines[0] or not np.all(np.isfinite(self.velocity)):
+            raise DataError("the response's frequencies and velocities are not rows of finite values.")
+        if not (
+            np.all(np.diff(self.frequencies) > 0) and 0 <= self.frequencies[0] <= self.frequencies[-1] < 1e9
+        ):
+            raise DataError("the response's frequencies do not rise.")
+        rows = (self.velocity, *(one for one in self._said if one.size))
+        if any(row.shape != lines for row in rows) or self.distortion.shape[-1:] not in ((0,), lines):
+            raise DataError(f"the response does not have {lines[0]} values of each kind, one for each line.")
+        if self.coherence.size and not 0 <= self.coherence.min() <= self.coherence.max() <= 1:
+            raise DataError("the response's coherence is not between 0 and 1.")
+        if self.levels.shape != self.level_gain.shape:
+            raise DataError("the response has gains of other levels than it was measured at.")
+
+    @property
+    def _said(self) -> tuple[FloatArray | ComplexArray, ...]:
+        """Rows of lines that are empty where nothing was measured."""
+        return self.deviation, self.coherence, self.path, self.noise, self.scatter
+
     @property
     def acceleration(self) -> ComplexArray:
         """m/s^2 per V at the patch."""

@@ -207,6 +207,7 @@ def response(calibration: Calibration, truth: ComplexArray | None = None, column
     """
     measured, model = calibration.response, calibration.model
     frequencies, peak = measured.frequencies, model.resonance_hz
+    known = measured.coherence if measured.coherence.size else np.full(frequencies.shape, np.nan)
     with style():
         figure = new_figure(4.9, columns)
         grid = figure.subplots(
@@ -232,9 +233,9 @@ def response(calibration: Calibration, truth: ComplexArray | None = None, column
                 degrees = continuous_phase(values, fitted, reference)
                 if values is measured.velocity:
                     # Without coherence the phase is noise.
-                    degrees = np.where(measured.coherence >= 0.5, degrees, np.nan)
+                    degrees = np.where(known < 0.5, np.nan, degrees)
                 phase.plot(f, degrees[part], **look)
-            coherence.plot(f, measured.coherence[part], color=GREEN, linewidth=0.6)
+            coherence.plot(f, known[part], color=GREEN, linewidth=0.6)
             for axes in (size, phase, coherence):
                 axes.axvline(peak, color=GREY, linewidth=0.6, linestyle=(0, (1, 2)), zorder=0)
             coherence.set(xlabel="Frequency (Hz)", xlim=(f[0], f[-1]), ylim=(0, 1.05))

@@ -109,13 +109,14 @@ def _verdicts(loaded: Loaded, values: dict[str, Any]) -> list[Verdict]:
             return [_of_check(f"Digital {loaded.press.button} button", loaded.check)]
         case Calibration():
             model, response = loaded.model, loaded.response
+            lowest = values["coherence_min"]
+            coherence = "not measured" if lowest is None else f"at least {lowest:.3f}"
             return [
                 Verdict(
                     f"Calibration, patch {response.patch} at {response.point}",
                     "stable" if model.stable else "unstable",
                     bool(model.stable),
-                    f"model {100 * model.error:.1f} % from the response; lowest coherence "
-                    f"{values['coherence_min']:.3f}",
+                    f"model {100 * model.error:.1f} % from the response; coherence {coherence}",
                 )
             ]
         case VibrationMap():

@@ -28,8 +28,8 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
         "source": response.source,
         "excitation": response.excitation,
         "confidence": json_number(np.median(response.confidence()) / np.abs(response.velocity).max()),
-        "coherence_min": json_number(response.coherence.min()),
-        "coherence_median": json_number(np.median(response.coherence)),
+        "coherence_min": json_number(response.coherence.min()) if response.coherence.size else None,
+        "coherence_median": json_number(np.median(response.coherence)) if response.coherence.size else None,
         "resonance_hz": json_number(model.resonance_hz),
         "carriers_hz": [json_number(r.frequency_hz) for r in model.carriers],
         "model_error": json_number(model.error),
@@ -54,9 +54,9 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
     table.add_row("Excitation", response.excitation)
     if response.source != "measured":
         table.add_row("Source", response.source)
-    table.add_row(
-        "Coherence", f"median {values['coherence_median']:.4f}, lowest {values['coherence_min']:.4f}"
-    )
+    median, lowest = values["coherence_median"], values["coherence_min"]
+    coherence = "not measured" if lowest is None else f"median {median:.4f}, lowest {lowest:.4f}"
+    table.add_row("Coherence", coherence)
     table.add_row("Resonance", f"{model.resonance_hz:.2f} Hz (the strongest of {len(model.resonances)})")
     table.add_row("Damping ratio", damping(model.carriers[0]))
     if model.ambiguity:

@@ -6,11 +6,13 @@ The bytes, and the structure under a checksum that fits.
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from haploop.acquisition import Representative
+from haploop.acquisition import Representative, hdf5
 from haploop.acquisition.json_files import write_json
 from haploop.calibration import Calibration, build_button
 from haploop.instruments import open_rig
@@ -77,6 +79,43 @@ def test_a_command_survives_any_structure(
         restructure(path, seed, kind)
         used(run, "show", path, "--json")
         used(run, "verify", path, "--json")
+
+
+NONSENSE = {
+    "representative": {"rate_hz": 1e300, "acceleration": np.full(4, np.nan), "activation_index": 10**9},
+    "calibration": {
+        "model/poles": np.zeros(3, complex),
+        "response/frequencies": np.zeros(5),
+        "response/coherence": np.full(5, np.nan),
+    },
+    "drive": {"volts": np.zeros(0), "rate_hz": -1.0},
+    "check": {"verdict": "perhaps", "rate_hz": 1e300, "floor_db": np.full(3, np.nan)},
+}
+
+
+@pytest.mark.parametrize("kind", NONSENSE)
+def test_content_that_nobody_measured_is_refused_under_a_hash_that_fits(
+    kind: str, files: dict[str, Path], run: Run, tmp_path: Path
+) -> None:
+    flat = hdf5.read(files[kind], kind)
+    for number, (key, value) in enumerate(NONSENSE[kind].items()):
+        assert key in flat
+        path = tmp_path / f"{number}.h5"
+        hdf5.write(path, kind, {**flat, key: value})
+        assert used(run, "show", path, "--json") == 2
+
+
+def test_a_response_without_coherence_is_shown_and_reported(
+    files: dict[str, Path], run: Run, tmp_path: Path
+) -> None:
+    """As another program may have measured it."""
+    found = Calibration.load(files["calibration"])
+    path = tmp_path / "other.h5"
+    replace(found, response=replace(found.response, coherence=np.zeros(0))).save(path)
+    shown = run("show", path, "--plot", tmp_path / "other.png")
+    assert shown.exit_code == 0 and "not measured" in shown.stdout, shown.output
+    assert run("report", path, "--out", tmp_path / "report.html").exit_code == 0
+    assert "coherence not measured" in (tmp_path / "report.html").read_text("utf-8")
 
 
 OTHERS = ([], {}, [1], [[]], {"a": None}, "a", None, 1e308, [None] * 1000)
