@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from haploop.experiments import Store, load_experiment
-from tests.haploop.console.browser.browsing import WAIT, Tab, expect, experiments, told, visit
-from tests.haploop.console.serving import Served, end, served, start
+from tests.haploop.console.browser.browsing import WAIT, Tab, expect, experiments, visit
+from tests.haploop.console.serving import Served, end, start
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -25,27 +24,6 @@ text = "Which was stronger?"
 [comparison]
 standard = 1.0
 levels = [1.2, 1.6]
-[[block]]
-name = "experiment"
-"""
-PLAYED = """
-name = "played"
-kind = "identification"
-seed = 3
-consent = false
-[buttons]
-latch = "latch.h5"
-push = "push.h5"
-[[factor]]
-name = "button"
-levels = ["latch", "push"]
-[question]
-text = "Which was it?"
-identify = "button"
-[[block]]
-name = "finger calibration"
-kind = "finger"
-repetitions = 2
 [[block]]
 name = "experiment"
 """
@@ -244,45 +222,3 @@ def test_a_staircase_by_keyboard_follows_the_answers(browser, tab, console):
     levels = [max(step.values) for step, _, _ in stored(console.data, "stairs").answers]
     assert levels == pytest.approx([0.5, 0.5, 0.4, 0.45, 0.45])
     shown.context.close()
-
-
-def test_the_rig_plays_the_digital_buttons_and_stop_leaves_the_trial_due(browser, tmp_path, made):
-    """Prepared, finger calibrated, one trial played and answered; STOP; prepared again; the last trial."""
-    data = tmp_path / "data"
-    (data / "played").mkdir(parents=True)
-    (data / "played" / "experiment.toml").write_text(PLAYED, encoding="utf-8")
-    for name in ("latch.h5", "push.h5"):
-        shutil.copy(made / name, data / "played")
-    with served(
-        data, "--port", "0", "--rig", "experiment", "--virtual-time", state=tmp_path / "state"
-    ) as console:
-        tab = Tab(browser, console)
-        page = visit(tab, console, "experiment")
-        shown = participants_tab(browser, page, console)
-        begin(page, "played", "P01", consent=False)
-        present(page)
-        expect(page.locator("#said")).to_contain_text("prepare it first", timeout=WAIT)
-        page.get_by_role("button", name="Prepare the rig").click()
-        expect(page.locator("#ready")).to_have_text("The rig is ready.", timeout=5 * WAIT)
-        present(page)
-        expect(shown.locator("#where")).to_have_text("experiment, 1 of 2", timeout=2 * WAIT)
-        present(page)
-        expect(shown.locator(".choices button")).to_have_count(2, timeout=WAIT)
-        shown.keyboard.press("1")
-        expect(shown.locator("#where")).to_have_text("experiment, 2 of 2", timeout=WAIT)
-        page.keyboard.press("Escape")
-        expect(page.locator("#stopped")).to_contain_text("The output is zero", timeout=WAIT)
-        expect(page.locator("#ready")).to_have_text("The rig is not prepared.", timeout=WAIT)
-        assert shown.locator("#stop").count() == 0
-        page.get_by_role("button", name="Prepare the rig").click()
-        expect(page.locator("#ready")).to_have_text("The rig is ready.", timeout=5 * WAIT)
-        present(page)
-        expect(shown.locator(".choices button")).to_have_count(2, timeout=WAIT)
-        shown.keyboard.press("2")
-        expect(shown.locator("#question")).to_contain_text("complete", timeout=WAIT)
-        page.get_by_role("button", name="Leave the rig").click()
-        told(page, "Rig for the experiment played: done")
-        assert not tab.errors
-    found = stored(data, "played")
-    kinds = [event.kind for event in found.events]
-    assert found.due is None and kinds.count("activation") == 2 and kinds.count("finger") == 1
