@@ -82,8 +82,8 @@ class Response:
         rows = (self.velocity, *(one for one in self._said if one.size))
         if any(row.shape != lines for row in rows) or self.distortion.shape[-1:] not in ((0,), lines):
             raise DataError(f"the response does not have {lines[0]} values of each kind, one for each line.")
-        if self.coherence.size and not 0 <= self.coherence.min() <= self.coherence.max() <= 1:
-            raise DataError("the response's coherence is not between 0 and 1.")
+        if not np.all(np.isfinite(self.coherence)):
+            raise DataError("the response's coherence is not finite.")
         if self.levels.shape != self.level_gain.shape:
             raise DataError("the response has gains of other levels than it was measured at.")
 
