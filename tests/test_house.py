@@ -11,6 +11,7 @@
 3. A name with a leading underscore stays in its package.
 4. Inside a room, its own door is not used: it would import what stands above.
 5. A file that is named in code or documents is there.
+6. Nothing that haploop writes is committed by accident: recordings lie in `tests/data` only.
 """
 
 from __future__ import annotations
@@ -201,3 +202,13 @@ def test_a_file_that_is_named_is_there() -> None:
             ):
                 wrong.append(f"{path.relative_to(ROOT)}: {name}")
     assert not wrong, "\n".join(["These files are named and are not there:", *wrong])
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="what is tracked is known in a checkout only")
+def test_no_data_file_is_committed_by_accident() -> None:
+    stray = [
+        str(path.relative_to(ROOT))
+        for path in tracked()
+        if path.suffix in {".h5", ".jsonl"} and not path.is_relative_to(ROOT / "tests" / "data")
+    ]
+    assert not stray, stray
