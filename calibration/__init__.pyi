@@ -21,6 +21,7 @@ from .model import Calibration as Calibration
 from .model import Model as Model
 from .model import Resonance as Resonance
 from .model import calibrate as calibrate
+from .model import calibrate_keeping as calibrate_keeping
 from .model import fit as fit
 from .perception import Feeling as Feeling
 from .perception import feeling_of as feeling_of

@@ -43,6 +43,7 @@ from .calibration import activate as activate
 from .calibration import adopt as adopt
 from .calibration import build_button as build_button
 from .calibration import calibrate as calibrate
+from .calibration import calibrate_keeping as calibrate_keeping
 from .calibration import calibrations_of as calibrations_of
 from .calibration import check as check
 from .calibration import check_feeling as check_feeling

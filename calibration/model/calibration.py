@@ -12,6 +12,7 @@ from haploop.calibration.response import (
     Excitation,
     Hysteresis,
     Response,
+    Waveforms,
     fit_hysteresis,
     measure_above,
     measure_distortion,
@@ -21,7 +22,7 @@ from haploop.instruments import ConfigurationError, Rig, RigFile
 from haploop.instruments.notebook import InNotebook
 from haploop.instruments.progress import Progress, silent
 
-__all__ = ["Calibration", "calibrate"]
+__all__ = ["Calibration", "calibrate", "calibrate_keeping"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +99,23 @@ def calibrate(
     """
     found = Calibration.of(measure_response(rig, patch, point, progress, excitation=excitation))
     return examined(rig, found, progress)
+
+
+def calibrate_keeping(
+    rig: Rig,
+    patch: str = "A",
+    point: str = "button",
+    progress: Progress = silent,
+    *,
+    excitation: Excitation = SWEEP,
+) -> tuple[Calibration, Waveforms]:
+    """`calibrate`, and the volts of every play that it was computed from, of which it can be computed again.
+
+    Raises what `calibrate` raises.
+    """
+    with rig.captures() as captures:
+        found = calibrate(rig, patch, point, progress, excitation=excitation)
+    return found, Waveforms.of(rig, captures, found.digest, patch, point)
 
 
 def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) -> Calibration:

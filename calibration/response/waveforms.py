@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from haploop.acquisition import hdf5
-from haploop.instruments import Capture
+from haploop.instruments import Capture, Rig
 
 __all__ = ["Waveforms"]
 
@@ -19,7 +19,8 @@ class Waveforms:
     """Volts at the converter of every play of a calibration, in order: run-downs, then excitations.
 
     Samples are stored in single precision, whose steps are finer than those of a 24-bit converter. A play
-    through a player is resampled to the clock of its drive (`Rig.excite`).
+    through a player is resampled to the clock of its drive (`Rig.excite`). What brings the volts to SI is
+    stored with them.
     """
 
     captures: tuple[Capture, ...]
@@ -27,15 +28,43 @@ class Waveforms:
     """Content hash of the calibration that was computed from them (`Calibration.digest`)."""
     patch: str
     point: str
+    drive: str
+    """Channel that monitors the patch."""
+    drive_ratio: float
+    """Volts at the patch over volts of that channel."""
+    laser: str
+    """Channel of the vibrometer."""
+    laser_scale: float
+    """Velocity over volts of that channel (m/s per V)."""
+    laser_bandwidth_hz: float
+    """Corner of the vibrometer's output (Hz; one pole)."""
+    laser_delay: float
+    """Delay of the vibrometer's output (s)."""
     simulated: bool
 
     @classmethod
-    def of(
-        cls, captures: Sequence[Capture], calibration: str, patch: str, point: str, simulated: bool
-    ) -> Waveforms:
-        """Reduce captures to single precision."""
-        single = (replace(one, volts=one.volts.astype(np.float32)) for one in captures)
-        return cls(tuple(single), calibration, patch, point, simulated)
+    def of(cls, rig: Rig, captures: Sequence[Capture], calibration: str, patch: str, point: str) -> Waveforms:
+        """Reduce captures of a rig to single precision."""
+        divider = rig.sensors.drive
+        assert divider is not None  # a table was measured
+        return cls(
+            tuple(replace(one, volts=one.volts.astype(np.float32)) for one in captures),
+            calibration,
+            patch,
+            point,
+            drive=rig.monitor(patch),
+            drive_ratio=float(divider.to_si(np.ones((1, 1)))[0, 0]),
+            laser=rig.vibrometer.channel,
+            laser_scale=rig.vibrometer.scale,
+            laser_bandwidth_hz=rig.vibrometer.bandwidth_hz,
+            laser_delay=rig.vibrometer.delay,
+            simulated=rig.simulated,
+        )
+
+    @staticmethod
+    def beside(calibration: Path) -> Path:
+        """Where the waveforms of a calibration's file are kept: FILE-waveforms.h5 beside it."""
+        return calibration.with_name(f"{calibration.stem}-waveforms{calibration.suffix}")
 
     @property
     def seconds(self) -> float:
@@ -44,7 +73,7 @@ class Waveforms:
 
     def save(self, path: str | Path) -> None:
         """Write to a new HDF5 file, whole or not at all. Raises DataError if it exists."""
-        hdf5.write(path, "waveforms", hdf5.flatten(self))
+        hdf5.write(path, "waveforms", hdf5.flatten(self), packed=True)
 
     @classmethod
     def load(cls, path: str | Path) -> Waveforms:

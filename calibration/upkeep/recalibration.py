@@ -16,7 +16,8 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from haploop.calibration.drive import Check, DigitalButton, Drive, Method, build_button, check
-from haploop.calibration.model import Calibration, calibrate
+from haploop.calibration.model import Calibration, calibrate_keeping
+from haploop.calibration.response import Waveforms
 from haploop.calibration.upkeep.drift import Verdict
 from haploop.calibration.upkeep.history import Generation, History
 from haploop.calibration.upkeep.look import Look, Place, look_at, place_of
@@ -336,6 +337,7 @@ def _bring_back(
     before: dict[str, Check] = dict(found.before)
     after: dict[str, DigitalButton] = {}
     renewed: dict[Place, Calibration] = {}
+    measured: dict[Place, Waveforms] = {}
     failed: list[str] = []
     for name, old in buttons.items():
         place = old.drive.patch, old.drive.point
@@ -344,7 +346,7 @@ def _bring_back(
                 old_drive = prefixed(progress, f"{name}, old drive")
                 before[name] = check(rig, old.drive, plays=_PLAYS_BEFORE, progress=old_drive)
             if place not in renewed:
-                renewed[place] = calibrate(rig, *place, progress)
+                renewed[place], measured[place] = calibrate_keeping(rig, *place, progress)
             after[name] = build_button(
                 rig,
                 old.press,
@@ -367,7 +369,8 @@ def _bring_back(
     kept = {place_of(c): c for c in calibrations} | renewed
     reason = " ".join(found.sentences)
     generation = history.add(
-        _parts(kept.values(), after, before),
+        _parts(kept.values(), after, before)
+        | {f"waveforms/{'-'.join(place)}.h5": waveforms for place, waveforms in measured.items()},
         when=found.when,
         reason=reason,
         details=found.summary(),

@@ -43,7 +43,7 @@ __all__ = ["calibrate", "check"]
     "--waveforms/--no-waveforms",
     default=True,
     show_default=True,
-    help="Keep what was measured in FILE-waveforms.h5 (0.4 MB for each second).",
+    help="Keep what was measured in FILE-waveforms.h5 (0.13 MB for each second).",
 )
 @RIG
 @SIMULATE
@@ -61,7 +61,7 @@ def calibrate(
 ) -> int:
     """Measure the table's response and fit a model."""
     outputs.check_new_file(out)
-    measured = out.with_name(f"{out.stem}-waveforms{out.suffix}")
+    measured = haploop.Waveforms.beside(out)
     if waveforms:
         outputs.check_new_file(measured)
     with (
@@ -70,12 +70,10 @@ def calibrate(
         Steps() as steps,
     ):
         on_table(opened, point)
-        with opened.captures() as captures:
-            calibration = haploop.calibrate(opened, patch, point, steps)
+        calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
     calibration.save(out)
     if waveforms:
-        simulated = calibration.response.simulated
-        haploop.Waveforms.of(captures, calibration.digest, patch, point, simulated).save(measured)
+        kept.save(measured)
     display.show_file(out, as_json)
     return 0
 

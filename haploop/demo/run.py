@@ -16,7 +16,7 @@ from haploop.acquisition import (
     record,
     representative,
 )
-from haploop.calibration import Check, calibrate, drive_for
+from haploop.calibration import Check, Waveforms, calibrate_keeping, drive_for
 from haploop.calibration.drive import check
 from haploop.demo.report import report, summarise
 from haploop.demo.result import BUTTONS, PRESSES, ButtonResult, Demo
@@ -29,7 +29,16 @@ from haploop.live import published
 
 __all__ = ["claim_folder", "run_demo"]
 
-_RESULTS = ("recordings", "presses", "drives", "checks", "calibration.h5", "summary.json", "report.html")
+_RESULTS = (
+    "recordings",
+    "presses",
+    "drives",
+    "checks",
+    "calibration.h5",
+    "calibration-waveforms.h5",
+    "summary.json",
+    "report.html",
+)
 """Files and folders written by a demo."""
 
 
@@ -47,7 +56,8 @@ def run_demo(
 
     A lab's rig file is always simulated, with twins unless `mode` is "wire": no hardware is used.
     `seed` overrides the seed in the file. Returns the summary, which is also written as `summary.json`
-    beside `report.html`, `calibration.h5`, `recordings/`, `presses/`, `drives/` and `checks/`.
+    beside `report.html`, `calibration.h5`, `calibration-waveforms.h5`, `recordings/`, `presses/`, `drives/`
+    and `checks/`. Error, floor, verdict and response can be computed again from these files.
 
     Raises ConfigurationError when `out` holds a demo already or cannot be written, and the
     errors of the steps.
@@ -124,8 +134,10 @@ def _loop(
         presses[button].save(out / "presses" / f"{button}.h5")
         progress(step, 1, 1, "")
 
-    calibration = calibrate(rig, "A", "button", prefixed(progress, "Calibrate the table"))
+    calibration, waveforms = calibrate_keeping(rig, "A", "button", prefixed(progress, "Calibrate the table"))
     calibration.save(out / "calibration.h5")
+    waveforms.save(Waveforms.beside(out / "calibration.h5"))
+    del waveforms
 
     checks: dict[str, Check] = {}
     (out / "drives").mkdir()

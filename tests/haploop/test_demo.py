@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from typing import Any
 
 import h5py
@@ -10,6 +11,7 @@ import pytest
 
 from haploop.acquisition import Recording
 from tests.haploop.conftest import Demo, Run
+from tests.test_documents import ROOT, blocks
 
 
 def numbers(value: Any) -> list[float]:
@@ -87,6 +89,28 @@ def test_a_second_demo_overwrites_nothing(demo: Demo, run: Run) -> None:
     assert result.exit_code == 2
     assert "not overwritten" in result.stderr
     assert (demo.folder / "summary.json").read_bytes() == before
+
+
+def test_the_scripts_of_the_documents_compute_a_demo_again(
+    demo: Demo, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Error, floor, interval, verdict and response, from the files of its folder."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("calibration.h5", "calibration-waveforms.h5"):
+        shutil.copy(demo.folder / name, name)
+    shutil.copy(demo.folder / "checks" / "push.h5", "push-check.h5")
+    for block in blocks((ROOT / "docs" / "explanation" / "check.md").read_text(encoding="utf-8")):
+        if block.language == "python":
+            exec(compile(block.text, f"line {block.line} of check.md", "exec"), {})
+    printed = capsys.readouterr().out
+    push = demo.summary["buttons"]["push"]
+    low, high = push["wideband_interval"]
+    error, floor = push["wideband_nrmse"], push["wideband_floor"]
+    assert printed.startswith(f"{error:.4f} ({low:.4f} to {high:.4f}), floor {floor:.4f}, pass: True")
+    off = re.search(r"at ([\d.]+) Hz; ([\d.]+)% from the stored one", printed)
+    assert off and float(off[2]) < 2
+    assert float(off[1]) == pytest.approx(demo.summary["resonance_hz"], abs=1)
+    assert (demo.folder / "calibration-waveforms.h5").stat().st_size < 10e6
 
 
 @pytest.mark.parametrize(

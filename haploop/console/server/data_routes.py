@@ -29,6 +29,7 @@ from haploop.calibration import (
     Drive,
     History,
     VibrationMap,
+    Waveforms,
     check_feeling,
 )
 from haploop.calibration.map import MapFolder
@@ -49,6 +50,7 @@ _MOST_FILES = 500
 _ASKED = ("kind", "participant", "button", "verdict")
 _FORCE_HZ = 1000.0
 _SHOWN_HZ = 5000.0
+_MEASURED = Waveforms.beside(Path("a.h5")).name.removeprefix("a")
 """Samples per second of the waveforms of a check that are sent."""
 
 
@@ -105,7 +107,7 @@ def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
         "recordings": names("recordings/*.h5") + names("*/recordings/*.h5"),
         "studies": [name.removesuffix("/study.toml") for name in names("*/study.toml")],
         "experiments": [name.removesuffix("/experiment.toml") for name in names("*/experiment.toml")],
-        "calibrations": names("calibrations-made/*.h5"),
+        "calibrations": [n for n in names("calibrations-made/*.h5") if not n.endswith(_MEASURED)],
         "maps": [name.removesuffix("/map.json") for name in names("maps/*/map.json")],
         "buttons": names("buttons/*.h5"),
         "checks": names("checks/*.h5"),

@@ -27,10 +27,11 @@ from haploop.calibration import (
     Calibration,
     DigitalButton,
     History,
+    Waveforms,
     activate,
     adopt,
     build_button,
-    calibrate,
+    calibrate_keeping,
     examine,
     map_plan,
     measure_map,
@@ -262,10 +263,12 @@ def _calibrate(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     name = clean(wanted.get("name") or f"{patch}-{point}", "The name", 1)
     path = tools.data.path(f"calibrations-made/{name}.h5")
     check_destination(path)
+    check_destination(Waveforms.beside(path))
 
     def work(rig: Rig) -> dict[str, Any]:
-        calibration = calibrate(rig, patch, point, tools.progress)
+        calibration, waveforms = calibrate_keeping(rig, patch, point, tools.progress)
         calibration.save(path)
+        waveforms.save(Waveforms.beside(path))
         return {"file": tools.data.name(path)}
 
     return work

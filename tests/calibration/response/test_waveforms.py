@@ -24,7 +24,7 @@ def test_the_response_is_computed_again_from_the_file(open: OpenRig, tmp_path: P
     with rig.captures() as captures:
         response = measure_response(rig, excitation=SHORT)
     rig.excite(np.zeros(10), ("A",), ("laser",))
-    Waveforms.of(captures, "hash", "A", "button", rig.simulated).save(path)
+    Waveforms.of(rig, captures, "hash", "A", "button").save(path)
     assert verify(path) == ()
     shown = file_contents(path).values
     assert (shown["plays"], shown["channels"]) == (len(captures), ["drive", "laser"])
