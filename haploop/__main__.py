@@ -9,13 +9,18 @@ from types import FrameType
 
 __all__ = ["main"]
 
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+
 
 def main() -> None:
-    """Run the command line; Ctrl-C during loading or after the end exits at once, as no rig is open then."""
-    before = signal.signal(signal.SIGINT, _stop)
+    """Run the command line; a stop signal before or after it exits at once, as no rig is open then."""
+    every = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
+    # Whoever started the command may have it ignore some: `nohup`, a job in the background.
+    before = {kind: signal.signal(kind, _stop) for kind in every if signal.getsignal(kind) != signal.SIG_IGN}
     from haploop.cli import main as run  # noqa: PLC0415
 
-    signal.signal(signal.SIGINT, before)
+    if signal.SIGINT in before:
+        signal.signal(signal.SIGINT, before[signal.SIGINT])
     try:
         run()
     except KeyboardInterrupt:
@@ -26,10 +31,10 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _stop(_number: int, _frame: FrameType | None) -> None:
+def _stop(number: int, _frame: FrameType | None) -> None:
     # Exit directly: an exception during an import can be swallowed, or print a traceback.
     os.write(2, b"Error: Stopped.\n")
-    os._exit(130)
+    os._exit(128 + number)
 
 
 if __name__ == "__main__":

@@ -148,7 +148,11 @@ def _stopping_as_interrupt() -> Iterator[None]:
         yield
         return
     # Python already raises KeyboardInterrupt for Ctrl-C.
-    before = {kind: signal.signal(kind, stop) for kind in STOPPING if kind != signal.SIGINT}
+    # Nor is a signal handled that whoever started the command has it ignore (`nohup`).
+    handled = [
+        kind for kind in STOPPING if kind != signal.SIGINT and signal.getsignal(kind) != signal.SIG_IGN
+    ]
+    before = {kind: signal.signal(kind, stop) for kind in handled}
     try:
         yield
     finally:

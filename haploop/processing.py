@@ -26,7 +26,15 @@ from typing import Any
 import numpy as np
 
 import haploop
-from haploop.acquisition import AverageMethod, Representative, Study, open_part, representative
+from haploop.acquisition import (
+    AverageMethod,
+    Representative,
+    Study,
+    content_hash,
+    open_part,
+    representative,
+)
+from haploop.acquisition.json_files import read_json, write_json
 from haploop.exchange import COLUMNS, press_table, write_rows
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.extras import optional
@@ -37,6 +45,8 @@ __all__ = ["Processed", "process_study"]
 
 _ALONE = 8
 """Tasks up to which one process computes them: starting others takes as long."""
+_PART = "part of a study"
+"""Kind of the file that says that a part was computed."""
 _AHEAD = 4
 """Tasks in the pool for each worker."""
 _RESTARTS = 3
@@ -125,9 +135,11 @@ class _Task:
     @property
     def done(self) -> bool:
         try:
-            return bool(json.loads(self.mark.read_text(encoding="utf-8"))["key"] == self.key)
-        except (OSError, ValueError, KeyError, TypeError):
+            said = read_json(self.mark, _PART, dict)
+            made = said["press"] is None or content_hash(self.press) == said["press"]
+        except (DataError, LookupError):
             return False
+        return made and bool(said["key"] == self.key)
 
     def save(self, result: _Result) -> None:
         """Write the result; the mark last, so that what was cut off is computed again."""
@@ -136,11 +148,12 @@ class _Task:
         rows, press, problem = result
         if press is not None:
             press.save(self.press)
-        with new_file(self.mark) as part:
-            part.write_text(json.dumps({"key": self.key, "problem": problem, "rows": rows}), encoding="utf-8")
+        made = None if press is None else content_hash(self.press)
+        said = {"key": self.key, "press": made, "problem": problem, "rows": rows}
+        write_json(self.mark, _PART, said)
 
     def load_rows(self) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = json.loads(self.mark.read_text(encoding="utf-8"))["rows"]
+        found: list[dict[str, Any]] = read_json(self.mark, _PART, dict)["rows"]
         return found
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from haploop.acquisition import hdf5
 from haploop.acquisition.checksum import add_checksum, bounded, created, opened
-from haploop.acquisition.json_files import is_json, json_hash
+from haploop.acquisition.json_files import is_json, json_hash, read_lines
 from haploop.acquisition.recording.file_format import CODES, Contents, Header, read_header, write_header
 from haploop.acquisition.recording.readings import file_problems
 from haploop.acquisition.recording.rows import (
@@ -153,7 +153,7 @@ def content_hash(path: str | Path) -> str:
 
     Raises DataError.
     """
-    if _is_log(Path(path)):
+    if Path(path).suffix == ".jsonl" and Path(path).is_file():
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     if is_json(Path(path)):
         return json_hash(Path(path))
@@ -169,8 +169,12 @@ def verify(path: str | Path) -> tuple[str, ...]:
     an audit log damaged lines.
     """
     path = Path(path)
-    if _is_log(path):
+    if path.match("log-*.jsonl") and path.is_file():
         return log_problems(path)
+    if path.suffix == ".jsonl" and path.is_file():
+        if not read_lines(path):
+            raise DataError(f"{path} has no line that was written completely.")
+        return ()
     if is_json(path):
         json_hash(path)
         return ()
@@ -197,10 +201,6 @@ def verify(path: str | Path) -> tuple[str, ...]:
         problems.append(f"{path} has a press that ends after its last sample.")
     problems += file_problems(events_in(contents.events), path.parent)
     return tuple(problems)
-
-
-def _is_log(path: Path) -> bool:
-    return path.match("log-*.jsonl") and path.is_file()
 
 
 def write_finished(path: Path, header: Header, contents: Contents, state: str, in_place: bool) -> None:

@@ -67,6 +67,12 @@ def analyse_ratings(
     between = between or ("group" if "group" in rows.columns else "")
     cells = cells_of(rows, [*factors, "pair"], ["rating"], between)
     values = cells.values[..., 0]
+    if len(values) <= max(1, len(cells.group_names)):
+        left_out = f" ({len(cells.incomplete)} did not)" if cells.incomplete else ""
+        raise DataError(
+            f"Of {len(values)} people who rated everything{left_out} no spread between people can be "
+            "estimated: it takes one more than there are groups, and two at least."
+        )
     if normalised:
         values = normalise(values, cells.people)
     groups = cells.groups if len(cells.group_names) > 1 else ()

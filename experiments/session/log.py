@@ -1,23 +1,23 @@
 """The log of a session: one line of JSON an event, durable before the next thing happens.
 
-Each line has a number and a checksum, so that a line that is missing, repeated or changed is noticed. A line
-that was cut off when the program was killed is kept as it is, and the next one says so.
+Each line has a number and a hash, so that a line that is missing, repeated or changed is noticed. A line that
+was cut off when the program was killed is kept as it is, and the next one says so.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from haploop.acquisition.json_files import read_lines
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.clock import Clock
 from haploop.instruments.files import os_error_text, sync_folder
+from haploop.instruments.json_text import as_line, from_text
 
 __all__ = ["Event", "EventLog", "read_log"]
 
@@ -48,7 +48,7 @@ class EventLog:
         if path.exists():
             self.events = list(read_log(path))
             fragment = path.read_bytes().rpartition(b"\n")[2]
-            cut_off = bool(fragment) and _event(fragment) is None
+            cut_off = bool(fragment) and not is_whole(fragment)
         self._run = max((event.run for event in self.events), default=0) + 1
         try:
             path.parent.parent.mkdir(parents=True, exist_ok=True)
@@ -96,59 +96,34 @@ def read_log(path: Path, only_first: bool = False) -> tuple[Event, ...]:
     A last line that was cut off by an interruption is left out; so is one that is followed by an event that
     says so.
     """
-    try:
-        with path.open("rb") as file:
-            lines = (file.readline() if only_first else file.read()).split(b"\n")
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-    *whole, last = lines
-    if _event(last) is not None:
-        whole.append(last)
-    events: list[Event] = []
-    broken = 0
-    for number, line in enumerate(whole, 1):
-        event = _event(line)
-        if broken:
-            if event is None or event.kind != "resumed" or event.values.get("cut_off") is not True:
-                raise DataError(_damaged(path, broken))
-            broken = 0
-        if event is None:
-            broken = number
-        elif event.number != (events[-1].number + 1 if events else 1):
-            raise DataError(_damaged(path, number))
-        else:
-            events.append(event)
-    if broken:
-        raise DataError(_damaged(path, broken))
-    return tuple(events)
+    return tuple(_event(path, entry) for entry in read_lines(path, only_first))
 
 
 def private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-def _damaged(path: Path, number: int) -> str:
-    return f"{path}, line {number} is damaged, or a line before it is missing: restore the file from a copy."
-
-
 def _line(event: Event) -> bytes:
-    content = {
-        "number": event.number,
-        "event": event.kind,
-        "time": event.time,
-        "at": event.at,
-        "run": event.run,
-        **event.values,
-    }
-    text = json.dumps(content, allow_nan=False, ensure_ascii=False)
-    return f'{text[:-1]}, "crc": {zlib.crc32(text.encode())}}}\n'.encode()
+    said = {"number": event.number, "event": event.kind, "time": event.time, "at": event.at, "run": event.run}
+    return as_line({**said, **event.values}).encode()
 
 
-def _event(line: bytes) -> Event | None:
-    """The event of a line; None for a line that is not as it was written."""
-    head, separator, tail = line.rpartition(b', "crc": ')
-    if not separator or tail != b"%d}" % zlib.crc32(head + b"}"):
-        return None
-    values = json.loads(head + b"}")
-    number, kind, time, at, run = (values.pop(key) for key in ("number", "event", "time", "at", "run"))
-    return Event(number, kind, time, at, run, values)
+def _event(path: Path, entry: dict[str, Any]) -> Event:
+    number = entry.pop("number")
+    try:
+        kind, time = str(entry.pop("event")), str(entry.pop("time"))
+        at, run = float(entry.pop("at")), int(entry.pop("run"))
+    except (LookupError, TypeError, ValueError, OverflowError):
+        raise DataError(
+            f"{path}, line {number} is no event of a session: restore the file from a copy."
+        ) from None
+    return Event(number, kind, time, at, run, entry)
+
+
+def is_whole(line: bytes) -> bool:
+    """True for a line that was written completely."""
+    try:
+        from_text(line)
+    except ValueError:
+        return False
+    return True

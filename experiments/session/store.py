@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from haploop.acquisition import file_name
+from haploop.acquisition.json_files import read_lines
 from haploop.experiments.protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
-from haploop.experiments.session.log import Event, private, read_log
+from haploop.experiments.session.log import Event, is_whole, private, read_log
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
-from haploop.instruments.json_text import as_line, from_text
+from haploop.instruments.json_text import as_line
 from haploop.instruments.safety import hold
 
 __all__ = ["Store", "StoredSession", "Withdrawal"]
@@ -84,9 +85,9 @@ class Store:
         """The values of the first event of each participant: assignment, and whether one is simulated."""
         found = {}
         for who in self.participants():
-            events = read_log(self.path_of(who, 1), only_first=True)
-            if events:
-                found[who] = events[0].values
+            path = self.path_of(who, 1)
+            if events := read_log(path, only_first=True):
+                found[who] = _head(path, events[0])
         return found
 
     def session(self, participant: str, session: int) -> StoredSession | None:
@@ -158,11 +159,13 @@ class Store:
             now = datetime.now(UTC).isoformat(timespec="seconds")
             # Before anything is deleted: if this stops halfway, the note tells that a withdrawal was begun.
             path = self.folder / _WITHDRAWALS
-            note = as_line({"participant": participant, "time": now, "files": files}).encode()
+            number = len(self.withdrawals()) + 1
+            said = {"number": number, "participant": participant, "time": now, "files": files}
             try:
                 with open(path, "ab", buffering=0, opener=private) as notes:
-                    if path.read_bytes()[-1:] not in (b"", b"\n"):
-                        note = b"\n" + note  # after a note that was cut off
+                    fragment = path.read_bytes().rpartition(b"\n")[2]
+                    cut_off = bool(fragment) and not is_whole(fragment)
+                    note = b"\n" * bool(fragment) + as_line({**said, "cut_off": cut_off}).encode()
                     while note:
                         note = note[notes.write(note) :]
                     os.fsync(notes.fileno())
@@ -185,23 +188,12 @@ class Store:
         Raises DataError for notes that cannot be read or are damaged.
         """
         path = self.folder / _WITHDRAWALS
+        notes = read_lines(path) if path.exists() else ()
         try:
-            lines = path.read_bytes().split(b"\n")
-        except FileNotFoundError:
-            return ()
-        except OSError as error:
-            raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-        found = []
-        for number, line in enumerate(lines, start=1):
-            try:
-                note = from_text(line)
-                found.append(Withdrawal(note["participant"], tuple(note["files"]), note["time"]))
-            except (ValueError, LookupError, TypeError):
-                if line.endswith(b"}"):
-                    raise DataError(
-                        f"{path}, line {number} is damaged: restore the file from a copy."
-                    ) from None
-        return tuple(found)
+            said = [(note["participant"], tuple(note["files"]), note["time"]) for note in notes]
+        except (LookupError, TypeError):
+            raise DataError(f"{path} has a line that is no withdrawal: restore it from a copy.") from None
+        return tuple(Withdrawal(*one) for one in said)
 
     def _withdrawn(self) -> set[str]:
         """Those who have withdrawn, without regard to case."""
@@ -210,7 +202,7 @@ class Store:
     def _replayed(
         self, path: Path, participant: str, session: int, events: tuple[Event, ...]
     ) -> StoredSession:
-        head = events[0].values
+        head = _head(path, events[0])
         if head.get("experiment") != self.experiment.content_hash:
             raise DataError(
                 f"{path} was begun with another version of {self.experiment.path}: restore that version, "
@@ -218,15 +210,26 @@ class Store:
             )
         if (head.get("participant"), head.get("session")) != (participant, session):
             raise DataError(f"{path} is a session of {head.get('participant')}: put it back into its folder.")
-        assignment = Assignment(participant, int(head["slot"]), str(head["group"]), session)
+        if head["slot"] < 0 or head["group"] != group_of_slot(self.experiment.file, head["slot"]):
+            raise DataError(f"{path} is of a group that is not in the design: restore the file from a copy.")
+        assignment = Assignment(participant, head["slot"], head["group"], session)
         answers: list[tuple[Step, Answer, Event]] = []
         course = Course(self.experiment.file, assignment)
         due = course.due(())
         for event in events:
             if event.kind != "answer":
                 continue
-            if due is None or (event.values["block"], event.values["trial"]) != (due.block, due.number):
+            said = event.values
+            if due is None or (said.get("block"), said.get("trial")) != (due.block, due.number):
                 raise DataError(f"{path}: the answer in line {event.number} is to no step that was due.")
-            answers.append((due, valid(due, event.values["answer"]), event))
+            answers.append((due, valid(due, said.get("answer")), event))
             due = course.due([one[:2] for one in answers])
         return StoredSession(path, assignment, events, tuple(answers), due)
+
+
+def _head(path: Path, event: Event) -> Mapping[str, Any]:
+    """The values of a session's first event. Raises DataError for another event."""
+    kinds = {"slot": int, "group": str, "simulated": bool}
+    if event.kind == "start" and all(type(event.values.get(key)) is kind for key, kind in kinds.items()):
+        return event.values
+    raise DataError(f"{path} does not begin as a session does: restore the file from a copy.")

@@ -22,6 +22,7 @@ from typing import Self
 
 from haploop.instruments.clock import RealClock
 from haploop.instruments.errors import InstrumentError
+from haploop.instruments.files import os_error_text
 from haploop.instruments.live.frames import TOKEN, frame_of
 from haploop.instruments.live.tap import Feed
 
@@ -53,13 +54,17 @@ class Publisher:
         try:
             self._listener = socket.create_server(("127.0.0.1", 0), backlog=_MOST_CLIENTS)
         except OSError as error:
-            raise InstrumentError(f"No live view: a loopback socket cannot be opened ({error}).") from None
+            raise InstrumentError(
+                f"No live view: a loopback socket cannot be opened ({os_error_text(error)})."
+            ) from None
         self.port: int = self._listener.getsockname()[1]
         try:
             self._write_address(rig)
         except OSError as error:
             self._listener.close()
-            raise InstrumentError(f"No live view: {self.path} cannot be written ({error}).") from None
+            raise InstrumentError(
+                f"No live view: {self.path} cannot be written ({os_error_text(error)})."
+            ) from None
         self._thread = threading.Thread(target=self._accept, name="haploop-live", daemon=True)
         self._thread.start()
 

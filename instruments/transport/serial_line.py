@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from contextlib import suppress
 from typing import Any
 
@@ -9,7 +11,7 @@ import serial
 
 from haploop.instruments.transport.text_line import Port, TextLine
 
-__all__ = ["SerialLine"]
+__all__ = ["SerialLine", "why"]
 
 _POLL = 0.02
 """Time-out of one read (s): pyserial's is fixed while the port is open."""
@@ -26,7 +28,7 @@ class SerialLine(TextLine):
                 )
             except (serial.SerialException, OSError, ValueError) as error:
                 raise ConnectionError(
-                    f"{error}; correct 'port', plug it in, or close the program that uses it"
+                    f"{why(error)}; correct 'port', plug it in, or close the program that uses it"
                 ) from None
 
         super().__init__(f"{name} at {port}", connect, "its 'port' and 'baud'", timeout)
@@ -41,13 +43,13 @@ class _SerialPort(Port):
             self._port.reset_input_buffer()
             self._port.write(data)
         except (serial.SerialException, OSError) as error:
-            raise ConnectionError(str(error)) from None
+            raise ConnectionError(why(error)) from None
 
     def receive(self, wait: float) -> bytes:
         try:
             return bytes(self._port.read(1))
         except (serial.SerialException, OSError) as error:
-            raise ConnectionError(str(error)) from None
+            raise ConnectionError(why(error)) from None
 
     def close(self) -> None:
         # pyserial waits 0.3 s after closing a socket, and leaves it open when the far end closed first.
@@ -58,3 +60,12 @@ class _SerialPort(Port):
             return
         with suppress(serial.SerialException, OSError):
             self._port.close()
+
+
+def why(error: Exception) -> str:
+    """Why a port failed, in a few words: pyserial nests the system's text, with numbers, in its own."""
+    if isinstance(error, ValueError):
+        return "it is no name of a serial port and no URL of one"
+    said = re.search(r"Errno (\d+)|\w+Error\((\d+)", str(error))
+    number = getattr(error, "errno", None) or (int(said[1] or said[2]) if said else None)
+    return os.strerror(number).lower() if number else "it was disconnected, or another program uses it"

@@ -14,6 +14,7 @@ import pytest
 
 from haploop.acquisition import Representative, hdf5
 from haploop.acquisition.json_files import write_json
+from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.calibration import Calibration, build_button
 from haploop.instruments import open_rig
 from tests.haploop.conftest import Demo, Run
@@ -136,3 +137,58 @@ def test_a_list_or_plan_of_another_content_is_refused(
         used(run, "show", tmp_path, "--json")
         used(run, "show", tmp_path / files["recording"].name, "--json")
         used(run, "list", "--in", tmp_path, "--json")
+
+
+@pytest.fixture
+def texts(demo: Demo, run: Run, tmp_path: Path) -> dict[str, tuple[Path, list[tuple[object, ...]], bool]]:
+    """By kind: a file that a command reads, the commands, and whether it is haploop's own."""
+    study, data = tmp_path / "study", tmp_path / "answers"
+    (study / "recordings").mkdir(parents=True)
+    (study / "study.toml").write_text(
+        'name = "demo"\nbuttons = ["push"]\nparticipants = ["P01"]\npresses = 5\n', encoding="utf-8"
+    )
+    shutil.copy(demo.folder / "recordings" / "P01-push.h5", study / "recordings")
+    ready = [
+        run("experiment", "simulate", "rating", "-n", "2", "-d", data),
+        run("experiment", "export", "rating", tmp_path / "ratings.csv", "-d", data),
+    ]
+    assert all(result.exit_code == 0 for result in ready), ready
+    add_rejections(study / "recordings", [Rejection("P01-push.h5", "0" * 64, 1, 1, "why", "now")])
+    session = data / "P01" / "session-1.jsonl"
+    status = ("experiment", "status", "rating", "-d", data, "--json")
+    return {
+        "session": (session, [status, ("verify", session)], True),
+        "rejections": (
+            study / "recordings" / "rejections.json",
+            [("show", study, "--json"), ("list", "--in", study, "--json")],
+            True,
+        ),
+        "study": (study / "study.toml", [("study", "status", "--study", study, "--json")], False),
+        "ratings": (
+            tmp_path / "ratings.csv",
+            [("analyse", "ratings", tmp_path / "ratings.csv", "--json")],
+            False,
+        ),
+    }
+
+
+@pytest.mark.parametrize("kind", ["session", "rejections", "study", "ratings"])
+@pytest.mark.timeout(3600)
+def test_a_command_survives_any_text(
+    kind: str,
+    texts: dict[str, tuple[Path, list[tuple[object, ...]], bool]],
+    run: Run,
+    full: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path, commands, own = texts[kind]
+    raw, refused = path.read_bytes(), 0
+    for changed in mutations(raw, 500 if full else 24, seed=12):
+        path.write_bytes(changed)
+        codes = [used(run, *command) for command in commands]
+        refused += codes[0] == 2
+        # A log that ends earlier is one of an earlier moment.
+        assert codes[0] == 2 or not own or changed == raw or raw.startswith(changed)
+    assert refused > 8

@@ -112,6 +112,21 @@ def test_what_is_done_is_not_done_again(folder: Path, alone: dict[str, bytes], t
     assert content(tmp_path) == alone
 
 
+def test_a_part_that_was_changed_or_is_gone_is_computed_again(
+    folder: Path, alone: dict[str, bytes], tmp_path: Path
+) -> None:
+    study = haploop.load_study(folder)
+    haploop.process_study(study, tmp_path, workers=1)
+    rows = tmp_path / "parts" / "P02-push.json"
+    assert haploop.verify(rows) == ()
+    rows.write_bytes(rows.read_bytes().replace(b'"peak_force_n": ', b'"peak_force_n": 1'))
+    (tmp_path / "push.h5").unlink()
+    press = tmp_path / "parts" / "P03-latch-press.h5"
+    press.write_bytes(press.read_bytes()[:-100] + bytes(100))
+    assert haploop.process_study(study, tmp_path, workers=1).computed == 3
+    assert content(tmp_path) == alone
+
+
 def test_a_rejection_is_a_change(folder: Path, tmp_path: Path) -> None:
     copy = tmp_path / "study"
     (copy / "recordings").mkdir(parents=True)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import haploop
 from haploop.acquisition.hdf5 import write
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
@@ -129,20 +130,43 @@ def test_the_reason_is_the_system_s_own() -> None:
     assert "buf" not in os_error_text(OSError("buf = 0x7f"))
 
 
+SIGNALLED = """
+import runpy, signal, sys
+class Impatient:
+    def find_spec(self, name, *_):
+        if name == 'click': signal.raise_signal(signal.{name})
+sys.meta_path.insert(0, Impatient())
+sys.argv[1:] = ['schema']
+runpy.run_module('haploop', run_name='__main__')
+"""
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
-def test_ctrl_c_while_loading_is_no_traceback() -> None:
-    program = (
-        "import runpy, signal, sys\n"
-        "class Impatient:\n"
-        "    def find_spec(self, name, *_):\n"
-        "        if name == 'click': signal.raise_signal(signal.SIGINT)\n"
-        "sys.meta_path.insert(0, Impatient())\n"
-        "runpy.run_module('haploop', run_name='__main__')\n"
-    )
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("ignored", [False, True])
+def test_a_signal_while_loading_is_no_traceback_and_one_to_be_ignored_is(name: str, ignored: bool) -> None:
+    """Ignored as under `nohup`, or in a job in the background of a script."""
+    number = getattr(signal, name)
+    program = f"import signal; signal.signal({int(number)}, signal.SIG_IGN)\n" * ignored
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
-    )
-    assert (done.returncode, done.stderr.strip()) == (128 + signal.SIGINT, "Error: Stopped.")
+        [sys.executable, "-c", program + SIGNALLED.format(name=name)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    expected = (0, "") if ignored else (128 + number, "Error: Stopped.")
+    assert (done.returncode, done.stderr.strip()) == expected
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("ignored", [False, True])
+def test_a_command_that_was_started_with_nohup_outlives_its_terminal(
+    monkeypatch: pytest.MonkeyPatch, run: Run, ignored: bool
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
+    monkeypatch.setattr(haploop, "rig_schema", lambda: signal.raise_signal(signal.SIGHUP) or {})
+    try:
+        assert run("schema").exit_code == (0 if ignored else 129)
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="streams of POSIX")

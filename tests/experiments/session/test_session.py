@@ -10,10 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from haploop.acquisition import verify
 from haploop.experiments.analysis import analyse_identification, analyse_ratings, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log, run_session
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
+from haploop.instruments.json_text import as_line, from_text
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from tests.mutating import mutations, refused
@@ -291,7 +293,47 @@ def test_a_note_of_a_withdrawal_that_was_changed_lets_nobody_back(tmp_path: Path
         notes.write_bytes(changed)
         if not refused(where.withdrawals):
             left = {one.participant for one in where.withdrawals()}
-            assert left == {"P01"} or not changed.rstrip().endswith(b"}")
+            assert left == {"P01"} or raw.startswith(changed), "one that was cut off"
+
+
+def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    for who in ("P01", "P02", "P03"):
+        with pytest.raises(KeyboardInterrupt):
+            run(where, who, 3)
+    for who in ("P01", "P02"):
+        where.withdraw(who)
+    notes = where.folder / "withdrawals.jsonl"
+    raw, log = notes.read_bytes(), where.path_of("P03", 1)
+    assert verify(notes) == verify(log) == ()
+    for place in range(len(raw)):
+        notes.write_bytes(raw[:place] + bytes([raw[place] ^ 1]) + raw[place + 1 :])
+        assert refused(where.withdrawals) and refused(lambda: verify(notes)), place
+    notes.write_bytes(raw.splitlines(keepends=True)[1])
+    assert refused(where.withdrawals), "the first one is missing"
+    content = log.read_bytes()
+    log.write_bytes(content.replace(b'"answer": ', b'"answer": ["P"], "b": ', 1))
+    assert refused(lambda: verify(log))
+    log.write_bytes(b"")
+    assert refused(lambda: verify(log))
+
+
+def test_a_log_of_another_program_under_a_hash_that_fits_is_refused(tmp_path: Path) -> None:
+    where = store(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        run(where, "P01", 3)
+    path = where.path_of("P01", 1)
+    entries = [from_text(line) for line in path.read_bytes().splitlines()]
+    for number, entry in enumerate(entries):
+        for key in entry:
+            for other in (None, [], {}, "x", 1e300):
+                changed = [*entries[:number], {**entry, key: other}, *entries[number + 1 :]]
+                path.write_text("".join(map(as_line, changed)), encoding="utf-8")
+                refused(where.sessions)
+                refused(where.heads)
+                refused(lambda: export_answers(where, tmp_path / "answers.csv"))
+                (tmp_path / "answers.csv").unlink(missing_ok=True)
+                (tmp_path / "answers.json").unlink(missing_ok=True)
 
 
 FULL = """

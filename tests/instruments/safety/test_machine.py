@@ -164,3 +164,28 @@ def test_a_lockout_that_was_cleared_stays_so_and_can_be_set_again(place: Path) -
         assert found is not None and found.why == why
         clear_lockout(folder, {PIECE})
         assert lockout_of(folder, {PIECE}) is None
+
+
+def test_a_place_that_may_not_be_written_is_refused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    machine.folder()
+    monkeypatch.setattr(os, "access", lambda _path, mode: not mode & os.W_OK)  # as for a user who is not root
+    with pytest.raises(InstrumentError, match=r"cannot be used \(permission denied\): make it a folder"):
+        machine.folder()
+
+
+def test_the_name_of_a_piece_s_file_is_the_same_in_every_version() -> None:
+    """Programs of two versions on one computer find each other's locks."""
+    assert machine.file_for("card Dev1", "lock") == "b895f5b9c803046c.lock"
+
+
+@POSIX
+def test_a_file_for_all_users_is_read_to_a_mebibyte_and_replaced_whole(place: Path) -> None:
+    path = machine.folder() / "a.duty"
+    machine.write(path, b"long" * (1 << 19))
+    assert stat.S_IMODE(path.stat().st_mode) & 0o666 == 0o666 and path.stat().st_mode & stat.S_ISVTX
+    assert len(machine.read(path)) == 1 << 20
+    machine.write(path, b"short")
+    assert machine.read(path) == path.read_bytes() == b"short"
+    with pytest.raises(FileNotFoundError):
+        machine.read(place / "b.duty")
+    assert not (place / "b.duty").exists()
