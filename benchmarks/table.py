@@ -16,7 +16,7 @@ class Row:
     what: str
     ours: Sequence[float]
     """One for each round, in `unit`."""
-    unit: str
+    unit: str = ""
     peer: str = ""
     ratios: Sequence[float] = ()
     goal: str = ""
