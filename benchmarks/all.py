@@ -1,89 +1,105 @@
-"""Every benchmark in a short form, into one document: `python benchmarks/all.py --out RESULTS`.
+"""Every benchmark in a short form, into one table: `python benchmarks/all.py --out RESULTS`.
 
     python benchmarks/all.py
     python benchmarks/all.py --only start twin
+    python benchmarks/all.py --long                         # what README.md states of each; hours
     python benchmarks/all.py --against OTHER/bin/python     # start, demo, server beside another environment
 
-The short forms show that a figure is still of the size that README.md states; what README.md states comes
-from the long forms. Every benchmark runs by itself, one after the other; those that have peers run them in
-their own rounds. Exits with 1 when a benchmark failed.
+Every benchmark runs in a process of its own, one after the other; peers have their turn in the same rounds.
+What each printed follows the table. Exits with 1 when a benchmark failed.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import importlib
+import io
+import multiprocessing
 import os
 import platform
-import subprocess
 import sys
 import time
+import traceback
+from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-HERE = Path(__file__).parent
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.table import Row, markdown
+
 SHORT = {
-    "start": "--rounds 3",
-    "demo": "--rounds 2 --participants 1 4",
-    "twin": "--rounds 5 --presses 5",
-    "server": "--rounds 1 --seconds 5",
-    "recording": "--rounds 3 --megabytes 32 --seconds 4",
-    "tap": "--rounds 2 --seconds 2",
+    "recording": "--rounds 5 --megabytes 128 --seconds 4",
+    "server": "--rounds 3 --seconds 5",
+    "tap": "--rounds 3 --seconds 2",
     "console": "--seconds 20",
-    "representative": "--seeds 100 --families tempo",
-    "fits": "--count 4",
-    "responses": "--seeds 1",
+    "start": "--rounds 5",
+    "demo": "--rounds 3 --participants 1",
+    "twin": "--rounds 5 --presses 5",
+    "representative": "--seeds 100 101 --families tempo",
+    "responses": "--seeds 5 --estimates",
+    "fits": "--count 5",
     "uncertainty": "--plants 4 --settled 1 --sweeps 1",
-    "drives": "--seeds 1 --plays 4",
+    "drives": "--seeds 1 --plays 4 --only beside",
     "recalibration": "--tables 1 --part 1/30 --restore 100 --iterations 0",
 }
 """Arguments that make each benchmark take a minute or a few."""
+LONG = dict.fromkeys(SHORT, "") | {"demo": "--participants 1 12 48", "console": "--seconds 600"}
+AGAINST = ("start", "demo", "server")
+"""Those that run another environment's haploop too."""
 
 
 def main() -> int:
-    """Run them, and print or write what they said."""
+    """Run them, and print or write the table and what they said."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--only", nargs="+", choices=SHORT, default=list(SHORT))
+    parser.add_argument("--long", action="store_true", help="each with what it does by default")
     parser.add_argument("--against", metavar="PYTHON", help="of an environment with another haploop")
-    parser.add_argument("--out", type=Path, help="a Markdown file, written anew")
+    parser.add_argument("--out", type=Path, help="a Markdown file, written anew after each benchmark")
     asked = parser.parse_args()
     packages = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "scipy", "h5py"))
-    parts = [
-        f"Python {platform.python_version()}, {packages}; {platform.platform()}, {os.cpu_count()} cores.",
-        "| benchmark | arguments | began (UTC) | load | CPU s | s | ended |\n|---|---|---|---|---|---|---|",
+    about = f"Python {platform.python_version()}, {packages}; {platform.platform()}, {os.cpu_count()} cores."
+    took = [
+        "| benchmark | arguments | began (UTC) | load | CPU s | s | ended |",
+        "|---|---|---|---|---|---|---|",
     ]
-    failed = False
+    rows: list[Row] = []
+    said: list[str] = []
     for name in asked.only:
-        arguments = SHORT[name]
-        if asked.against and name in ("start", "demo", "server"):
-            arguments += f" --against {asked.against}"
-        began, clock, before = datetime.now(UTC), time.monotonic(), os.times()
-        load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-        print(f"{name} {arguments}", file=sys.stderr, flush=True)
-        done = subprocess.run(
-            [sys.executable, "-m", f"benchmarks.{name}", *arguments.split()],
-            cwd=HERE.parent,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        arguments = (LONG if asked.long else SHORT)[name]
+        given = f"{arguments} --against {asked.against}" if asked.against and name in AGAINST else arguments
+        print(name, given, file=sys.stderr, flush=True)
+        began, clock, before, load = datetime.now(UTC), time.monotonic(), os.times(), os.getloadavg()[0]
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(1, mp_context=context) as process:
+            found, text, failure = process.submit(run, name, given.split()).result()
         after = os.times()
         cpu = after.children_user + after.children_system - before.children_user - before.children_system
-        ended = "" if done.returncode == 0 else f"with {done.returncode}"
-        failed |= bool(done.returncode)
-        parts[1] += (
-            f"\n| {name} | `{SHORT[name]}` | {began:%Y-%m-%d %H:%M} | {load} | {cpu:.0f} | "
-            f"{time.monotonic() - clock:.0f} | {ended} |"
+        took.append(
+            f"| {name} | `{arguments}` | {began:%Y-%m-%d %H:%M} | {load:.1f} | {cpu:.0f} | "
+            f"{time.monotonic() - clock:.0f} | {failure} |"
         )
-        parts.append(f"## {name}\n\n{done.stdout.strip()}")
-        if done.returncode:
-            parts.append(f"```\n{done.stderr.strip()[-2000:]}\n```")
-    text = "\n\n".join(parts) + "\n"
-    if asked.out:
-        asked.out.write_text(text, encoding="utf-8")
-    else:
-        print(text)
-    return int(failed)
+        rows += found
+        said.append(f"## {name}\n\n{text.strip()}")
+        document = "\n\n".join([about, markdown(rows), "\n".join(took), *said]) + "\n"
+        if asked.out:
+            asked.out.write_text(document, encoding="utf-8")
+    if not asked.out:
+        print(document)
+    return int(any(not line.endswith("|  |") for line in took[2:]))
+
+
+def run(name: str, arguments: list[str]) -> tuple[list[Row], str, str]:
+    """The rows of one benchmark, what it printed, and the last line of what went wrong, if anything did."""
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(printed):
+            return importlib.import_module(f"benchmarks.{name}").main(arguments), printed.getvalue(), ""
+    except BaseException as error:  # also an exit; the others are to have their turn
+        traceback.print_exc()
+        return [], printed.getvalue(), f"{type(error).__name__}: {error}".splitlines()[0]
 
 
 if __name__ == "__main__":

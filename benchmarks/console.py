@@ -20,15 +20,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 import numpy as np
 from websockets.sync.client import connect
 
+from benchmarks.table import Row
 from haploop.acquisition import Recording
 from haploop.console.worker import Address
 
@@ -89,12 +92,12 @@ def page(url: str, wanted: bool) -> Iterator[Callable[[], float]]:
         browser.close()
 
 
-def main() -> None:  # noqa: PLR0915  one run from beginning to end
-    """Run the benchmark, and print one line for each figure."""
+def main(words: Sequence[str] | None = None) -> list[Row]:  # noqa: PLR0915  one run from beginning to end
+    """Run the benchmark, print one line for each figure, and return those of the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600)
     parser.add_argument("--browser", action="store_true", help="show the page Record in Chromium too")
-    options = parser.parse_args()
+    options = parser.parse_args(words)
     seconds = options.seconds
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -182,6 +185,13 @@ def main() -> None:  # noqa: PLR0915  one run from beginning to end
             held = [memory[min(len(memory) - 1, len(memory) * part // 10)][column] for part in range(11)]
             print(f"memory of the {process} (MB), each tenth of the time:", *(f"{one:.0f}" for one in held))
         print("presses judged:", len(recording.verdicts))
+        what = f"console beside a recording of {seconds:g} s x 16 channels"
+        return [
+            Row(f"{what}: samples lost", [float(np.count_nonzero(gaps) + memory[-1][3])], goal="0"),
+            Row(f"{what}: updates a second", [len(at) / seconds], goal=">= 20", more=True),
+            Row(f"{what}: block on its way to the page, 99 %", [float(np.percentile(behind, 99))], "ms"),
+            Row(f"{what}: CPU of the server", [100 * (after[0] - before[0]) / seconds], "% of a core"),
+        ]
 
 
 if __name__ == "__main__":

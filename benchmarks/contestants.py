@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from unittest import mock
 
 import h5py
 import numpy as np
@@ -91,21 +90,6 @@ def haploop(folder: Path, material: Material, blocks: int) -> Iterator[None]:
             writer.write(material.block(i), 0.0)
 
 
-def haploop_codes(folder: Path, material: Material, blocks: int) -> Iterator[None]:
-    """The same from int16, as the other ways have it: without the conversion from volts."""
-
-    def given(codes, _full_scale, out, _scratch):
-        np.copyto(out, codes)
-        return out, NONE
-
-    writer = Writer(folder / "P01-push.h5", header(5000.0), material.samples, blocks)
-    yield
-    with mock.patch("haploop.acquisition.recording.writer.to_codes", given), writer:
-        for i in range(blocks):
-            codes = material.codes[i % len(material.codes)]
-            writer.write(Block(i * material.samples, codes, NONE), 0.0)  # type: ignore[arg-type]
-
-
 def h5py_flush(folder: Path, material: Material, blocks: int) -> Iterator[None]:
     yield from _h5py(folder, material, blocks, flush=True)
 
@@ -130,6 +114,21 @@ def _h5py(folder: Path, material: Material, blocks: int, flush: bool) -> Iterato
             data[:, i * material.samples :] = material.codes[i % len(material.codes)]
             if flush:
                 file.flush()
+    _sync(path)
+
+
+def pytables(folder: Path, material: Material, blocks: int) -> Iterator[None]:
+    import tables
+
+    path = folder / "array.h5"
+    with tables.open_file(path, "w") as file:
+        shape = (CHANNELS, material.samples)
+        array = file.create_earray(
+            "/", "codes", tables.Int16Atom(), (CHANNELS, 0), expectedrows=blocks, chunkshape=shape
+        )
+        yield
+        for i in range(blocks):
+            array.append(material.codes[i % len(material.codes)])
     _sync(path)
 
 
@@ -186,13 +185,13 @@ def pymeasure(folder: Path, material: Material, blocks: int) -> Iterator[None]:
 
 
 CONTESTANTS = (
-    Contestant("haploop, from volts", haploop),
-    Contestant("haploop, from int16", haploop_codes),
+    Contestant("haploop", haploop),
     Contestant("h5py, append", h5py_append),
     Contestant("h5py, append and flush", h5py_flush),
     *(
         Contestant(name, way, part)
         for module, name, way, part in (
+            ("tables", "PyTables", pytables, 1.0),
             ("nptdms", "npTDMS", nptdms, 1.0),
             ("qcodes", "QCoDeS, arrays to its data set", qcodes, 0.05),
             ("pymeasure", "PyMeasure, CSV results", pymeasure, 0.005),

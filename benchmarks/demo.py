@@ -12,21 +12,25 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.processes import haploop, in_rounds, spread
+from benchmarks.table import Row, ratios
+
+GOALS = {1: "8 s", 12: "25 s"}
 
 
-def main() -> None:
-    """Run the demos in rounds, and print the table."""
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Run the demos in rounds, print the table, and return its figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--participants", type=int, nargs="+", default=[1, 12])
     parser.add_argument("--against", metavar="PYTHON", help="of an environment with another haploop")
-    asked = parser.parse_args()
+    asked = parser.parse_args(words)
     pythons = {"this": sys.executable} | ({"other": asked.against} if asked.against else {})
     programs = {
         f"{which}, {count}": haploop(f"demo --participants {count} --out NEW", python)
@@ -41,6 +45,17 @@ def main() -> None:
         cpu = [cost.cpu for cost in costs]
         each = median(cpu) / int(name.split()[-1])
         print(f"| {name} | {spread(cpu, 1)} | {each:.1f} | {max(cost.memory for cost in costs):.0f} |")
+    rows = []
+    for count in asked.participants:
+        ours, others = (
+            [cost.cpu for cost in found.get(f"{which}, {count}", [])] for which in ("this", "other")
+        )
+        beside = "other version" if others else ""
+        what = f"`haploop demo`, {count} participant{'s' * (count > 1)}"
+        goal = GOALS.get(count, "")
+        rows.append(Row(f"{what}: CPU", ours, "s", beside, ratios(ours, others) if others else (), goal))
+        rows.append(Row(f"{what}: memory", [cost.memory for cost in found[f"this, {count}"]], "MB"))
+    return rows
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
+from benchmarks.table import Row, ratios
 from haploop.acquisition import Representative
 from haploop.calibration import Calibration, Check, Drive, calibrate, drive_for, learn, paper_drive
 from haploop.calibration.drive import check
@@ -37,14 +39,15 @@ METHODS: tuple[Method, ...] = ("modulated", "broadband")
 Found = dict[str, list[Check]]
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Play every method on every table, print the table, and return the errors beside the paper's."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=2, help="how many tables")
     parser.add_argument("--first", type=int, default=401, help="seed of the first")
     parser.add_argument("--plays", type=int, default=8)
     parser.add_argument("--noise", type=float, default=0.5, help="of the vibrometer, over the PDV-100's")
     parser.add_argument("--only", choices=list(WORLDS), help="one kind of table")
-    options = parser.parse_args()
+    options = parser.parse_args(words)
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(f"Simulated; {options.seeds} tables from seed {options.first}{load}\n")
     print(
@@ -52,6 +55,7 @@ def main() -> None:
         "scale | verdict |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|---|")
+    rows: list[Row] = []
     for world in [options.only] if options.only else WORLDS:
         found: dict[Method, Found] = {method: {} for method in METHODS}
         for seed in range(options.first, options.first + options.seeds):
@@ -65,6 +69,21 @@ def main() -> None:
                         found[method].setdefault(name, []).append(result)
         for method in METHODS:
             tell(world, method, found[method])
+            errors = {
+                name: [100 * one.wideband_nrmse for one in each] for name, each in found[method].items()
+            }
+            paper, *own = errors
+            rows += [
+                Row(
+                    f"error of the played press, patch {world}, {method}, {name}",
+                    errors[name],
+                    "%",
+                    "the paper's inverse",
+                    ratios(errors[name], errors[paper]),
+                )
+                for name in own
+            ]
+    return rows
 
 
 def compared(rig: Rig, calibration: Calibration, method: Method, plays: int) -> list[tuple[str, Check]]:

@@ -12,7 +12,7 @@ import argparse
 import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from skrf.vectorFitting import VectorFitting
 from threadpoolctl import threadpool_limits
 
 from benchmarks.synthetic_responses import Case, beam, generator, plate, response_of
+from benchmarks.table import Row, ratios
 from haploop.calibration import LinearSweep, Model, Multisine, fit, measure_response
 from haploop.instruments import open_rig
 
@@ -68,10 +69,10 @@ def found(model: Model, natural: np.ndarray) -> tuple[int, int]:
     return int(near.any(axis=0).sum()), int(len(named) - near.any(axis=0).sum())
 
 
-def compare(name: str, cases: list[Case]) -> None:
+def compare(name: str, cases: list[Case]) -> list[Row]:
     """Print one row: medians of the errors, sums of resonances and of CPU times. Nothing without cases."""
     if not cases:
-        return
+        return []
     ours, theirs, true_ours, true_theirs, cpu, peers, hits, extra, pairs = ([] for _ in range(9))
     for case in cases:
         f, H = case.response.frequencies, case.response.velocity
@@ -100,6 +101,11 @@ def compare(name: str, cases: list[Case]) -> None:
         f"{1e3 * np.mean(cpu):.0f} ms | {sum(cpu) / sum(peers):.2f} |",
         flush=True,
     )
+    peer = "scikit-rf, auto_fit"
+    return [
+        Row(f"fit, {name}: CPU", cpu, "s", peer, ratios(cpu, peers), "0.7 s"),
+        Row(f"fit, {name}: error", [100 * one for one in ours], "%", peer, ratios(ours, theirs)),
+    ]
 
 
 def carriers(tables: int, name: str) -> None:
@@ -127,13 +133,13 @@ def carriers(tables: int, name: str) -> None:
             )
 
 
-def main() -> None:
-    """Print the table of fits, and the carriers."""
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Print the table of fits, and the carriers; return the fits' figures, a round for each response."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=30, help="synthetic responses of each kind; 0: none")
     parser.add_argument("--tables", type=int, default=0, help="simulated tables to measure")
     parser.add_argument("--name", default="table", help="another name gives other tables")
-    options = parser.parse_args()
+    options = parser.parse_args(words)
     accelerance = np.array([complex(line) for line in BEAM.read_text().split()])
     f = np.arange(len(accelerance), dtype=np.float64)
     kept = f >= 10
@@ -145,16 +151,21 @@ def main() -> None:
     )
     print("|" + "---|" * 12)
     count = options.count
+    rows: list[Row] = []
     with threadpool_limits(1):
-        compare("measured beam, velocity", [Case(response_of(f, velocity), velocity, BEAM_HZ)])
-        compare("measured beam, accelerance", [Case(response_of(f, accelerance), accelerance, BEAM_HZ)])
-        compare("synthetic beams", [beam(n) for n in range(count)])
-        compare("plates, 12 modes, 37 dB", [plate(n) for n in range(count)])
-        compare("plates, 12 modes, 60 dB", [plate(n, snr_db=60) for n in range(count)])
-        compare("plates, 12 modes, 17 dB", [plate(n, snr_db=17) for n in range(count)])
-        compare("plates, 30 modes, 37 dB", [plate(n, modes=30) for n in range(count)])
+        for name, cases in {
+            "measured beam, velocity": [Case(response_of(f, velocity), velocity, BEAM_HZ)],
+            "measured beam, accelerance": [Case(response_of(f, accelerance), accelerance, BEAM_HZ)],
+            "synthetic beams": [beam(n) for n in range(count)],
+            "plates, 12 modes, 37 dB": [plate(n) for n in range(count)],
+            "plates, 12 modes, 60 dB": [plate(n, snr_db=60) for n in range(count)],
+            "plates, 12 modes, 17 dB": [plate(n, snr_db=17) for n in range(count)],
+            "plates, 30 modes, 37 dB": [plate(n, modes=30) for n in range(count)],
+        }.items():
+            rows += compare(name, cases)
     if options.tables:
         carriers(options.tables, options.name)
+    return rows
 
 
 if __name__ == "__main__":

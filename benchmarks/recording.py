@@ -6,7 +6,6 @@ All in one run on one disk, one after the other in each round, so that ratios me
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import platform
 import shutil
@@ -16,17 +15,17 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
 from benchmarks.contestants import CHANNELS, CONTESTANTS, FULL_SCALE, NAMES, Material, Way, header, raw
+from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader
@@ -35,65 +34,67 @@ from haploop.instruments import Block, RealClock, Stream
 PAPER_RATE = 5000.0
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Measure, print the tables, and return their figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=7, help="rounds of the comparison")
-    parser.add_argument("--megabytes", type=int, default=128, help="what each way records in a round")
+    parser.add_argument(
+        "--megabytes", type=int, default=128, help="what each way records in a round; a quarter in 8 kB"
+    )
     parser.add_argument("--seconds", type=float, default=20.0, help="length of each paced recording")
     parser.add_argument("--folder", type=Path, default=Path.cwd(), help="on the disk to be measured")
-    parser.add_argument("--json", type=Path, help="also write the results to this file")
-    options = parser.parse_args()
-    machine = (
-        f"{_processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
-    )
+    options = parser.parse_args(words)
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    print(f"{time.strftime('%Y-%m-%d')}, {machine}{load}\n")
+    print(
+        f"{time.strftime('%Y-%m-%d')}, {_processor()}, {os.cpu_count()} cores, {platform.system()}, "
+        f"Python {platform.python_version()}{load}\n"
+    )
     with tempfile.TemporaryDirectory(dir=options.folder) as name:
         folder = Path(name)
-        found: dict[str, Any] = {
-            "date": time.strftime("%Y-%m-%d"),
-            "machine": machine,
-            "throughput": throughput(folder, options.rounds, options.megabytes),
-            "paper_rate": paper_rate(folder, options.seconds),
-            "hundredfold": hundredfold(folder, options.seconds),
-            "latency_quiet": latency(folder, options.seconds, busy=False),
-            "latency_busy": latency(folder, options.seconds, busy=True),
-        }
-    if options.json:
-        options.json.write_text(json.dumps(found, indent=2) + "\n")
+        return [
+            *throughput(folder, options.rounds, options.megabytes, 10_000, ">= 0.8"),
+            *throughput(folder, options.rounds, max(1, options.megabytes // 4), 250, ">= 0.4"),
+            *paper_rate(folder, options.seconds),
+            *hundredfold(folder, options.seconds),
+            *latency(folder, options.seconds, busy=False),
+            *latency(folder, options.seconds, busy=True),
+        ]
 
 
-def throughput(folder: Path, rounds: int, megabytes: int) -> dict[str, Any]:
-    """Blocks of 320 kB of int16, as fast as they go, until the disk has them. Ratio to the raw writes of the
-    same round, half of which come before a way's and half after it.
+def throughput(folder: Path, rounds: int, megabytes: int, samples: int, goal: str) -> list[Row]:
+    """Blocks of `samples` of int16, as fast as they go, until the disk has them. Ratio to the raw writes of
+    the same round, half of which come before a way's and half after it.
     """
-    material = Material(10_000)
-    blocks = megabytes * 1_000_000 // (2 * CHANNELS * material.samples)
+    material = Material(samples)
+    blocks = megabytes * 1_000_000 // (2 * CHANNELS * samples)
     rates: dict[str, list[float]] = {"raw write": []}
-    ratios: dict[str, list[float]] = {}
+    beside: dict[str, list[float]] = {}
     for _ in range(rounds):
         before = _rate(raw, folder, material, blocks)
         for way in CONTESTANTS:
             rate = _rate(way.record, folder, material, max(1, round(blocks * way.part)))
             after = _rate(raw, folder, material, blocks)
             rates.setdefault(way.name, []).append(rate)
-            ratios.setdefault(way.name, []).append(2 * rate / (before + after))
+            beside.setdefault(way.name, []).append(2 * rate / (before + after))
             rates["raw write"].append(after)
             before = after
-    print(
-        f"{f'320 kB blocks, {megabytes} MB, {rounds} rounds':32} {'MB/s':>8}   ratio to raw (median, range)"
-    )
+    size = f"{2 * CHANNELS * samples / 1000:.0f} kB blocks"
+    print(f"{f'{size}, {megabytes} MB, {rounds} rounds':32} {'MB/s':>8}   ratio to raw (median, range)")
     print(f"{'raw write and fsync':32} {statistics.median(rates['raw write']):8.0f}")
-    for name, each in ratios.items():
+    for name, each in beside.items():
         print(
             f"{name:32} {statistics.median(rates[name]):8.1f}   {statistics.median(each):.3f}  "
             f"({min(each):.3f} to {max(each):.3f})"
         )
     print()
-    return {
-        name: {"mb_per_s": statistics.median(rates[name]), "ratio": statistics.median(each), "ratios": each}
-        for name, each in ratios.items()
-    }
+    what, own = f"recording to disk, {size} x 16 channels, from volts", rates["haploop"]
+    rows = [Row(what, own, "MB/s", "raw write and fsync", beside["haploop"], goal, more=True)]
+    # Each of both in units of the raw writes around it, which a disk that changes its speed changes too.
+    return rows + [
+        Row(what, own, "MB/s", name, ratios(beside["haploop"], each), more=True)
+        for name, each in beside.items()
+        if name != "haploop"
+    ]
 
 
 def _rate(way: Way, folder: Path, material: Material, blocks: int) -> float:
@@ -163,14 +164,16 @@ def _record(folder: Path, stream: Paced, watch: Callable[[Writer], None] = lambd
     return run
 
 
-def paper_rate(folder: Path, seconds: float) -> dict[str, float]:
+def paper_rate(folder: Path, seconds: float) -> list[Row]:
     """Fraction of one core that recording uses at the paper's rate."""
     run = _record(folder, Paced(Material(250), PAPER_RATE, seconds))
     print(f"5 kS/s x 16 channels, {seconds:g} s: {100 * run.core:.2f} % of one core\n")
-    return {"core_percent": 100 * run.core}
+    return [
+        Row("recording at 5 kS/s x 16 channels, no driver: CPU", [100 * run.core], "% of a core", goal="2 %")
+    ]
 
 
-def hundredfold(folder: Path, seconds: float) -> dict[str, float]:
+def hundredfold(folder: Path, seconds: float) -> list[Row]:
     """A hundred times the paper's rate from a card that keeps its pace: does the file have all of it?"""
     stream = Paced(Material(25_000), 100 * PAPER_RATE, seconds)
     run = _record(folder, stream)
@@ -185,10 +188,13 @@ def hundredfold(folder: Path, seconds: float) -> dict[str, float]:
         f"{'every sample as it was given' if whole else 'SAMPLES ARE WRONG'}, "
         f"at most {run.waiting} of 400 blocks waited, {100 * run.core:.0f} % of one core\n"
     )
-    return {"lost": lost, "whole": whole, "waiting": run.waiting, "core_percent": 100 * run.core}
+    assert whole, "samples are wrong"
+    return [
+        Row("recording at 500 kS/s x 16 channels: samples lost", [lost], goal="0"),
+    ]
 
 
-def latency(folder: Path, seconds: float, busy: bool) -> dict[str, float]:
+def latency(folder: Path, seconds: float, busy: bool) -> list[Row]:
     """From the card's block to the kernel and to the disk, at the paper's rate."""
     stream = Paced(Material(250), PAPER_RATE, seconds)
     kept: list[float] = []
@@ -215,21 +221,18 @@ def latency(folder: Path, seconds: float, busy: bool) -> dict[str, float]:
     given = np.array(stream.given)
     kernel = np.array(run.written) - given
     durable = np.array(kept[: len(given)]) - given[: len(kept)]
-    found = {
-        "kernel_p50_ms": 1e3 * float(np.percentile(kernel, 50)),
-        "kernel_p99_ms": 1e3 * float(np.percentile(kernel, 99)),
-        "kernel_max_ms": 1e3 * float(kernel.max()),
-        "durable_p99_ms": 1e3 * float(np.percentile(durable, 99)),
-        "durable_max_ms": 1e3 * float(durable.max()),
-        "waiting": run.waiting,
-    }
+    middle, late, worst = (1e3 * float(np.percentile(kernel, part)) for part in (50, 99, 100))
+    safe, safest = (1e3 * float(np.percentile(durable, part)) for part in (99, 100))
     print(
         f"5 kS/s x 16 channels, {seconds:g} s, {'another process writing to' if busy else 'quiet'} disk: "
-        f"block to kernel {found['kernel_p50_ms']:.2f} ms (p50), {found['kernel_p99_ms']:.2f} ms (p99), "
-        f"{found['kernel_max_ms']:.1f} ms (worst); to durable {found['durable_p99_ms']:.0f} ms (p99), "
-        f"{found['durable_max_ms']:.0f} ms (worst); at most {run.waiting} of 400 blocks waited"
+        f"block to kernel {middle:.2f} ms (p50), {late:.2f} ms (p99), {worst:.1f} ms (worst); "
+        f"to durable {safe:.0f} ms (p99), {safest:.0f} ms (worst); at most {run.waiting} of 400 blocks waited"
     )
-    return found
+    disk = ", another process writing" if busy else ""
+    return [
+        Row(f"block from card to kernel, 99 %{disk}", [late], "ms", goal="" if busy else "1 ms"),
+        Row(f"block from card to disk, 99 %{disk}", [safe], "ms", goal="" if busy else "100 ms"),
+    ]
 
 
 _HOG = """

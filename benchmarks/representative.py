@@ -16,10 +16,14 @@ import argparse
 import hashlib
 import importlib.util
 import platform
+import sys
 import time
 import warnings
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -34,10 +38,13 @@ from benchmarks.synthetic_presses import (
     shape_error,
     spectrum_error,
 )
+from benchmarks.table import Row, ratios
 from haploop.acquisition.presses.averaging import BARYCENTRE, CENTRED, REGISTRATION, average
 from haploop.acquisition.presses.barycentre import barycentre
 from haploop.acquisition.presses.registration import WarpModel, register
 
+CHOSEN = "**haploop**: both, and the choice"
+PACKAGES = {BARYCENTRE: "dtaidistance, two levels (the paper's)"}
 WINDOW = WarpModel().window(RATE)
 
 
@@ -142,29 +149,30 @@ def peers() -> Iterator[tuple[str, Callable[[Curve], Curve]]]:
         )
 
 
-def main() -> None:
-    """Print the table, in Markdown."""
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Print the table, in Markdown, and return the product's figures beside every other method's."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--seeds", type=int, nargs="+", default=[100, 101, 102])
     parser.add_argument("--families", nargs="+", default=list(FAMILIES))
     parser.add_argument("--noise", type=float, default=0.05)
     parser.add_argument("--choice", type=int, metavar="N")
-    args = parser.parse_args()
+    args = parser.parse_args(words)
     if args.choice:
         choice(args.choice, [*args.families, "chance"])
-        return
+        return []
     methods = {
         "mean at activation": mean,
         "cross-correlation mean": correlated,
         BARYCENTRE: two_levels(lambda c: barycentre(c, WINDOW)),
         REGISTRATION: two_levels(registered),
-        "**haploop**: both, and the choice": chosen,
+        CHOSEN: chosen,
         **dict(peers()),
     }
     print(f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}; ", end="")
     print(f"12 x 10 presses of 0.4 s, noise {args.noise:.0%}, seeds {args.seeds}\n")
     print("| presses | method | user time, ratio | error / limit | shape error | spectrum error |")
     print("|---|---|---|---|---|---|")
+    every: dict[str, list[tuple[float, ...]]] = defaultdict(list)
     for family in args.families:
         for kind in ("warped", "jittered"):
             rows = defaultdict(list)
@@ -188,6 +196,7 @@ def main() -> None:
                     )
             unit = np.mean([row[0] for row in rows[BARYCENTRE]])
             for name, measured in rows.items():
+                every[name] += measured
                 taken, mine, limits, shape, spectrum = np.sqrt(np.mean(np.square(measured), axis=0))
                 print(
                     f"| {family}, {kind} | {name} | {taken / unit:.2f} ({taken:.1f} s) "
@@ -195,6 +204,16 @@ def main() -> None:
                     f"{shape:.3f} | {spectrum:.3f} |",
                     flush=True,
                 )
+    found: list[Row] = []
+    for place, what, unit in ((0, "CPU", "s"), (3, "shape error", "")):
+        ours = [one[place] for one in every[CHOSEN]]
+        for name, measured in every.items():
+            if name not in (CHOSEN, REGISTRATION):
+                goal = "2.5" if name == BARYCENTRE and not place else ""
+                beside = ratios(ours, [one[place] for one in measured])
+                what_ = f"representative press of 12 x 10 presses: {what}"
+                found.append(Row(what_, ours, unit, PACKAGES.get(name, name), beside, goal))
+    return found
 
 
 if __name__ == "__main__":

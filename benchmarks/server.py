@@ -4,9 +4,9 @@
     python benchmarks/server.py --against OTHER/bin/python
 
 16 channels of two cards at 5000 samples a second, in blocks of 10 and of 50 ms, read by haploop's driver and
-by plain nidaqmx on the same server (two tasks, no check of clocks), one after the other in each round. The
-server simulates the plant as well. "Behind" is how much later the last block came than its last sample was
-due.
+by plain nidaqmx on the same server (two tasks, no check of clocks), one after the other in each round; and
+the same into a file: haploop's recording, and h5py to which each block is appended and flushed. The server
+simulates the plant as well. "Behind" is how much later the last block came than its last sample was due.
 """
 
 from __future__ import annotations
@@ -17,13 +17,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grpc
+import h5py
 import nidaqmx
 import numpy as np
 from nidaqmx.constants import AcquisitionType
@@ -31,7 +34,13 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader
 
 import haploop
 from benchmarks.console import rig, used
+from benchmarks.contestants import header
 from benchmarks.processes import spread
+from benchmarks.table import Row, ratios
+from haploop.acquisition.recording.writer import Writer
+from haploop.acquisition.session.stream_reader import StreamReader
+from haploop.instruments import Stream
+from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import RealClock
 from haploop.instruments.config.rig_file import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
@@ -39,32 +48,45 @@ from haploop.instruments.daq.ni_daqmx import NiDaq
 RATE = 5000.0
 
 
-def main() -> None:
-    """Serve, read in rounds, and print the table."""
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Serve, read in rounds, print the table, and return its figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--against", metavar="PYTHON", help="whose server is another haploop's")
-    asked = parser.parse_args()
-    servers = {"this server": sys.executable}
-    if asked.against:
-        servers["other server"] = asked.against
-    ways: dict[str, Callable[[int, Path, float, int], float]] = {"haploop": ours, "nidaqmx": plain}
-    found: dict[tuple[str, str, int], list[tuple[float, float, float]]] = {}
+    asked = parser.parse_args(words)
+    servers = {"this": sys.executable} | ({"other": asked.against} if asked.against else {})
+    found: dict[tuple[str, int, str], list[tuple[float, float, float]]] = {}
     with tempfile.TemporaryDirectory() as name:
         file = rig(Path(name))
         for _ in range(asked.rounds):
             for server, python in servers.items():
                 for size in (50, 250):
-                    for way, read in ways.items():
+                    for way, read in WAYS.items():
                         row = measured(python, file, asked.seconds, size, read)
-                        found.setdefault((server, way, size), []).append(row)
-    print("| blocks | server | client | client: part of a core | server: part of a core | most behind, s |")
+                        found.setdefault((server, size, way), []).append(row)
+    print("| blocks | server | client | client: part of a core | server: part of a core | behind, s |")
     print("|---|---|---|---|---|---|")
-    for (server, way, size), rows in found.items():
-        own, its, behind = zip(*rows, strict=True)
+    for (server, size, way), figures in found.items():
+        own, its, behind = zip(*figures, strict=True)
         shares = " | ".join(f"{100 * median(each):.0f} %" for each in (own, its))
         print(f"| {1e3 * size / RATE:.0f} ms | {server} | {way} | {shares} | {spread(behind)} |")
+    rows = []
+    for size in (50, 250):
+        blocks = f"{1e3 * size / RATE:.0f} ms blocks x 16 channels"
+        for way, peer in PEERS.items():
+            own, theirs = ([100 * one[0] for one in found["this", size, which]] for which in (way, peer))
+            what = f"NI driver{way.removeprefix('haploop')}, {blocks}: CPU of the client"
+            rows.append(Row(what, own, "% of a core", peer, ratios(own, theirs)))
+        driver = found["this", size, "haploop"]
+        goal = "50 %" if size == 50 else ""
+        rows.append(
+            Row(f"simulated NI server, {blocks}: CPU", [100 * x[1] for x in driver], "% of a core", goal=goal)
+        )
+        rows.append(
+            Row(f"the same: behind real time at the end, {asked.seconds:g} s", [x[2] for x in driver], "s")
+        )
+    return rows
 
 
 def measured(
@@ -84,26 +106,63 @@ def measured(
             server.terminate()
 
 
-def ours(port: int, file: Path, seconds: float, size: int) -> float:
-    """Read with haploop's driver."""
+def recorded(file: Path) -> list[str]:
+    """The 16 channels that a recording reads, of the 18 that the rig has."""
+    return list(haploop.load_rig_file(file).sensors.recorded)
+
+
+@contextmanager
+def driver(port: int, file: Path, size: int) -> Iterator[Stream]:
+    """Stream of haploop's driver."""
     described = haploop.load_rig_file(file).daq.settings
     settings = validate(NiDaq.Settings, {**described, "server": f"127.0.0.1:{port}"}, "daq")
     daq = NiDaq.open(settings, RealClock())
     try:
-        with daq.stream([*settings.channels], RATE, size, None) as stream:
-            began = time.perf_counter()
-            for block in stream:
-                if block.end >= seconds * RATE:
-                    break
-            return time.perf_counter() - began - block.end / RATE
+        with daq.stream(recorded(file), RATE, size, None) as stream:
+            yield stream
     finally:
         daq.close()
 
 
-def plain(port: int, file: Path, seconds: float, size: int) -> float:
+def ours(port: int, file: Path, seconds: float, size: int) -> float:
+    """Read with haploop's driver."""
+    with driver(port, file, size) as stream:
+        began = time.perf_counter()
+        for block in stream:
+            if block.end >= seconds * RATE:
+                break
+        return time.perf_counter() - began - block.end / RATE
+
+
+def ours_kept(port: int, file: Path, seconds: float, size: int) -> float:
+    """The same into a recording's file, by a thread that reads and one that writes, as `record` does."""
+    with tempfile.TemporaryDirectory(dir=file.parent) as folder, driver(port, file, size) as stream:
+        about = replace(
+            header(RATE), channels=stream.channels, full_scale=stream.full_scale, delays=stream.delays
+        )
+        blocks = round(seconds * RATE / size)
+        with (
+            Writer(Path(folder) / "P01-push.h5", about, size, blocks) as writer,
+            StreamReader(stream, RealClock()) as reader,
+        ):
+            began = time.perf_counter()
+            for block in reader:
+                writer.write(block, 0.0)
+                if writer.written >= blocks * size:
+                    break
+            return time.perf_counter() - began - writer.written / RATE
+
+
+def plain(
+    port: int,
+    file: Path,
+    seconds: float,
+    size: int,
+    keep: Callable[[list[FloatArray]], object] = len,
+) -> float:
     """Read the same channels with nidaqmx alone."""
     channels = haploop.load_rig_file(file).daq.settings["channels"]
-    terminals = sorted(channel["terminal"] for channel in channels.values())
+    terminals = sorted(channels[name]["terminal"] for name in recorded(file))
     with grpc.insecure_channel(f"127.0.0.1:{port}") as line:
         tasks = []
         for card in sorted({terminal.split("/")[0] for terminal in terminals}):
@@ -121,11 +180,34 @@ def plain(port: int, file: Path, seconds: float, size: int) -> float:
         while done < seconds * RATE:
             for _, reader, into in tasks:
                 reader.read_many_sample(into, size, 10.0)
+            keep([into for _, _, into in tasks])
             done += size
         behind = time.perf_counter() - began - done / RATE
         for task, _, _ in tasks:
             task.close()
     return behind
+
+
+def plain_kept(port: int, file: Path, seconds: float, size: int) -> float:
+    """The same into an h5py data set that grows, flushed after each block so that a kill loses little."""
+    with tempfile.TemporaryDirectory(dir=file.parent) as folder, h5py.File(f"{folder}/volts.h5", "w") as kept:
+        data = kept.create_dataset("volts", (16, 0), "f8", maxshape=(16, None), chunks=(16, size))
+
+        def keep(parts: list[FloatArray]) -> None:
+            data.resize(data.shape[1] + size, axis=1)
+            data[:, -size:] = np.concatenate(parts)
+            kept.flush()
+
+        return plain(port, file, seconds, size, keep)
+
+
+WAYS = {
+    "haploop": ours,
+    "nidaqmx": plain,
+    "haploop to a file": ours_kept,
+    "nidaqmx and h5py": plain_kept,
+}
+PEERS = {"haploop": "nidaqmx", "haploop to a file": "nidaqmx and h5py"}
 
 
 if __name__ == "__main__":

@@ -13,12 +13,14 @@ import argparse
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.processes import haploop, in_rounds, spread
+from benchmarks.table import Row, ratios
 
 COMMANDS = {
     "--help": "--help",
@@ -38,21 +40,33 @@ COMMANDS = {
 }
 
 
-def main() -> None:
-    """Make the files, run the commands in rounds, and print the table."""
+GOALS = {"--help": 0.25, "schema": 0.8, "log": 0.8, "doctor, simulated": 1.5} | dict.fromkeys(
+    ("verify FILE", "show RECORDING", "show CALIBRATION"), 0.8
+)
+"""CPU s."""
+PEERS = {
+    "a script that imports numpy, scipy.signal and h5py": "import numpy, scipy.signal, h5py",
+    "the same and matplotlib.pyplot": "import numpy, scipy.signal, h5py, matplotlib.pyplot",
+}
+"""What people would run instead of `show` and `show --plot` has at least these to load."""
+
+
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Make the files, run the commands in rounds, print the table, and return its figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--against", metavar="PYTHON", help="of an environment with another haploop")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these rows")
-    asked = parser.parse_args()
+    asked = parser.parse_args(words)
     chosen = {name: words for name, words in COMMANDS.items() if name in (asked.only or COMMANDS)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for words in ("record latch -p P01 -n 3 --out .", "calibrate --out calibration.h5"):
-            subprocess.run(haploop(words), cwd=folder, capture_output=True, check=True)
-        programs = {name: haploop(words) for name, words in chosen.items()}
+        for made in ("record latch -p P01 -n 3 --out .", "calibrate --out calibration.h5"):
+            subprocess.run(haploop(made), cwd=folder, capture_output=True, check=True)
+        programs = {name: haploop(command) for name, command in chosen.items()}
+        programs |= {peer: [sys.executable, "-c", imports] for peer, imports in PEERS.items()}
         if asked.against:
-            programs |= {f"other {name}": haploop(words, asked.against) for name, words in chosen.items()}
+            programs |= {f"other {name}": haploop(command, asked.against) for name, command in chosen.items()}
         found = in_rounds(programs, asked.rounds, folder)
     other = " other: CPU s | ratio |" if asked.against else ""
     print(f"| command | CPU s, median (range) of {asked.rounds} | MB |{other}")
@@ -64,6 +78,17 @@ def main() -> None:
             before = [cost.cpu for cost in found[f"other {name}"]]
             row += f" {spread(before)} | {median(cpu) / median(before):.2f} |"
         print(row)
+    script, plot = PEERS
+    rows = []
+    for name in chosen:
+        cpu = [cost.cpu for cost in found[name]]
+        peer = plot if name.startswith(("report", "show RECORDING --plot")) else script
+        if asked.against:
+            peer = f"other {name}"
+        goal = f"{GOALS[name]} s" if name in GOALS else ""
+        theirs = [cost.cpu for cost in found[peer]]
+        rows.append(Row(f"`haploop {name}`: CPU", cpu, "s", peer, ratios(cpu, theirs), goal))
+    return rows
 
 
 if __name__ == "__main__":

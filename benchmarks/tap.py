@@ -19,7 +19,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
@@ -29,6 +29,7 @@ import numpy as np
 
 from benchmarks.contestants import NAMES, Material, header
 from benchmarks.recording import PAPER_RATE, Paced
+from benchmarks.table import Row, ratios
 from haploop.acquisition.recording.salvage import read_contents
 from haploop.acquisition.recording.writer import Writer
 from haploop.acquisition.session.stream_reader import StreamReader
@@ -243,7 +244,8 @@ def record(folder: Path, viewer: Viewer, seconds: float, times: float) -> dict[s
     }
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Record in rounds, print the table, and return its figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=5.0, help="length of each recording")
@@ -252,7 +254,7 @@ def main() -> None:
         "--only", nargs="*", choices=VIEWERS, help="these viewers; the first is the reference"
     )
     parser.add_argument("--folder", type=Path, default=Path.cwd(), help="on the disk to be measured")
-    options = parser.parse_args()
+    options = parser.parse_args(words)
     viewers = {name: VIEWERS[name] for name in options.only or VIEWERS}
     found: dict[str, list[dict[str, float]]] = {name: [] for name in viewers}
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
@@ -265,7 +267,7 @@ def main() -> None:
     )
     print(f"{'viewer':36} wrong  median (ratio)      p99 (ratio)     worst  waited  core")
     for name, rounds in found.items():
-        ratios = {
+        middles = {
             key: statistics.median(
                 r[key] / base[key] for r, base in zip(rounds, found[next(iter(viewers))], strict=True)
             )
@@ -274,11 +276,19 @@ def main() -> None:
         middle = {key: statistics.median(r[key] for r in rounds) for key in rounds[0]}
         print(
             f"{name:36} {sum(r['lost'] for r in rounds):5.0f}  "
-            f"{middle['median']:6.2f} ({ratios['median']:4.2f})   "
-            f"{middle['p99']:8.2f} ({ratios['p99']:5.2f})  "
+            f"{middle['median']:6.2f} ({middles['median']:4.2f})   "
+            f"{middle['p99']:8.2f} ({middles['p99']:5.2f})  "
             f"{max(r['worst'] for r in rounds):8.1f}  {max(r['waiting'] for r in rounds):6.0f}  "
             f"{middle['core']:3.0f} %"
         )
+    rows = []
+    first = next(iter(viewers))
+    for name in list(viewers)[1:]:
+        late, alone = ([one["median"] for one in found[which]] for which in (name, first))
+        what = f"block to kernel, median; live view: {name}"
+        rows.append(Row(what, late, "ms", first, ratios(late, alone)))
+    wrong = sum(one["lost"] for each in found.values() for one in each)
+    return [*rows, Row("blocks lost or wrong under all live views", [wrong], goal="0")]
 
 
 if __name__ == "__main__":

@@ -9,21 +9,27 @@ The rate says how long a soak takes, and `--earlier` whether it falls as presses
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from pathlib import Path
 from statistics import median
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.table import Row
 from haploop import open_rig, record
 from haploop.instruments import Press
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> list[Row]:
     """Record in rounds, and print the median rate with its range."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--presses", type=int, default=10)
     parser.add_argument("--earlier", type=int, default=0, help="presses that the plant has seen before")
-    asked = parser.parse_args()
+    asked = parser.parse_args(words)
     rates = []
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -40,6 +46,8 @@ def main() -> None:
             rates.append((rig.clock.now() - simulated) / (time.process_time() - began))
     print(f"{median(rates):.0f} simulated s in a CPU s ({min(rates):.0f} to {max(rates):.0f}), after")
     print(f"{asked.earlier} presses; {asked.rounds} rounds of {asked.presses} presses")
+    what = f"presses recorded on the twin, {asked.earlier} before: simulated s in a CPU s"
+    return [Row(what, rates, "s", "real time", rates, ">= 60", more=True)]
 
 
 if __name__ == "__main__":

@@ -14,12 +14,18 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 from scipy.stats import norm
 
+from benchmarks import table as figures
 from haploop import open_rig
 from haploop.calibration import Calibration, LinearSweep, Multisine, measure_response
 from haploop.calibration.model import standard_deviation
@@ -204,8 +210,8 @@ def table(rows: dict[str, list[Row]]) -> None:
         )
 
 
-def main() -> None:
-    """Measure every plant in every way asked for, and print the table."""
+def main(words: Sequence[str] | None = None) -> list[figures.Row]:
+    """Measure every plant in every way asked for, print the table, and return what it says of each way."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -216,7 +222,7 @@ def main() -> None:
         "--every", type=int, default=20, help="plants after which the table is printed so far"
     )
     parser.add_argument("--name", default="uncertainty", help="another name gives other plants")
-    asked = parser.parse_args()
+    asked = parser.parse_args(words)
     counts = dict(zip(WAYS, (asked.plants, asked.settled, asked.sweeps), strict=True))
     rows: dict[str, list[Row]] = {f"{name}, {part}": [] for name in WAYS for part in ("lines", "model")}
     refused: list[str] = []
@@ -245,6 +251,19 @@ def main() -> None:
         if (number + 1) % asked.every == 0 or number + 1 == max(counts.values()):
             table(rows)
             print(f"\nRefused: {len(refused)}", flush=True)
+    return [
+        figures.Row(
+            f"stated deviation of {name}",
+            [100 * one.stated for one in found],
+            "%",
+            "the true error",
+            [one.stated / one.error for one in found],
+            ">= 1",
+            more=True,
+        )
+        for name, found in rows.items()
+        if found
+    ]
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Write a recording file that is readable at every moment, at the speed of the raw disk.
+"""Write a recording file that is readable at every moment. Its speed: benchmarks/README.md, "Recording".
 
 Preallocate: a complete HDF5 file with all metadata and space for every block is created, allocated and
 synced before the first sample; a disk that is too small is detected here. Record: each block is one
 positioned write, with its CRC, into the bytes of the dataset, without a call of HDF5. Commit: a separate
-thread syncs the written data, so that a busy disk never delays a block. Reasons: docs/reference/format.md,
-"Guarantees".
+thread syncs the written data while the next blocks are converted, so that a busy disk never delays a block.
+Reasons: docs/explanation/durability.md.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import struct
 import threading
 from contextlib import suppress
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Self
 import numpy as np
 
 from haploop.acquisition.checksum import add_checksum, created
-from haploop.acquisition.recording.file_format import Header, to_codes, write_header
+from haploop.acquisition.recording.file_format import Header, codes_per_volt, convert, write_header
 from haploop.acquisition.recording.rows import (
     EVENT,
     VERDICT,
@@ -39,8 +40,15 @@ __all__ = ["Writer"]
 
 _COMMIT_PERIOD = 0.05
 """Seconds between two syncs (measured: 50 to 100 ms costs nothing)."""
+_COMMIT_BYTES = 8 << 20
+"""Bytes after which a sync comes earlier, so that a fast card's samples do not pile up before the disk."""
 _MARGIN = 1 << 20
 """Bytes left free beside the file itself and its finished copy."""
+
+
+_HEAD = struct.Struct("<qIId")
+"""What stands before the samples in a record of `block_dtype`."""
+_CRC = struct.Struct("<I")
 
 
 class Writer:
@@ -54,8 +62,13 @@ class Writer:
         self.path = path
         self._header = header
         self._dtype = block_dtype(len(header.channels), block)
-        self._record = np.zeros(1, dtype=self._dtype)
+        # One record is filled again and again, through views of it that are made once.
+        record = np.zeros(1, dtype=self._dtype)
+        self._codes = record["samples"][0]
+        self._row = record.view(np.uint8).data
+        self._checked = self._row[: -_CRC.size]
         self._scratch = np.empty((len(header.channels), block), dtype=np.float32)
+        self._per_volt = codes_per_volt(header.full_scale)
         self._capacity = capacity
         # Each of several attempts at a press has events, and so have errors.
         self._events_left = 16 * header.presses + 256 + along
@@ -63,8 +76,10 @@ class Writer:
         self._slot = 0
         self._written = 0
         self._committed = 0
+        self._unsynced = 0
         self._failure: OSError | None = None
-        self._stop = threading.Event()
+        self._closing = False
+        self._due = threading.Event()
         self._file = self._arm()
         self._thread = threading.Thread(target=self._commit, name="haploop-committer", daemon=True)
         self._thread.start()
@@ -86,29 +101,27 @@ class Writer:
         """
         if block.first < self._written:
             return
-        count = block.volts.shape[1]
-        if block.first > self._written or count > self._dtype["samples"].shape[1]:
+        count, space = block.volts.shape[1], self._codes.shape[1]
+        if block.first > self._written or count > space:
             raise InstrumentError(
                 f"A block of {count} samples begins at sample {block.first}, but {self._written} is next."
             )
         if self._slot >= self._capacity:
             raise InstrumentError(f"{self.path} is full after {self._written} samples: record fewer presses.")
-        record = self._record[0]
-        samples = record["samples"]
-        _, beyond = to_codes(
-            block.volts, self._header.full_scale, samples[:, :count], self._scratch[:, :count]
-        )
-        if count < samples.shape[1]:
-            samples[:, count:] = 0
-        record["first"] = block.first
-        record["count"] = count
-        record["time"] = time
-        record["overload"] = _mask(block.overload | beyond)
-        raw = self._record.view(np.uint8).data
-        record["crc"] = crc32(raw[:-4])
-        self._put(raw, self._blocks_at + self._slot * len(raw))
+        codes, scratch = self._codes, self._scratch
+        if count < space:
+            codes[:, count:] = 0
+            codes, scratch = codes[:, :count], scratch[:, :count]
+        beyond = convert(block.volts, self._per_volt, codes, scratch)
+        _HEAD.pack_into(self._row, 0, block.first, count, _mask(block.overload | beyond), time)
+        _CRC.pack_into(self._row, len(self._checked), crc32(self._checked))
+        self._put(self._row, self._blocks_at + self._slot * len(self._row))
         self._slot += 1
-        self._written = block.end
+        self._written = block.first + count
+        self._unsynced += len(self._row)
+        if self._unsynced >= _COMMIT_BYTES:
+            self._unsynced = 0
+            self._due.set()
 
     def note(self, index: int, kind: str, text: str) -> Event:
         """Append an event; when the space for events is full, the last event says so."""
@@ -145,7 +158,8 @@ class Writer:
         """
         if self._file < 0:
             return
-        self._stop.set()
+        self._closing = True
+        self._due.set()
         self._thread.join()
         file, self._file = self._file, -1
         try:
@@ -235,7 +249,11 @@ class Writer:
 
     def _commit(self) -> None:
         kept = 0
-        while not self._stop.wait(_COMMIT_PERIOD):
+        while True:
+            self._due.wait(_COMMIT_PERIOD)
+            self._due.clear()
+            if self._closing:
+                return
             reached = self._written
             if reached == kept:
                 continue
@@ -256,7 +274,7 @@ class Writer:
 
 def _mask(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
     """Pack flags into bits, the first channel lowest; channels from the 32nd on share the last bit."""
-    return sum(1 << bit for bit in {min(int(i), 31) for i in np.flatnonzero(flags)})
+    return sum(1 << bit for bit in {min(i, 31) for i, flag in enumerate(flags.tolist()) if flag})
 
 
 def _allocate(file: int, place: int, length: int) -> None:

@@ -6,8 +6,18 @@ import zlib
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from haploop.acquisition.recording.file_format import CODES, file_name, from_codes, to_codes
+from haploop.acquisition.recording.file_format import (
+    CODES,
+    codes_per_volt,
+    convert,
+    file_name,
+    from_codes,
+    to_codes,
+)
 from haploop.acquisition.recording.rows import (
     BLOCK,
     EVENT,
@@ -110,9 +120,27 @@ def test_codes_are_the_nearest_and_end_at_full_scale() -> None:
         with np.errstate(over="ignore"):
             codes, beyond = to_codes(changed, full)
         assert codes[row, 1] == code and beyond.tolist() == [row == k for k in range(3)]
-    # In the caller's arrays.
-    own, scratch = np.empty((3, 3), np.int16), np.empty((3, 3), np.float32)
-    assert to_codes(volts, full, own, scratch)[0] is own
+
+
+_REACH = st.floats(-3.0, 3.0, width=64)
+_ODD = st.sampled_from([0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e300, -1e300, 5e-324])
+_HALF = st.integers(-2 * CODES - 5, 2 * CODES + 5).map(lambda half: half / (2 * CODES))
+
+
+@given(arrays(np.float64, (3, 7), elements=st.one_of(_REACH, _ODD, _HALF)), st.integers(0, 7))
+def test_codes_are_the_same_bits_as_the_formula_one_channel_after_the_other(volts, count) -> None:
+    full = np.array([10.0, 5.0, 0.2])
+    volts = volts[:, :count] * full[:, None]
+    codes, scratch = np.full((3, 7), 99, np.int16), np.empty((3, 7), np.float32)
+    with np.errstate(over="ignore"):
+        beyond = convert(volts, codes_per_volt(full), codes[:, :count], scratch[:, :count])
+        for row in range(3):
+            exact = np.rint(volts[row].astype(np.float32) * np.float32(CODES / full[row]))
+            within = (exact >= -CODES) & (exact <= CODES - 1)  # NaN is not
+            assert beyond[row] == (not within.all())
+            clipped = np.clip(np.nan_to_num(exact, nan=-CODES), -CODES, CODES - 1)
+            assert codes[row, :count].tolist() == clipped.tolist()
+    assert np.all(codes[:, count:] == 99)
 
 
 @pytest.mark.parametrize(
