@@ -110,8 +110,8 @@ class Meter:
         self._block = blocks[-1] if blocks else self._block
         force, meter = self._levels(blocks)
         bad = f", {self._bad} repeated" if self._bad else ""
-        count = f"{self._doing}: {self._done:g} of {self._of:g}{bad}{self._aside}."
-        return Group(_one_line(f"{count} {self._state(force)}"), meter)
+        count = f"{self._doing}: {self._done:g} of {self._of:g}{bad}{self._aside}. " if self._doing else ""
+        return Group(_one_line(count + self._state(force)), meter)
 
     def _state(self, force: float) -> str:
         block, asked = self._block, self._asked

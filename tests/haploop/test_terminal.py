@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import builtins
 import io
+import os
+import re
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -142,3 +144,81 @@ def test_values_are_short_and_a_notebook_shows_a_picture(demo: Demo) -> None:
         assert "open, simulated by its twin; daq" in repr(rig)
         html = rig._repr_html_()
     assert "vibrometer" in html and "simulated" in html and "<svg" in html
+
+
+FAULT = """
+base = "simulated"
+[[simulation.faults]]
+kind = "sensor-saturated"
+channel = "acceleration_z"
+within = 1
+times = 2
+every = 2
+duration = 0.2
+"""
+STUDY = """
+name = "pilot"
+rig = "rig.toml"
+buttons = ["toggle"]
+participants = ["P01"]
+presses = 3
+"""
+
+
+def run_in_a_terminal(folder: Path, *words: str) -> str:
+    """What a command writes at a terminal of 80 columns of its own."""
+    pty, termios = pytest.importorskip("pty"), pytest.importorskip("termios")
+    pid, terminal = pty.fork()
+    if pid == 0:
+        termios.tcsetwinsize(0, (24, 80))
+        environment = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "LINES", "NO_COLOR")}
+        environment |= {"TERM": "xterm-256color", "HAPLOOP_STATE": str(folder / "state")}
+        os.chdir(folder)
+        os.execve(sys.executable, [sys.executable, "-m", "haploop", *words], environment)
+    written = b""
+    try:
+        while part := os.read(terminal, 65536):
+            written += part
+    except OSError:  # how Linux says that the other side has closed
+        pass
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0, written.decode()
+    return written.decode()
+
+
+def drawn(written: str) -> tuple[list[str], list[str]]:
+    """The lines that a terminal shows at the end, and every line that stood on it before it was erased."""
+    screen, row, column, erased = [""], 0, 0, []
+    for code, text in re.findall(r"(\x1b\[[?0-9;]*[A-Za-z]|[\r\n])|([^\x1b\r\n]+)", written):
+        if text:
+            screen[row] = screen[row][:column].ljust(column) + text + screen[row][column + len(text) :]
+            column += len(text)
+        elif code == "\r":
+            column = 0
+        elif code == "\n":
+            row += 1
+            screen += [""] * (row == len(screen))
+        elif code.endswith("A"):
+            row -= int(code[2:-1] or 1)
+        elif code.endswith("K"):
+            erased.append(screen[row])
+            screen[row] = ""
+        else:
+            assert code[-1] in "mhl", code  # colours; the cursor is hidden and shown
+    return screen, erased
+
+
+def test_at_a_terminal_sentences_and_meter_never_share_a_line(tmp_path: Path) -> None:
+    """`haploop study run` at a terminal of its own, with a press that is refused while the meter stands there."""
+    (tmp_path / "rig.toml").write_text(FAULT, encoding="utf-8")
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    screen, erased = drawn(run_in_a_terminal(tmp_path, "study", "run"))
+    assert max(map(len, screen + erased)) <= 80
+    refused = "P01, toggle: Press 2, attempt 1: A sensor left its range. It is kept and will be repeated."
+    assert refused in " ".join(line.strip() for line in screen)
+    assert not any("░" in line for line in screen), "the meter is taken away at the end"
+    bars = [line for line in erased if "░" in line or "█" in line]
+    meter = r"Force [█░]{10} +[\d.]+ N  Acceleration [█░]{10} +[\d.]+ m/s²(  OVERLOAD)?"
+    assert bars and all(re.fullmatch(meter, line) for line in bars)
+    counts = [line for line in erased if line and line not in bars]
+    assert counts and all(re.match(r"P01, toggle: [0-3] of 3|Starting\.$", line) for line in counts)

@@ -11,7 +11,7 @@ import pytest
 
 import haploop
 from haploop.acquisition import Recording
-from tests.haploop.console.browser.browsing import WAIT, Tab, expect, fill, told, visit
+from tests.haploop.console.browser.browsing import STUDY, WAIT, Tab, expect, fill, told, visit
 from tests.haploop.console.serving import Served, end, start
 
 pytestmark = pytest.mark.timeout(600)
@@ -19,11 +19,14 @@ pytestmark = pytest.mark.timeout(600)
 
 @pytest.fixture(scope="module")
 def button(console: Served) -> None:
-    """A recording, a calibration and a digital button in the console's data folder."""
+    """A recording, a calibration, a digital button and a long study in the console's data folder."""
     with haploop.open_rig("simulated") as rig:
         recording = haploop.record(rig, "latch", "P01", 3, console.data / "recordings")
         calibration = haploop.calibrate(rig, patch="A", point="button")
         made = haploop.build_button(rig, haploop.representative([recording]), calibration, iterations=0)
+    # So many presses that a slow machine is still in the middle of them when STOP comes.
+    study = console.data / "study" / "study.toml"
+    study.write_text(STUDY.replace("presses = 2", "presses = 60"), encoding="utf-8")
     for folder, one in (("calibrations-made", calibration), ("buttons", made)):
         (console.data / folder).mkdir()
         one.save(console.data / folder / "latch.h5")
