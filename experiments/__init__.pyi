@@ -51,6 +51,7 @@ from .presentation import Logged as Logged
 from .presentation import Presenter as Presenter
 from .presentation import TouchSurface as TouchSurface
 from .presentation import fingers_in as fingers_in
+from .presentation import new_experiment as new_experiment
 from .presentation import prepare_surface as prepare_surface
 from .protocol import Answer as Answer
 from .protocol import Assignment as Assignment

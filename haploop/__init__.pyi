@@ -84,6 +84,7 @@ from .experiments import example_names as example_names
 from .experiments import export_answers as export_answers
 from .experiments import load_experiment as load_experiment
 from .experiments import load_power_plan as load_power_plan
+from .experiments import new_experiment as new_experiment
 from .experiments import open_session as open_session
 from .experiments import power_of as power_of
 from .experiments import prepare_surface as prepare_surface

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -63,13 +63,21 @@ def experiment() -> None:
 @experiment.command()
 @click.argument("folder", type=PATH)
 @click.option("--from", "example", default="matching", show_default=True, help="Example to copy.")
-def new(folder: Path, example: str) -> int:
-    """Create an experiment: a FOLDER with an experiment.toml to change."""
-    source = haploop.load_experiment(example).path
+@click.option(
+    "--button",
+    "buttons",
+    multiple=True,
+    type=PATH,
+    metavar="BUTTON.h5",
+    help="Digital button that the rig plays in it; once for each button of the example. It is copied too.",
+)
+def new(folder: Path, example: str, buttons: Sequence[Path]) -> int:
+    """Create an experiment: a FOLDER with an experiment.toml to change.
+
+    With --button the rig plays the digital buttons, of which each must be named as a level of the example.
+    """
+    haploop.new_experiment(folder, example, buttons)
     path = folder / "experiment.toml"
-    outputs.check_destination(path)
-    with outputs.new_file(path) as part:
-        part.write_bytes(source.read_bytes())
     print_line(f"Change {path}, then: haploop experiment run {folder} --participant P01")
     return 0
 
@@ -128,6 +136,11 @@ def run(
 @click.option(
     "--participants", "-n", type=click.IntRange(1, 9999), default=20, show_default=True, help="How many."
 )
+@click.option(
+    "--session",
+    type=click.IntRange(min=1),
+    help="Last session to run: 1 is the study's first day.  [default: all]",
+)
 @MODEL
 @DATA
 @RIG
@@ -138,23 +151,25 @@ def simulate(
     state: CommandState,
     file: str,
     participants: int,
+    session: int | None,
     model: Path | None,
     data: Path | None,
     rig: str,
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Run every session of simulated participants, P01 and so on, that is not complete.
+    """Run the sessions of simulated participants, P01 and so on, that are not complete.
 
     If the experiment names digital [buttons], they press the simulated rig's surface, which plays them.
     """
     store, loaded = _store(file, data), _model(model)
     names = [f"P{number:02}" for number in range(1, participants + 1)]
+    last = session or store.experiment.file.sessions
     with _rig_of(state, store, rig, simulate, simulated=True) as surface:
         clock, presenter = _clock(surface), _presenter(store, surface)
         with Steps() as steps:
             for done, name in enumerate(names):
-                while (number := store.next_session(name)) is not None:
+                while (number := store.next_session(name)) is not None and number <= last:
                     who = haploop.SimulatedParticipant(loaded, name, number)
                     with haploop.open_session(store, name, clock, number, simulated=True) as opened:
                         haploop.run_session(opened, who, presenter)

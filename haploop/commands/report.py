@@ -1,4 +1,4 @@
-"""`haploop report`: a report of recordings, studies, calibrations, maps and digital buttons."""
+"""`haploop report`: a report of recordings, studies, calibrations, maps, digital buttons and answers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, as_json: bool) -> int:
     """Write a report with verdicts, figures and captions.
 
     PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, the
-    folder of a vibration map, or a study (its study.toml or its folder). OUT is one HTML file that needs no
+    folder of a vibration map, a study (its study.toml or its folder), or a table of `haploop experiment
+    export` (CSV). OUT is one HTML file that needs no
     other file; the folder OUT-figures beside it holds each figure as PDF and SVG.
     """
     if out.suffix.lower() not in (".html", ".htm"):

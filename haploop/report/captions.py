@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-__all__ = ["CHECK", "COMPARISON", "DRIVES", "FEELING", "FORCES", "LEARNING", "MAP", "PRESSES", "RESPONSE"]
+__all__ = [
+    "CHECK",
+    "COMPARISON",
+    "CONFUSION",
+    "DRIVES",
+    "FEELING",
+    "FORCES",
+    "LEARNING",
+    "MAP",
+    "PRESSES",
+    "RATINGS",
+    "RESPONSE",
+]
 
 PRESSES = (
     "Vertical acceleration over its peak (thin, blue), force in N (thick, red) and activation state (dashed, "
@@ -40,4 +52,12 @@ MAP = (
     "Top: largest displacement in µm per V at the best frequency, for each patch and for all together; the "
     "ring marks the best point. Bottom: the strongest modes, each from −1 to 1, with white lines where it "
     "does not move. Grey: not measured. After the paper's figure 3."
+)
+CONFUSION = (
+    "Answers in percent of the trials in which a button was presented (rows sum to 100), for each group and "
+    "day. After the paper's figure 13."
+)
+RATINGS = (
+    "Mean and standard deviation over participants of the rating of each adjective pair; larger is nearer to "
+    "the second adjective. After the paper's figure 14."
 )

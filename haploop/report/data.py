@@ -10,6 +10,7 @@ from pathlib import Path
 from haploop.figures import encode
 from haploop.instruments.files import check_destination, new_file
 from haploop.instruments.progress import Progress, silent
+from haploop.report.answers import answers_section
 from haploop.report.drawings import Drawing, drawings
 from haploop.report.html import CaptionedFigure, render
 from haploop.report.pages import pdf_pages
@@ -33,7 +34,7 @@ class Report:
 def write_report(
     paths: Sequence[str | Path], out: str | Path, pdf: bool = False, progress: Progress = silent
 ) -> Report:
-    """Write a report of recordings, studies, calibrations, maps and digital buttons into new files.
+    """Write a report of recordings, studies, calibrations, maps, buttons and answers into new files.
 
     `out` (HTML) holds facts, verdicts and figures, and needs no other file. Beside it, the folder
     `<out>-figures` holds each figure as PDF and SVG, and with `pdf` the file `<out>.pdf` the whole report.
@@ -47,7 +48,8 @@ def write_report(
     sections: list[Section] = []
     for number, path in enumerate(paths):
         progress("Read the data", number, len(paths), "files")
-        sections.append(section(Path(path)))
+        read = answers_section if Path(path).suffix.lower() == ".csv" else section
+        sections.append(read(Path(path)))
     progress("Read the data", len(paths), len(paths), "files")
     planned = list(drawings(sections))
     captioned: list[CaptionedFigure] = []
@@ -81,7 +83,7 @@ def _name(one: Drawing) -> str:
 def _summary(sections: Sequence[Section]) -> dict[str, object]:
     return {
         "title": "Report" if len(sections) > 1 else sections[0].title,
-        "rig": ", ".join(dict.fromkeys(s.rig for s in sections if s.rig)) or "no rig",
+        "rig": ", ".join(dict.fromkeys(s.rig for s in sections if s.rig)) or "none",
         "simulated": any(s.simulated for s in sections),
         "sections": sections,
         "verdicts": [verdict for s in sections for verdict in s.verdicts],

@@ -12,6 +12,7 @@ from haploop import figures
 from haploop.acquisition import Recording, Representative, Study, accepted_presses
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, check_feeling
 from haploop.calibration.map import VibrationMap
+from haploop.experiments import Identification, Ratings
 from haploop.instruments import DataError
 from haploop.report import captions
 from haploop.report.sections import Section
@@ -62,6 +63,8 @@ def drawings(sections: Sequence[Section]) -> Iterator[Drawing]:
             yield _check(s, s.loaded)
     for some_buttons in _batches(buttons):
         yield from _buttons(some_buttons, known)
+    for s in sections:
+        yield from _people(s)
 
 
 def _batches(items: Sequence[_One]) -> Iterator[Sequence[_One]]:
@@ -251,3 +254,36 @@ def _buttons(items: Sequence[tuple[Section, DigitalButton]], known: set[str]) ->
             lambda b=b: figures.button_figure(b),  # type: ignore[misc]
             s.simulated,
         )
+
+
+def _people(s: Section) -> Iterator[Drawing]:
+    match s.loaded:
+        case Identification():
+            yield _answers(s, s.loaded)
+        case Ratings():
+            yield _ratings(s, s.loaded)
+        case _:
+            pass
+
+
+def _answers(s: Section, found: Identification) -> Drawing:
+    trials, people = int(found.pooled.counts.sum()), max((one.people for one in found.performance), default=0)
+    by = f" by {people} participants" if people else ""
+    return Drawing(
+        "confusion",
+        "Which button was answered",
+        _caption(captions.CONFUSION, f"n = {trials} trials{by}.", [s]),
+        lambda: figures.confusion_figure(found),
+        s.simulated,
+    )
+
+
+def _ratings(s: Section, found: Ratings) -> Drawing:
+    kind = "normalised by geometric means" if found.normalised else "as rated"
+    return Drawing(
+        "ratings",
+        "Adjective ratings",
+        _caption(captions.RATINGS, f"Ratings {kind}, n = {len(found.people)} participants.", [s]),
+        lambda: figures.ratings_figure(found),
+        s.simulated,
+    )

@@ -36,7 +36,7 @@ def _pages(summary: Mapping[str, Any], planned: Sequence[Drawing]) -> Iterator[F
 def _text(summary: Mapping[str, Any]) -> Iterator[tuple[str, bool]]:
     """Yield lines of text, and whether each is bold."""
     yield summary["title"], True
-    yield f"Rig {summary['rig']}, haploop {summary['software']}", False
+    yield f"Rig: {summary['rig']}, haploop {summary['software']}", False
     if summary["simulated"]:
         yield SIMULATED, True
     yield "", False

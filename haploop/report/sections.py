@@ -13,13 +13,25 @@ from typing import Any
 from haploop.acquisition import Recording, Representative, Study, content_hash, load_study
 from haploop.calibration import Calibration, Check, DigitalButton, Drive
 from haploop.calibration.map import VibrationMap
+from haploop.experiments import Identification, Ratings
 from haploop.instruments import DataError
 from haploop.progress import rows_of
 from haploop.show import file_contents
 
 __all__ = ["Section", "Verdict", "section"]
 
-Loaded = Recording | Representative | Calibration | Drive | Check | DigitalButton | VibrationMap | Study
+Loaded = (
+    Recording
+    | Representative
+    | Calibration
+    | Drive
+    | Check
+    | DigitalButton
+    | VibrationMap
+    | Study
+    | Identification
+    | Ratings
+)
 
 
 @dataclass(frozen=True)

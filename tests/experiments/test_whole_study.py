@@ -64,6 +64,16 @@ def test_a_study_from_start_to_report(tmp_path: Path) -> None:
         if pair["pair"] in ("Unpleasant-Pleasant", "Rough-Smooth"):
             assert effect["p"] < 0.001
     assert (tmp_path / "13.png").stat().st_size > 10_000 < (tmp_path / "14.png").stat().st_size
+    tables = [tmp_path / "matching.csv", tmp_path / "rating.csv"]
+    report = shell("report", *tables, "-o", tmp_path / "report.html", "--json")
+    assert report["simulated"] and len(report["figures"]) == 4
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    confirmed = next(one for one in matching["performance"][0]["effects"] if one["effect"] == "confirmation")
+    assert f"confirmation F(1, 18) = {confirmed['f']:.2f}" in page and "Simulated participants" in page
+    assert f"{100 * matching['overall']:.2f} %" in page
+    (tmp_path / "other.csv").write_text("participant,rating\nP01,3\n", encoding="utf-8")
+    refused = CliRunner().invoke(cli, ["report", str(tmp_path / "other.csv"), "-o", str(tmp_path / "x.html")])
+    assert refused.exit_code == 2 and "neither the columns" in refused.stderr
 
 
 def simulated(experiment: Experiment, model: ParticipantModel) -> list[str]:

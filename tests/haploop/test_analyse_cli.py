@@ -73,7 +73,7 @@ def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
     assert result.exit_code == 0
     one = json.loads(result.stdout)["thresholds"][0]
     assert one["participant"] == "P01" and one["trials"] == 120
-    assert one["interval"][0] < 1.167 < one["interval"][1] and 1.05 < one["threshold"] < 1.3
+    assert one["interval"][0] < 0.667 < one["interval"][1] and 0.55 < one["threshold"] < 0.8
     short = table.with_name("short.csv")
     short.write_text("\n".join(table.read_text(encoding="utf-8").splitlines()[:15]), encoding="utf-8")
     assert "a threshold needs 20 trials" in run("analyse", "thresholds", short).stderr

@@ -112,9 +112,9 @@ def test_a_staircase_converges() -> None:
 
 def test_two_intervals_compare_each_level_in_both_orders() -> None:
     steps = [step for step in steps_of(load_experiment("two-interval")) if not step.practice]
-    assert Counter(max(step.values) for step in steps) == dict.fromkeys((1.05, 1.1, 1.2, 1.3, 1.45, 1.6), 20)
-    first = sum(step.values[0] > 1 for step in steps)
-    assert 40 <= first <= 80 and all(1.0 in step.values for step in steps)
+    assert Counter(max(step.values) for step in steps) == dict.fromkeys((0.55, 0.6, 0.7, 0.8, 0.9, 1.0), 20)
+    first = sum(step.values[0] > 0.5 for step in steps)
+    assert 40 <= first <= 80 and all(0.5 in step.values for step in steps)
 
 
 @pytest.mark.parametrize("name", example_names())
