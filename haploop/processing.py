@@ -14,7 +14,14 @@ import multiprocessing
 import os
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -40,6 +47,7 @@ from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.extras import optional
 from haploop.instruments.files import check_destination, new_file
 from haploop.instruments.progress import Progress, silent
+from haploop.instruments.safety import marked
 
 __all__ = ["Processed", "process_study"]
 
@@ -97,16 +105,19 @@ def process_study(
     needs `if __name__ == "__main__":`. `dask` is the address of a Dask scheduler, whose workers see the
     study's folder under the same path and have this version of haploop.
 
-    Raises ConfigurationError and DataError for a study that cannot be read, InstrumentError when workers
-    are killed again and again.
+    Raises ConfigurationError and DataError for a study that cannot be read, InUse while another program
+    processes into the same folder, and InstrumentError when workers are killed again and again or cannot
+    be reached.
     """
     folder = Path(out)
     parts, wholes = _tasks(study, folder)
-    due = [task for task in (*wholes, *parts) if not task.done]
-    for count, _ in enumerate(_computed(due, workers, dask), 1):
-        progress("Process the study", count, len(due), "parts")
-    presses = _write_presses(folder / "presses.csv", parts)
-    _write_statistics(folder / "statistics.csv", parts)
+    # Two programs would delete each other's files; the tables are named because they stand in the folder.
+    with marked(folder / "presses.csv"):
+        due = [task for task in (*wholes, *parts) if not task.done]
+        for count, _ in enumerate(_computed(due, workers, dask), 1):
+            progress("Process the study", count, len(due), "parts")
+        presses = _write_presses(folder / "presses.csv", parts)
+        _write_statistics(folder / "statistics.csv", parts)
     made = tuple(task.name for task in wholes if task.press.is_file())
     return Processed(folder, presses, len(due), len(parts) + len(wholes), made)
 
@@ -267,7 +278,19 @@ def _dask_pool(address: str) -> Iterator[Executor]:
             f"No Dask scheduler answers at {address} ({error}): start one, or correct --dask."
         ) from None
     with client:
-        yield client.get_executor(pure=False)
+        try:
+            yield client.get_executor(pure=False)
+        except (distributed.KilledWorker, distributed.comm.CommClosedError, CancelledError) as error:
+            # The scheduler gives a task up after several workers died over it, or it has itself gone away.
+            raise InstrumentError(
+                f"The Dask cluster at {address} lost its work ({type(error).__name__}); is there enough "
+                "memory on its workers? What is finished is kept: run the same command again."
+            ) from None
+        except ModuleNotFoundError as error:
+            raise InstrumentError(
+                f"A worker of the Dask cluster at {address} has no module {error.name}: install this version "
+                "of haploop there too."
+            ) from None
 
 
 def _cores() -> int:

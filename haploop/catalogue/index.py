@@ -28,6 +28,8 @@ __all__ = ["list_files"]
 _VERSION = 1
 """Part of the index's name: to be raised when `Entry` changes."""
 _REJECTIONS = "rejections.json"
+_KEPT = 500
+"""Files after which what was read is kept: an interruption then loses no more, and others wait no longer."""
 _ALONE = 400
 """Files up to which one process reads them: starting others takes seconds."""
 _NAMES = [field.name for field in fields(Entry)]
@@ -63,7 +65,10 @@ def list_files(
         if isinstance(error, sqlite3.OperationalError):
             # The cache cannot be written, or another command is writing it: do without.
             return _asked(None, seen, sql, values, True, progress)
-        path.unlink(missing_ok=True)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError:  # nor can it be removed
+            return _asked(None, seen, sql, values, True, progress)
         return _asked(path, seen, sql, values, True, progress)
 
 
@@ -82,19 +87,24 @@ def _asked(
             path = None
     with closing(sqlite3.connect(path or ":memory:", timeout=10.0)) as database:
         columns = ", ".join(f"{name} TEXT NOT NULL" for name in _NAMES)
+        made = [row[1] for row in database.execute("PRAGMA table_info(files)")]
+        if made and made != ["source", "mark", *_NAMES]:
+            database.execute("DROP TABLE files")  # of another version of haploop
         database.execute(f"CREATE TABLE IF NOT EXISTS files (source TEXT PRIMARY KEY, mark TEXT, {columns})")
         known = dict(database.execute("SELECT source, mark FROM files")) if not rebuild else {}
         stale = [source for source, mark in seen.items() if known.get(source) != mark]
         if stale:
             holes = ", ".join("?" for _ in range(len(_NAMES) + 2))
             with database:
-                for source, entry in _read(stale, progress):
+                for count, (source, entry) in enumerate(_read(stale, progress), 1):
                     # A file that is not ours is remembered too, without a kind.
                     kept = entry or Entry(source, "")
                     mark = seen[source] if kept.settled else ""
                     database.execute(
                         f"INSERT OR REPLACE INTO files VALUES ({holes})", (source, mark, *astuple(kept))
                     )
+                    if count % _KEPT == 0:
+                        database.commit()
         database.execute("CREATE TEMP TABLE here (source TEXT PRIMARY KEY)")
         database.executemany("INSERT INTO here VALUES (?)", ((source,) for source in seen))
         found = database.execute(

@@ -98,6 +98,20 @@ def test_a_killed_process_costs_time_only(folder: Path, alone: dict[str, bytes],
     assert content(tmp_path) == alone
 
 
+def test_two_runs_do_not_write_into_one_folder(
+    folder: Path, alone: dict[str, bytes], tmp_path: Path, run: Run
+) -> None:
+    second = []
+
+    def start_another() -> None:
+        second.append(run("study", "process", "--study", folder, "--out", tmp_path, "--workers", 1))
+
+    haploop.process_study(haploop.load_study(folder), tmp_path, workers=1, progress=once(start_another))
+    assert second[0].exit_code == 3
+    assert second[0].stderr.count("presses.csv is being written by another program: wait") == 1
+    assert content(tmp_path) == alone
+
+
 def test_what_is_done_is_not_done_again(folder: Path, alone: dict[str, bytes], tmp_path: Path) -> None:
     study = haploop.load_study(folder)
 
@@ -186,6 +200,21 @@ def test_a_dask_cluster_writes_the_same_bytes_when_a_worker_is_killed(
     assert content(tmp_path / "out") == alone
     result = run("study", "process", "--study", folder, "--out", tmp_path / "out", "--dask", address)
     assert result.exit_code == 0 and "0 of 8 parts" in result.stdout
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_cluster_that_loses_every_worker_ends_it(
+    folder: Path, tmp_path: Path, cluster: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cluster.scheduler.allowed_failures = 0  # type: ignore[attr-defined]
+    # By value: the workers have no module of tests.
+    monkeypatch.setattr(processing, "_work", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+    with pytest.raises(haploop.InstrumentError, match=r"lost its work \(KilledWorker\).*same command again"):
+        haploop.process_study(
+            haploop.load_study(folder),
+            tmp_path / "out",
+            dask=cluster.scheduler_address,  # type: ignore[attr-defined]
+        )
 
 
 @pytest.mark.filterwarnings("default")

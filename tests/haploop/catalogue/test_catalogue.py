@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -107,6 +109,45 @@ def test_an_index_that_is_thrown_away_or_damaged_is_made_again(folder: Path, ind
     index.write_bytes(b"no database at all" * 100)
     assert haploop.list_files([folder], index=index) == before
     assert haploop.list_files([folder], index=folder / "drive.h5" / "x") == before  # nowhere to write
+
+
+def test_an_index_of_another_version_is_made_again(folder: Path, index: Path) -> None:
+    before = haploop.list_files([folder], index=index)
+    with closing(sqlite3.connect(index)) as database:
+        database.execute("ALTER TABLE files DROP COLUMN verdict")
+    assert haploop.list_files([folder], index=index) == before
+    with closing(sqlite3.connect(index)) as database:  # and is kept
+        assert database.execute("SELECT count(*) FROM files WHERE verdict = 'pass'").fetchone() == (1,)
+
+
+def test_an_index_that_another_program_writes_is_done_without(
+    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = haploop.list_files([folder], index=index)
+    (folder / "drive.h5").rename(folder / "again.h5")
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", lambda path, **_: connect(path, timeout=0.01))
+    with closing(connect(index)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        found = haploop.list_files([folder], index=index)
+    assert len(found) == len(before) and "again.h5" in names(found)
+
+
+def test_what_was_read_before_an_interruption_is_kept(
+    folder: Path, index: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(catalogue_index, "_KEPT", 1)
+
+    def interrupt(_step: str, done: int, *_: object) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        haploop.list_files([folder], index=index, progress=interrupt)
+    read: list[str] = []
+    entry_of = catalogue_index.entry_of
+    monkeypatch.setattr(catalogue_index, "entry_of", lambda path: read.append(path) or entry_of(path))
+    assert len(haploop.list_files([folder], index=index)) == 4 and len(read) == 2
 
 
 def test_a_recording_in_progress_is_looked_at_again(
