@@ -10,8 +10,8 @@ import numpy as np
 from scipy.fft import rfft
 
 from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement, Step
-from haploop.calibration.response import Channels, overloaded
-from haploop.instruments import Aim, ConfigurationError, InstrumentError, Rig
+from haploop.calibration.response import Channels, overloaded, refuse_silent_drive
+from haploop.instruments import Aim, ConfigurationError, Rig
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.progress import Progress, silent
 
@@ -234,9 +234,4 @@ class _Player:
 
 def _refuse_silent_drive(measured: ComplexArray, commanded: ComplexArray, patch: str) -> None:
     strong = np.abs(commanded) > 0.1 * np.abs(commanded).max()
-    gain = float(np.median(np.abs(measured[strong] / commanded[strong])))
-    if not 0.7 < gain < 1.4:
-        raise InstrumentError(
-            f"The drive monitor shows {gain:.2g} V for each volt that patch {patch} was to get: check the "
-            "amplifier (is it on?), the relay, and the gain and divider in the rig file."
-        )
+    refuse_silent_drive(float(np.median(np.abs(measured[strong] / commanded[strong]))), patch)

@@ -25,7 +25,7 @@ from haploop.calibration.response.measuring import (
 )
 from haploop.calibration.response.modes import Modes, Plays, fit_modes
 from haploop.calibration.response.response import Response
-from haploop.calibration.response.settling import settle
+from haploop.calibration.response.settling import refuse_silent_drive, settle
 from haploop.calibration.response.uff import read_uff, read_uff_sets, write_uff, write_uff_sets
 from haploop.calibration.response.waveforms import Waveforms
 
@@ -57,6 +57,7 @@ __all__ = [
     "quick_response",
     "read_uff",
     "read_uff_sets",
+    "refuse_silent_drive",
     "response_from",
     "settle",
     "write_uff",

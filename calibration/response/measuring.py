@@ -14,7 +14,7 @@ from haploop.calibration.response.from_multisine import from_multisine
 from haploop.calibration.response.from_sweeps import from_sweeps
 from haploop.calibration.response.hysteresis import Hysteresis
 from haploop.calibration.response.response import LINEAR, Response
-from haploop.calibration.response.settling import settle
+from haploop.calibration.response.settling import refuse_silent_drive, settle
 from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.progress import Progress, part_of, silent
@@ -330,17 +330,9 @@ def _doing(patch: str, point: str) -> str:
     return f"Measure patch {patch} at the {point} point"
 
 
-def _refuse_silent_drive(gain: float, patch: str) -> None:
-    if not 0.7 < gain < 1.4:
-        raise InstrumentError(
-            f"The drive monitor shows {gain:.2g} V for each volt that patch {patch} was to get: check the "
-            "amplifier (is it on?), the relay, and the gain and divider in the rig file."
-        )
-
-
 def plausible(response: Response) -> Response:
     """Return a response whose drive reached the patch and whose surface followed; raise for any other."""
-    _refuse_silent_drive(float(np.median(np.abs(response.path))), response.patch)
+    refuse_silent_drive(float(np.median(np.abs(response.path))), response.patch)
     typical = float(np.median(response.coherence))
     if typical < 0.5:
         raise DataError(

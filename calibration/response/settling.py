@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from haploop.instruments import InstrumentError, Rig
+from haploop.instruments import Capture, InstrumentError, Rig
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.progress import Progress, silent
 
-__all__ = ["run_down", "settle"]
+__all__ = ["refuse_silent_drive", "run_down", "settle"]
 
 _HZ, _CYCLES = 40.0, 16
 """Frequency (Hz) and number of cycles of the run-down, below a table's first mode. After it the first play
@@ -44,14 +44,17 @@ def run_down(rate_hz: float, peak: float) -> FloatArray:
 def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
     """Erase a patch's memory and wait until the surface is at rest; returns the time that took (s).
 
-    Raises InstrumentError when the surface does not come to rest, and what `Rig.excite` raises.
+    Raises InstrumentError when the drive monitor does not show the volts that erase it, when the surface does
+    not come to rest, and what `Rig.excite` raises.
     """
     rate_hz = rig.table.rate_hz
     volts, tail, waited = run_down(rate_hz, _MARGIN * rig.limits.peak), _TAIL, 0.0
     while tail <= _LONGEST:
-        capture = rig.excite(volts, (patch,), (rig.vibrometer.channel,), tail)
+        capture = rig.excite(volts, (patch,), (rig.vibrometer.channel, rig.monitor(patch)), tail)
         waited += len(volts) / rate_hz + tail
         progress("Settle", waited, waited, "s")
+        if volts.any():
+            refuse_silent_drive(_gain(rig, capture, volts), patch)
         velocity = rig.vibrometer.to_velocity(capture.volts[0])[len(volts) :]
         if _at_rest(velocity / rig.vibrometer.range, round(_WINDOW * rate_hz)):
             return waited
@@ -61,6 +64,23 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
         f"The surface did not come to rest within {waited:.0f} s after patch {patch} was played: make "
         "sure that nothing shakes the table, and that nobody touches it."
     )
+
+
+def refuse_silent_drive(gain: float, patch: str) -> None:
+    """Raise InstrumentError for volts at a patch, over those that it was to get, that are not near 1."""
+    if not 0.7 < gain < 1.4:
+        raise InstrumentError(
+            f"The drive monitor shows {gain:.2g} V for each volt that patch {patch} was to get: check the "
+            "amplifier (is it on?), the relay, and the gain and divider in the rig file."
+        )
+
+
+def _gain(rig: Rig, capture: Capture, volts: FloatArray) -> float:
+    """Rms volts of the drive monitor over those of a drive."""
+    divider = rig.sensors.drive
+    assert divider is not None
+    shown = divider.to_si(capture.volts[[1]])[0][: len(volts)]
+    return float(np.std(shown) / np.std(volts))
 
 
 def _at_rest(velocity: FloatArray, window: int) -> bool:

@@ -9,6 +9,7 @@ import pytest
 
 from haploop import calibration
 from haploop.calibration import LinearSweep, Multisine, fit, measure_response, quick_response
+from haploop.calibration.response import settle
 from haploop.calibration.response.channels import Channels
 from haploop.instruments import Aim, ConfigurationError, DataError, InstrumentError, Rig
 from tests.calibration.conftest import Calibrated, tamper
@@ -217,3 +218,12 @@ def test_a_response_is_a_value(calibrated: Calibrated) -> None:
     with pytest.raises(AttributeError):
         calibrated.calibration.response.patch = "B"  # type: ignore[misc]
     assert replace(calibrated.calibration.response, patch="B").patch == "B"
+
+
+def test_a_contact_that_fails_once_is_noticed_before_anything_is_measured(open: OpenRig) -> None:
+    """The first play erases the patch's memory; without it, the next one's motion is another."""
+    rig = open(faults=[{"kind": "relay-welded", "times": 1}])
+    with pytest.raises(InstrumentError, match=r"drive monitor shows 0\.?\d* V for each volt that patch A"):
+        settle(rig, "A")
+    rig.make_safe()
+    assert settle(rig, "A") < 1.5
