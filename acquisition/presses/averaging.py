@@ -10,18 +10,28 @@ time, which is better where events that overlap jitter independently.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 import scipy
+from scipy import fft
 from threadpoolctl import threadpool_limits
 
-from haploop.acquisition.presses.barycentre import alike, along, barycentre, centred, paths_to, read_at
-from haploop.acquisition.presses.registration import Rows, WarpModel, register
+from haploop.acquisition.presses.barycentre import (
+    alike,
+    along,
+    barycentre,
+    centred,
+    lags_along,
+    paths_to,
+    read_at,
+)
+from haploop.acquisition.presses.registration import WarpModel, moved, register
+from haploop.acquisition.presses.spool import Spool
 from haploop.instruments import ConfigurationError
-from haploop.instruments.arrays import BoolArray, FloatArray
+from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["BARYCENTRE", "CENTRED", "MEAN", "REGISTRATION", "Average", "AverageMethod", "average"]
 
@@ -43,8 +53,10 @@ class Average:
     """Reason for the method, as a clause."""
     template: FloatArray
     """(channels, samples)."""
-    aligned: FloatArray
-    """(presses, samples): first channel of each press, by participant, warped to the template's time."""
+    members: int
+    """Presses that were used."""
+    spread: FloatArray
+    """(samples,): standard deviation of the first channel of the presses, warped to the template's time."""
     kept: tuple[BoolArray, ...]
     """(presses,) for each participant: True when the press resembles the others and was used."""
     scores: Mapping[str, float]
@@ -62,8 +74,9 @@ def average(
     """Average all presses at two levels; `groups` holds (presses, channels, samples) for each participant.
 
     Alignment uses the first channel; the other channels get the same warps. A participant with four or
-    more presses has those left out that are unlike the others. Raises ConfigurationError for an unknown
-    method.
+    more presses has those left out that are unlike the others. One participant's presses are in memory at a
+    time, and of each participant a template. Raises ConfigurationError for an unknown method, DataError when
+    the disk for temporary files is full.
 
     "automatic" scores each template on presses that it does not hold: each press is compared with the
     template less that press's own share, its alignment kept. Segments of 20 ms of a press are matched to
@@ -78,23 +91,32 @@ def average(
         raise ConfigurationError(f"There is no method {method!r} for a representative press: use {names}.")
     m = model or WarpModel()
     window = m.window(rate_hz)
+    registering = method in ("automatic", "registration")
     # Threads cost more than they gain on matrices this small when the machine is busy.
     with threadpool_limits(1):
-        found = [alike(group[:, 0], window) for group in groups]
-        kept = tuple(mask for mask, _ in found)
-        own = [_Participant(group[mask], centre) for group, (mask, centre) in zip(groups, found, strict=True)]
-        single = sum(len(one.curves) for one in own) == 1
+        masks, centres, means, each = [], [], [], Spool()
+        for group in groups:
+            mask, centre, paths = alike(group[:, 0], window)
+            masks.append(mask)
+            centres.append(centre)
+            if registering:
+                one = register(group[mask], rate_hz, m, centre, paths)
+                means.append(one.template)
+                each.append(one.aligned)
+        own = _Kept(groups, masks, np.stack(centres))
+        single = own.members == 1
         made: dict[str, _Template] = {}
         if method == "mean" or single:
             made[MEAN] = _mean(own)
         if method == "barycentre" and not single:
             made[BARYCENTRE] = _barycentre(own, rate_hz, window, in_time=False)
-        if method in ("automatic", "registration") and not single:
-            made[REGISTRATION] = _registration(own, rate_hz, m)
+        if registering and not single:
+            made[REGISTRATION] = _registration(np.stack(means), each, rate_hz, m)
         if method == "automatic" and not single:
-            made[CENTRED] = _barycentre(own, rate_hz, window, in_time=True)
-        presses = np.concatenate([one.curves[:, 0] for one in own])
-        scores = {name: _score(one, presses, window) for name, one in made.items() if len(made) > 1}
+            # Of one participant, whose barycentre is that of all, the paths are known already.
+            known = paths if len(groups) == 1 else None
+            made[CENTRED] = _barycentre(own, rate_hz, window, in_time=True, known=known)
+        scores = {name: _score(one, own, window) for name, one in made.items() if len(made) > 1}
     name = min(scores, key=scores.__getitem__) if scores else next(iter(made))
     reason = (
         "it leaves less of presses that it does not hold"
@@ -104,86 +126,130 @@ def average(
         else "asked for by name"
     )
     leads = {each: one.curves[0] for each, one in made.items()}
-    return Average(name, reason, made[name].curves, made[name].aligned, kept, scores, leads)
+    template, aligned = made[name].curves, made[name].aligned
+    return Average(name, reason, template, own.members, _deviation(aligned), tuple(own.masks), scores, leads)
 
 
 @dataclass(frozen=True, eq=False)
-class _Participant:
-    """Presses (presses, channels, samples) of one participant, and their barycentre (samples,)."""
+class _Kept:
+    """The presses of each participant that are used (presses, channels, samples), read when needed."""
 
-    curves: FloatArray
-    centre: FloatArray
+    groups: Sequence[FloatArray]
+    masks: Sequence[BoolArray]
+    centres: FloatArray
+    """(participants, samples): barycentres of their first channel."""
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return (group[mask] for group, mask in zip(self.groups, self.masks, strict=True))
+
+    @property
+    def members(self) -> int:
+        return sum(int(np.sum(mask)) for mask in self.masks)
 
 
 @dataclass(frozen=True, eq=False)
 class _Template:
-    """Template (channels, samples), and the first channel of each press in its time (presses, samples)."""
+    """Template (channels, samples), and each participant's presses in its time: their first channel, each
+    (presses, samples).
+    """
 
     curves: FloatArray
-    aligned: FloatArray
+    aligned: Sequence[FloatArray]
 
 
-def _mean(own: Sequence[_Participant]) -> _Template:
-    every = np.concatenate([one.curves[:, 0] for one in own])
-    return _Template(np.mean([one.curves.mean(axis=0) for one in own], axis=0), every)
+def _mean(own: _Kept) -> _Template:
+    means, aligned = [], Spool()
+    for curves in own:
+        means.append(curves.mean(axis=0))
+        aligned.append(curves[:, 0])
+    return _Template(np.mean(means, axis=0), aligned)
 
 
-def _registration(own: Sequence[_Participant], rate_hz: float, m: WarpModel) -> _Template:
-    each = [register(one.curves, rate_hz, m, one.centre) for one in own]
-    means = np.stack([one.template for one in each])
+def _registration(means: FloatArray, each: Iterable[FloatArray], rate_hz: float, m: WarpModel) -> _Template:
+    """Register the participants' templates (participants, channels, samples), and with them their presses."""
     whole = register(means, rate_hz, m, barycentre(means[:, 0], m.window(rate_hz)))
+    aligned = Spool()
     # The participant's warp is applied after each press's own warp.
-    aligned = [
-        Rows(one.aligned[:, 0]).at(np.tile(shift, (len(one.aligned), 1)))
-        for one, shift in zip(each, whole.shifts, strict=True)
-    ]
-    return _Template(whole.template, np.concatenate(aligned))
+    for rows, shift in zip(each, whole.shifts, strict=True):
+        aligned.append(moved(rows, np.tile(shift, (len(rows), 1))))
+    return _Template(whole.template, aligned)
 
 
-def _barycentre(own: Sequence[_Participant], rate_hz: float, window: int, in_time: bool) -> _Template:
+def _barycentre(
+    own: _Kept, rate_hz: float, window: int, in_time: bool, known: list[IntArray] | None = None
+) -> _Template:
     """The paper's average; `in_time`, brought to the mean time of the presses."""
-    centres = np.stack([one.centre for one in own])
-    trusted, centre = alike(centres, window) if len(own) > 1 else (np.array([True]), centres[0])
-    paths = [paths_to(centre, one.curves[:, 0], window) for one in own]
-    warped = [along(one.curves, path) for one, path in zip(own, paths, strict=True)]
-    template = np.stack([curves.mean(axis=0) for curves in warped])[trusted].mean(axis=0)
+    centres = own.centres
+    trusted, centre, _ = alike(centres, window)
+    template, lag, aligned = np.zeros((0, 0)), np.zeros(len(centre)), Spool()
+    for curves, counts in zip(own, trusted, strict=True):
+        paths = known or paths_to(centre, curves[:, 0], window)
+        warped = along(curves, paths)
+        aligned.append(warped[:, 0])
+        lag += np.sum([lags_along(path, len(centre)) for path in paths], axis=0)
+        if counts:
+            mean = warped.mean(axis=0)
+            template = template + mean if template.size else mean
+    template /= np.sum(trusted)
     template[0] = centre
-    aligned = np.concatenate([curves[:, 0] for curves in warped])
-    if in_time:
-        places = centred(centre, [path for some in paths for path in some], rate_hz)
-        template, aligned = read_at(template, places), read_at(aligned, places)
-    return _Template(template, aligned)
+    if not in_time:
+        return _Template(template, aligned)
+    places, timed = centred(centre, lag / own.members, rate_hz), Spool()
+    for rows in aligned:
+        timed.append(read_at(rows, places))
+    return _Template(read_at(template, places), timed)
 
 
-def _score(template: _Template, presses: FloatArray, reach: int) -> float:
-    """Score a template on presses (presses, samples) that it does not hold, see `average`."""
-    count, samples = presses.shape
-    lead = template.curves[0]
-    without = (count * lead - template.aligned) / (count - 1)
+def _deviation(aligned: Sequence[FloatArray]) -> FloatArray:
+    """Standard deviation (samples,) of all rows of these arrays."""
+    count = sum(len(rows) for rows in aligned)
+    mean = sum(rows.sum(axis=0) for rows in aligned) / count
+    return np.asarray(np.sqrt(sum(np.sum((rows - mean) ** 2, axis=0) for rows in aligned) / count))
+
+
+def _score(template: _Template, own: _Kept, reach: int) -> float:
+    """Score a template on presses that it does not hold, see `average`."""
+    count, lead = own.members, template.curves[0]
     length = max(4, 2 * reach // 3)
     taper = np.hanning(length + 2)[1:-1] ** 2
-    sides = ((0, 0), (reach, reach))
-    held, made, lead = np.pad(presses, sides), np.pad(without, sides), np.pad(lead, reach)
+    starts = np.arange(0, len(lead) - length + 1, length // 2)
+    trusts, lags = np.zeros((2, len(starts)))
     left = power = 0.0
-    for start in range(0, samples - length + 1, length // 2):
-        piece = slice(start, start + length)
-        near = slice(start, start + length + 2 * reach)
-        unlike = _misfits(presses[:, piece], made[:, near], taper)
-        missing = _misfits(without[:, piece], held[:, near], taper)
-        found = 1 - missing.min(axis=1) / np.maximum(without[:, piece] ** 2 @ taper, 1e-300)
-        trust = np.maximum(found, 0.0)
-        late = float(trust @ (np.argmin(missing, axis=1) - reach)) / max(float(trust.sum()), 1e-9)
-        here = np.arange(start, start + length) + reach
-        moved = np.interp(here - late, np.arange(len(lead)), lead) - lead[here]
-        left += float(np.sum(unlike.min(axis=1)) + np.sum(missing.min(axis=1)))
-        left += _LATE * 2 * count * float(moved**2 @ taper)
-        power += 2 * float(np.sum(presses[:, piece] ** 2 @ taper))
+    for curves, aligned in zip(own, template.aligned, strict=True):
+        presses, without = curves[:, 0], (count * lead - aligned) / (count - 1)
+        unlike = _misfits(presses, without, starts, taper, reach)
+        missing = _misfits(without, presses, starts, taper, reach)
+        least = missing.min(axis=2)
+        there = _pieces(without, starts, length) ** 2 @ taper
+        # Silence is found everywhere, and says nothing of time.
+        trust = np.where(there > 0, np.maximum(1 - least / np.maximum(there, 1e-300), 0.0), 0.0)
+        trusts += trust.sum(axis=0)
+        lags += np.sum(trust * (np.argmin(missing, axis=2) - reach), axis=0)
+        left += float(np.sum(unlike.min(axis=2)) + np.sum(least))
+        power += 2 * float(np.sum(_pieces(presses, starts, length) ** 2 @ taper))
+    late = lags / np.maximum(trusts, 1e-9)
+    here = starts[:, None] + np.arange(length)
+    padded = np.pad(lead, reach)
+    moves = np.interp(here - late[:, None] + reach, np.arange(len(padded)), padded) - lead[here]
+    left += _LATE * 2 * count * float(np.sum(moves**2 @ taper))
     # Differences of large sums: rounding can leave less than nothing of a perfect match.
     return float(np.sqrt(max(left, 0.0) / max(power, 1e-300)))
 
 
-def _misfits(pieces: FloatArray, places: FloatArray, taper: FloatArray) -> FloatArray:
-    """Tapered sum of squares (pairs, lags) between each segment and each lag within its place."""
-    there = scipy.signal.correlate(places**2, taper[None], "valid", "fft")
-    both = scipy.signal.fftconvolve(places, (pieces * taper)[:, ::-1], "valid", axes=1)
-    return np.asarray((pieces**2 @ taper)[:, None] - 2 * both + there)
+def _pieces(rows: FloatArray, starts: IntArray, length: int) -> FloatArray:
+    """Pieces (rows, starts, length) of rows (rows, samples)."""
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(rows, length, axis=-1)[:, starts])
+
+
+def _misfits(
+    rows: FloatArray, others: FloatArray, starts: IntArray, taper: FloatArray, reach: int
+) -> FloatArray:
+    """Tapered sum of squares (rows, starts, lags) between segments of rows, and others within reach."""
+    length = len(taper)
+    pieces, around = _pieces(rows, starts, length), np.pad(others, ((0, 0), (reach, reach)))
+    # Not by FFT over the whole row: its rounding would exceed what quiet segments hold.
+    there = scipy.ndimage.correlate1d(around**2, taper, axis=1)[:, length // 2 :]
+    size = fft.next_fast_len(length + 2 * reach, real=True)
+    spectra = fft.rfft(_pieces(around, starts, length + 2 * reach), size)
+    both = fft.irfft(spectra * np.conj(fft.rfft(pieces * taper, size)), size)[..., : 2 * reach + 1]
+    return np.asarray((pieces**2 @ taper)[..., None] - 2 * both + _pieces(there, starts, 2 * reach + 1))

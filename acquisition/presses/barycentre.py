@@ -13,7 +13,7 @@ from dtaidistance import dtw, dtw_barycenter
 
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["alike", "along", "barycentre", "centred", "paths_to", "read_at"]
+__all__ = ["alike", "along", "barycentre", "centred", "lags_along", "paths_to", "read_at"]
 
 _ITERATIONS = 5
 _ALIKE, _SHARE = 2.0, 0.25
@@ -36,13 +36,22 @@ def barycentre(curves: FloatArray, window: int) -> FloatArray:
     )
 
 
-def alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray]:
-    """Find the curves (curves, samples) that resemble each other: mask (curves,), and their barycentre."""
+def alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray, list[IntArray]]:
+    """Find the curves (curves, samples) that resemble each other.
+
+    Returns which they are (curves,), their barycentre, and their paths to it.
+    """
     centre = barycentre(curves, window)
-    far = np.array([dtw.distance(centre, curve, window=window, use_c=True) for curve in curves])
+    paths = paths_to(centre, curves, window)
+    far = np.array(
+        [np.linalg.norm(centre[to] - one[at]) for one, (to, at) in zip(curves, paths, strict=True)]
+    )
     least = max(_ALIKE * float(np.median(far)), _SHARE * float(np.linalg.norm(centre)))
     mask = np.asarray((far <= least) | (len(curves) < 4))
-    return mask, centre if mask.all() else barycentre(curves[mask], window)
+    if mask.all():
+        return mask, centre, paths
+    centre = barycentre(curves[mask], window)
+    return mask, centre, paths_to(centre, curves[mask], window)
 
 
 def paths_to(template: FloatArray, curves: FloatArray, window: int) -> list[IntArray]:
@@ -65,17 +74,21 @@ def along(curves: FloatArray, paths: list[IntArray]) -> FloatArray:
     return result
 
 
-def centred(template: FloatArray, paths: list[IntArray], rate_hz: float) -> FloatArray:
+def lags_along(path: IntArray, samples: int) -> FloatArray:
+    """Mean lag (samples,) of a curve behind each sample of a template of so many, along their path."""
+    return np.asarray(
+        np.bincount(path[0], path[1] - path[0], samples) / np.bincount(path[0], minlength=samples)
+    )
+
+
+def centred(template: FloatArray, lag: FloatArray, rate_hz: float) -> FloatArray:
     """Compute when each sample of a template (samples,) comes on the mean of the curves that it stands for.
 
-    The mean lag of the DTW paths is followed where the template changes, and bridges silence, where paths
-    are random. Returns the place in the template (samples,) of each sample of the centred one: time is
-    stretched between events rather than within, so that events keep their frequencies.
+    Their mean lag (samples,) along the DTW paths is followed where the template changes, and bridges silence,
+    where paths are random. Returns the place in the template (samples,) of each sample of the centred one:
+    time is stretched between events rather than within, so that events keep their frequencies.
     """
     samples = len(template)
-    lag = np.zeros(samples)
-    for path in paths:
-        lag += np.bincount(path[0], path[1] - path[0], samples) / np.bincount(path[0], minlength=samples)
     steep = np.gradient(template) ** 2
     steep /= max(float(steep.max()), 1e-300)
     # The smallest stiffness is far below any event's, and keeps silence from breaking the chain.
@@ -87,7 +100,7 @@ def centred(template: FloatArray, paths: list[IntArray], rate_hz: float) -> Floa
     bands[1, :-1] += stiff
     bands[1, 1:] += stiff
     places = np.arange(samples)
-    came = places + scipy.linalg.solveh_banded(bands, steep * lag / len(paths))
+    came = places + scipy.linalg.solveh_banded(bands, steep * lag)
     return np.interp(places, np.maximum.accumulate(came + 1e-6 * places), places)
 
 

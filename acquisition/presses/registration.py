@@ -7,15 +7,19 @@ events that jitter independently are aligned only as far as the stiffness allows
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from dtaidistance import dtw
 
+from haploop.acquisition.presses.barycentre import paths_to
 from haploop.instruments.arrays import FloatArray, IntArray
 
-__all__ = ["Registration", "Rows", "WarpModel", "register"]
+__all__ = ["Registration", "WarpModel", "moved", "register"]
+
+_TOGETHER = 64
+"""Rows that are evaluated at once: these fit into a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +52,14 @@ class Registration:
 
     template: FloatArray
     aligned: FloatArray
-    """(curves, channels, samples)."""
+    """(curves, samples): their first channel."""
     shifts: FloatArray
     """(curves, samples), in samples: aligned[i](t) = curve[i](t + shifts[i](t)). Their mean is zero."""
     weights: FloatArray
     """(curves,), 1 for a curve that is no outlier."""
 
 
-class Rows:
+class _Rows:
     """Cubic splines of (rows, samples), constant beyond both ends.
 
     `places` are the sample numbers at which they are evaluated: all, or every n-th.
@@ -71,46 +75,74 @@ class Rows:
 
     def at(self, shifts: FloatArray, which: IntArray | None = None) -> FloatArray:
         """Values (rows, places) of all rows, or of the rows `which`, at `places` plus shifts."""
-        (c3, c2, c1, c0), f = self._find(shifts, which)
-        return np.asarray(((c3 * f + c2) * f + c1) * f + c0)
+        values = np.empty(shifts.shape)
+        for some, pieces, f in self._find(shifts, which):
+            c3, c2, c1, c0 = pieces
+            values[some] = ((c3 * f + c2) * f + c1) * f + c0
+        return values
 
     def with_slopes(self, shifts: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         """Values and derivatives per sample, both (rows, places)."""
-        (c3, c2, c1, c0), f = self._find(shifts, which)
-        return np.asarray(((c3 * f + c2) * f + c1) * f + c0), np.asarray((3 * c3 * f + 2 * c2) * f + c1)
+        values, slopes = np.empty((2, *shifts.shape))
+        for some, pieces, f in self._find(shifts, which):
+            c3, c2, c1, c0 = pieces
+            values[some] = ((c3 * f + c2) * f + c1) * f + c0
+            slopes[some] = (3 * c3 * f + 2 * c2) * f + c1
+        return values, slopes
 
-    def _find(self, shifts: FloatArray, which: IntArray | None) -> tuple[FloatArray, FloatArray]:
+    def _find(
+        self, shifts: FloatArray, which: IntArray | None
+    ) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Some rows at a time: the coefficients (4, rows, places) there, and the place within the piece."""
         rows = np.arange(len(shifts)) if which is None else which
-        at = np.clip(self.places + shifts, 0, self.samples - 1)
-        low = np.minimum(at.astype(np.int64), self.samples - 2)
-        return np.moveaxis(self._pieces[low + rows[:, None] * (self.samples - 1)], -1, 0), at - low
+        for start in range(0, len(shifts), _TOGETHER):
+            some = slice(start, start + _TOGETHER)
+            at = np.clip(self.places + shifts[some], 0, self.samples - 1)
+            low = np.minimum(at.astype(np.int64), self.samples - 2)
+            pieces = self._pieces[low + rows[some, None] * (self.samples - 1)]
+            yield some, np.moveaxis(pieces, -1, 0), at - low
 
 
 def register(
-    curves: FloatArray, rate_hz: float, model: WarpModel | None = None, start: FloatArray | None = None
+    curves: FloatArray,
+    rate_hz: float,
+    model: WarpModel | None = None,
+    start: FloatArray | None = None,
+    paths: Sequence[IntArray] | None = None,
 ) -> Registration:
     """Register (curves, channels, samples) by the first channel, and average all channels.
 
     The curves must already be aligned within `reach` at an event common to all. `start` (samples,) is a
     first template, such as a DTW barycentre. The fit then runs twice, once from the DTW paths to `start`
-    and once from zero warps, and the result with the lower cost is kept.
+    (`paths`, if they are known) and once from zero warps, and the result with the lower cost is kept.
     """
     m = model or WarpModel()
     count, channels, samples = curves.shape
     if count == 1:
-        return Registration(curves[0], curves, np.zeros((1, samples)), np.ones(1))
+        return Registration(curves[0], curves[:, 0], np.zeros((1, samples)), np.ones(1))
     work = _Work(np.ascontiguousarray(curves[:, 0]), rate_hz, m)
     # Zero warps are the better start when the curves already agree: DTW paths then follow noise.
     starts = [np.zeros((count, m.knots))]
     if start is not None:
-        starts.append(work.from_paths(start, np.arange(count)))
+        paths = paths_to(start, work.lead, work.window) if paths is None else paths
+        starts.append(work.from_paths(start, paths))
     warps = min((work.refine(begin, m.rounds) for begin in starts), key=work.cost)
     for _ in range(m.rescues):
         warps = work.refine(work.rescue(warps), m.rounds // 3)
     shifts = warps @ _basis(np.arange(samples), samples, m.knots).T
-    aligned = np.stack([Rows(curves[:, c]).at(shifts) for c in range(channels)], axis=1)
-    weights = _weights(aligned[:, 0], m)
-    return Registration(np.average(aligned, axis=0, weights=weights), aligned, shifts, weights)
+    aligned = moved(curves[:, 0], shifts)
+    weights = _weights(aligned, m)
+    # One channel at a time: all channels of a thousand curves are a hundred megabytes.
+    others = (moved(curves[:, channel], shifts) for channel in range(1, channels))
+    template = [np.average(rows, axis=0, weights=weights) for rows in (aligned, *others)]
+    return Registration(np.stack(template), aligned, shifts, weights)
+
+
+def moved(rows: FloatArray, shifts: FloatArray) -> FloatArray:
+    """Read (rows, samples) at every sample plus its shift, in samples."""
+    # The coefficients of a spline take four times the memory of its row.
+    some = range(0, len(rows), _TOGETHER)
+    return np.concatenate([_Rows(rows[at : at + _TOGETHER]).at(shifts[at : at + _TOGETHER]) for at in some])
 
 
 class _Work:
@@ -125,7 +157,7 @@ class _Work:
         self.lead = lead
         self.m = m
         self.window = m.window(rate_hz)
-        self.rows = Rows(lead, every)
+        self.rows = _Rows(lead, every)
         self.basis = _basis(self.rows.places, samples, m.knots)
         # Only neighbouring B-splines overlap: all other products are zero.
         self.pairs = np.array([(a, b) for a in range(m.knots) for b in range(a, min(a + 4, m.knots))]).T
@@ -171,9 +203,9 @@ class _Work:
         far = every[left > 1.5 * np.median(left)]
         if not len(far):
             return warps
-        whole = scipy.interpolate.CubicSpline(self.rows.places, template)(np.arange(self.rows.samples))
         tried = warps.copy()
-        tried[far] = self.from_paths(whole, far)
+        whole = scipy.interpolate.CubicSpline(self.rows.places, template)(np.arange(self.rows.samples))
+        tried[far] = self.from_paths(whole, paths_to(whole, self.lead[far], self.window))
         for _ in range(self.m.rounds):
             tried = self.step(tried, template, noise, far)
         better = self.distance(tried, template, noise, every) < left
@@ -217,16 +249,14 @@ class _Work:
         whole[:, a, b] = whole[:, b, a] = weights @ self.products
         return whole
 
-    def from_paths(self, template: FloatArray, which: IntArray) -> FloatArray:
-        """Warps that follow the DTW paths of these curves to a template (samples,)."""
+    def from_paths(self, template: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
+        """Warps that follow the DTW paths of some curves to a template (samples,)."""
         slope = np.gradient(template) ** 2 / max(self.floor, 1e-30)
-        weights, lags = np.zeros((2, len(which), len(self.rows.places)))
-        for row, curve in enumerate(self.lead[which]):
-            path = np.asarray(dtw.warping_path(template, curve, window=self.window, use_c=True))
-            at, lag = path[:, 0], path[:, 1] - path[:, 0]
+        weights, lags = np.zeros((2, len(paths), len(self.rows.places)))
+        for row, (at, there) in enumerate(paths):
             # A path through silence is random, so lags are weighted by the template's squared slope.
             weights[row] = (slope * np.bincount(at, minlength=len(slope)))[self.rows.places]
-            lags[row] = (slope * np.bincount(at, lag, len(slope)))[self.rows.places]
+            lags[row] = (slope * np.bincount(at, there - at, len(slope)))[self.rows.places]
         normal = self.normal(weights) + self.prior
         return np.asarray(np.linalg.solve(normal, (lags @ self.basis)[..., None])[..., 0])
 

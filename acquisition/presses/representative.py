@@ -18,6 +18,7 @@ from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.quality import accepted_presses
 from haploop.acquisition.presses.registration import WarpModel
 from haploop.acquisition.presses.segmentation import ButtonPress, Segmentation, find_presses, segmentation_for
+from haploop.acquisition.presses.spool import Spool
 from haploop.acquisition.recording import Recording
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -186,13 +187,16 @@ def representative(
         )
     left_out: list[str] = []
     segmentations = {recording.path.name: _segmentation(recording) for recording in recordings}
-    usable = []
+    usable, signals = [], Spool()
     for recording in recordings:
         presses = _usable(recording, segmentations[recording.path.name], left_out)
-        usable.append((recording, presses, recording.acceleration[2].copy(), recording.force))
-        # Of a hundred recordings, these two signals fit into memory, and all signals do not.
+        vertical = recording.acceleration[2]
+        if undo_low_pass is not None:
+            vertical = _undone(recording, vertical, undo_low_pass)
+        signals.append(np.stack([high_pass(vertical, rate_hz, w.high_pass_hz), recording.force]))
+        usable.append(presses)
         recording.forget()
-    every = [press for _, presses, _, _ in usable for press in presses]
+    every = [press for presses in usable for press in presses]
     if not every:
         raise DataError(
             f"The recordings hold no usable press of the {first.button} button "
@@ -202,19 +206,19 @@ def representative(
     opening = float(np.median(openings)) if openings else 0.0
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
-    curves: dict[str, list[FloatArray]] = defaultdict(list)
     names: dict[str, list[str]] = defaultdict(list)
-    for recording, presses, shaken, force in usable:
+    by: dict[str, list[int]] = defaultdict(list)
+    for number, (recording, presses) in enumerate(zip(recordings, usable, strict=True)):
         if presses:
-            vertical = shaken
-            if undo_low_pass is not None:
-                vertical = _undone(recording, vertical, undo_low_pass)
-            vertical = high_pass(vertical, rate_hz, w.high_pass_hz)
-            curves[recording.participant] += _cut(recording, vertical, force, presses, before, after, opening)
+            by[recording.participant].append(number)
             names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
+    curves = Spool()
+    for participant in sorted(by):
+        cut = [_cut(recordings[n], signals[n], usable[n], before, after, opening) for n in by[participant]]
+        curves.append(np.concatenate(cut))
 
-    found = average([np.array(curves[participant]) for participant in sorted(curves)], rate_hz, m, method)
-    for participant, kept in zip(sorted(curves), found.kept, strict=True):
+    found = average(curves, rate_hz, m, method)
+    for participant, kept in zip(sorted(by), found.kept, strict=True):
         odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
         left_out += [f"{participant}, {name}: it differs from this participant's others" for name in odd]
     acceleration, pressed, activation = found.template
@@ -225,8 +229,8 @@ def representative(
         force=pressed,
         activation=np.clip(activation, 0.0, 1.0),
         activation_index=int(np.argmax(activation > 0.5)),
-        members=len(found.aligned),
-        spread=np.asarray(np.std(found.aligned, axis=0)),
+        members=found.members,
+        spread=found.spread,
         bandwidth_hz=_bandwidth(first),
         sources=tuple((r.path.name, r.content_hash) for r in recordings),
         left_out=tuple(left_out),
@@ -321,22 +325,20 @@ def _noise_gain(recording: Recording, band: tuple[float, float]) -> float:
 
 def _cut(
     recording: Recording,
-    vertical: FloatArray,
-    force: FloatArray,
+    signals: FloatArray,
     presses: list[tuple[ButtonPress, float]],
     before: int,
     after: int,
     opening: float,
-) -> list[FloatArray]:
-    """Cut out each press (3, samples): acceleration, force, activation, aligned at the activation.
+) -> FloatArray:
+    """Cut the presses (presses, 3, samples) out of acceleration and force (2, samples): these, and the
+    activation, aligned at the activation.
 
     Presses are stretched so that each contact opens `opening` samples after the activation.
     """
     rate_hz = recording.rate_hz
-    rows = (
-        (vertical, recording.delay("acceleration")),
-        (force, recording.delay("force")),
-    )
+    force = signals[1]
+    rows = tuple(zip(signals, (recording.delay("acceleration"), recording.delay("force")), strict=True))
     lags = np.arange(-before, after, dtype=np.float64)
     curves = []
     for press, at in presses:
@@ -348,7 +350,7 @@ def _cut(
         if press.opened is not None:
             closed[instants >= press.opened] = 0.0
         curves.append(np.array([*curve, closed]))
-    return curves
+    return np.array(curves)
 
 
 def _stretch(lags: FloatArray, late: float, opening: float) -> FloatArray:

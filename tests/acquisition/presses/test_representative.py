@@ -16,11 +16,12 @@ from haploop.acquisition.presses.averaging import (
     CENTRED,
     MEAN,
     REGISTRATION,
+    _Kept,
     _score,
     _Template,
     average,
 )
-from haploop.acquisition.presses.barycentre import barycentre, centred, paths_to, read_at
+from haploop.acquisition.presses.barycentre import barycentre, centred, lags_along, paths_to, read_at
 from haploop.acquisition.presses.registration import WarpModel, register
 from haploop.instruments import ConfigurationError, DataError
 from tests.acquisition.presses.pressworld import SHAPES, SyntheticPress, world_rig
@@ -82,18 +83,22 @@ def test_where_events_jitter_the_method_with_the_smaller_error_is_chosen(family,
     assert result.method == CENTRED
     assert result.scores[CENTRED] < result.scores[REGISTRATION]
     np.testing.assert_array_equal(result.template[0], result.leads[CENTRED])
-    assert result.aligned.shape == (presses.curves.shape[0] * presses.curves.shape[1], 2000)
+    assert result.members == presses.curves.shape[0] * presses.curves.shape[1]
+    assert result.spread.shape == (2000,)
 
 
 def test_a_press_is_scored_against_a_template_that_does_not_hold_it():
     """Of two presses of noise, the mean holds half of each: without a press, nothing like it is left."""
     noise = np.random.default_rng(8).standard_normal((2, 2000))
-    held = _score(_Template(noise.mean(axis=0)[None], noise), noise, 10)
-    others = _score(_Template(noise[[1]], noise[[1, 1]]), noise[[0]].repeat(2, axis=0), 10)
-    assert held == pytest.approx(others, rel=0.1)
-    assert (
-        _score(_Template(TEMPLATE[None], TEMPLATE[None].repeat(2, 0)), TEMPLATE[None].repeat(2, 0), 10) < 1e-6
-    )
+
+    def score(template, aligned, presses):
+        own = _Kept([presses[:, None]], [np.ones(len(presses), dtype=bool)], template[None])
+        return _score(_Template(template[None], [aligned]), own, 10)
+
+    held = score(noise.mean(axis=0), noise, noise)
+    assert held == pytest.approx(score(noise[1], noise[[1, 1]], noise[[0, 0]]), rel=0.1)
+    twice = TEMPLATE[None].repeat(2, 0)
+    assert score(TEMPLATE, twice, twice) < 1e-6
 
 
 def test_a_method_that_is_asked_for_by_name_is_the_only_one_that_is_computed():
@@ -114,8 +119,8 @@ def test_a_method_that_is_asked_for_by_name_is_the_only_one_that_is_computed():
 def test_a_barycentre_is_brought_to_the_mean_time_of_its_curves():
     lags = np.array([-40, 0, 10, 70])
     curves = np.array([np.roll(TEMPLATE, lag) for lag in lags])
-    paths = paths_to(curves[3], curves, 150)
-    places = centred(curves[3], paths, RATE)
+    lags = [lags_along(path, len(TEMPLATE)) for path in paths_to(curves[3], curves, 150)]
+    places = centred(curves[3], np.mean(lags, axis=0), RATE)
     moved = read_at(curves[3], places)
     assert error(moved, np.roll(TEMPLATE, 10)) < 0.05 < error(curves[3], np.roll(TEMPLATE, 10))
 
