@@ -18,7 +18,7 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.driver import Mode
 from haploop.instruments.live import Run, quantities
 
-__all__ = ["LiveScope"]
+__all__ = ["LiveScope", "driven_coherence"]
 
 _BUCKET = 0.01
 """s in one bucket."""
@@ -99,7 +99,7 @@ class LiveScope:
                 "about": run.about,
             }
         # Without the lock: it takes longer than the time between two frames may.
-        return {**found, "coherence": _coherence(rows, played, run.rate_hz)}
+        return {**found, "coherence": _coherence_of(rows, played, run.rate_hz)}
 
     def frame(self, generation: int, since: int) -> tuple[int, int, bytes]:
         """Return the generation, the bucket that follows, and a frame from bucket `since` on, or b"".
@@ -173,17 +173,23 @@ class LiveScope:
         self._played.clear()
 
 
-def _coherence(rows: list[_Row], blocks: list[FloatArray], rate_hz: float) -> float | None:
-    """Median coherence of drive and velocity in the last blocks of a play; None without both, or too few."""
+def _coherence_of(rows: list[_Row], blocks: list[FloatArray], rate_hz: float) -> float | None:
     drives = [k for k, row in enumerate(rows) if row.unit == "V"]
     speeds = [k for k, row in enumerate(rows) if row.unit == "m/s"]
-    length = round(_SEGMENT * rate_hz)
-    if not (drives and speeds) or sum(block.shape[1] for block in blocks) < 4 * length:
+    if not (drives and speeds and blocks):
         return None
     played = np.concatenate(blocks, axis=1)
     # The patch that plays is the one with most volts.
     drive = max((played[k] for k in drives), key=lambda volts: float(np.abs(volts).max()))
-    f, found = coherence(drive, played[speeds[0]], rate_hz, nperseg=length)
+    return driven_coherence(drive, played[speeds[0]], rate_hz)
+
+
+def driven_coherence(drive: FloatArray, velocity: FloatArray, rate_hz: float) -> float | None:
+    """Median coherence of (samples,) of drive and velocity where there is drive; None of less than 0.8 s."""
+    length = round(_SEGMENT * rate_hz)
+    if len(drive) < 4 * length:
+        return None
+    f, found = coherence(drive, velocity, rate_hz, nperseg=length)
     density = welch(drive, rate_hz, nperseg=length)[1]
     inside = found[(f > _BAND[0]) & (f < _BAND[1]) & (density > _DRIVEN * density.max())]
     return float(np.median(inside)) if len(inside) and np.isfinite(inside).all() else None
