@@ -414,7 +414,12 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
         ("Recorded", press.acceleration * drive.scale, press.rate_hz, {"color": BLUE, "linewidth": 0.8}),
         ("Target", check.target, check.rate_hz, {"color": ORANGE, "linewidth": 1.9}),
         ("Measured", check.measured, check.rate_hz, {"color": INK, "linewidth": 0.7}),
-        ("Noise", check.noise, check.rate_hz, {"color": SKY, "linewidth": 0.5, "linestyle": ":"}),
+        (
+            "Noise",
+            check.noise,
+            check.rate_hz,
+            {"color": SKY, "linewidth": 0.5, "linestyle": ":", "zorder": 1},
+        ),
     )
     top = 0.0
     for label, signal, rate_hz, look in curves:

@@ -209,7 +209,7 @@ def drawn(written: str) -> tuple[list[str], list[str]]:
 
 
 def test_at_a_terminal_sentences_and_meter_never_share_a_line(tmp_path: Path) -> None:
-    """`haploop study run` at a terminal of its own, with a press refused while the meter stands."""
+    """`haploop study run` at a terminal of its own, with a press that is refused meanwhile."""
     (tmp_path / "rig.toml").write_text(FAULT, encoding="utf-8")
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     screen, erased = drawn(run_in_a_terminal(tmp_path, "study", "run"))

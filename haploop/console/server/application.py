@@ -145,7 +145,8 @@ async def _serve(
             number, following, frame = scope.frame(generation, since)
             if number != told or ticks % 20 == 0:
                 told = number
-                await websocket.send_text(json.dumps({"scope": scope.about()}))
+                about = await asyncio.to_thread(scope.about)
+                await websocket.send_text(json.dumps({"scope": about}))
             generation, since = number, following
             if frame:
                 await websocket.send_bytes(frame)

@@ -6,6 +6,7 @@ Only paths that `DataFolder` accepts are opened, and only for reading.
 from __future__ import annotations
 
 import asyncio
+import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -59,15 +60,19 @@ def data_routes(data: DataFolder) -> list[Route]:
 
     def route(path: str, read: Callable[[DataFolder, Mapping[str, str]], Any]) -> Route:
         async def answer(request: Request) -> Response:
+            def answered() -> Response:
+                found = read(data, request.query_params)
+                if isinstance(found, bytes):
+                    return Response(found, media_type="image/png")
+                return Response(_json(found), media_type="application/json")
+
             try:
-                found = await asyncio.to_thread(read, data, request.query_params)
+                # The text too is made beside the loop, which sends a frame of the live scope every 40 ms.
+                return await asyncio.to_thread(answered)
             except HaploopError as error:
                 return JSONResponse({"error": str(error)}, 409)
             except FileNotFoundError as error:
                 return JSONResponse({"error": f"There is no file {error.filename}."}, 404)
-            if isinstance(found, bytes):
-                return Response(found, media_type="image/png")
-            return JSONResponse(_plain(found))
 
         return Route(path, answer)
 
@@ -86,12 +91,17 @@ def data_routes(data: DataFolder) -> list[Route]:
     ]
 
 
+def _json(value: Any) -> bytes:
+    return json.dumps(_plain(value), allow_nan=False, separators=(",", ":")).encode()
+
+
 def _plain(value: Any) -> Any:
     """JSON values: numpy's numbers and arrays as Python's, NaN and infinity as null."""
     if isinstance(value, dict):
         return {str(name): _plain(one) for name, one in value.items()}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        whole = value.dtype.kind not in "fO" or (value.dtype.kind == "f" and np.isfinite(value).all())
+        return value.tolist() if whole else _plain(value.tolist())
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     if isinstance(value, float | np.floating):

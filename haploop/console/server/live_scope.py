@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import coherence
+from scipy.signal import coherence, welch
 
 from haploop.console.server.buckets import Buckets
 from haploop.instruments import DataError, HaploopError, LiveBlock, RealClock, RigFile, Tap, watch_live
@@ -18,7 +18,7 @@ from haploop.instruments.arrays import FloatArray
 from haploop.instruments.driver import Mode
 from haploop.instruments.live import Run, quantities
 
-__all__ = ["LiveScope"]
+__all__ = ["LiveScope", "driven_coherence"]
 
 _BUCKET = 0.01
 """s in one bucket."""
@@ -29,11 +29,13 @@ _REST = 0.5
 _CAPACITY = 256
 _WAIT = 0.25
 _RETRY = 0.2
-_PLAYED = 200
+_PLAYED = 40
 """Blocks of a play that are kept for its coherence: some seconds."""
-_SEGMENT = 0.1
+_SEGMENT = 0.2
 """s of a segment for the live coherence, which is a first look; the response's own is computed after."""
 _BAND = (75.0, 600.0)
+_DRIVEN = 1e-3
+"""Part of the drive's largest spectral density below which a frequency was not driven, as yet, by a sweep."""
 _FORCES = {"Fx", "Fy", "Fz", "Tx", "Ty", "Tz"}
 
 
@@ -83,7 +85,8 @@ class LiveScope:
                 return {"generation": self._generation, "rows": []}
             now = self._last if self._ended else self._clock.now()
             expected = round((now - self._origin) * run.rate_hz) if self._seen else 0
-            return {
+            rows, played = self._rows, list(self._played)
+            found = {
                 "generation": self._generation,
                 "doing": run.doing,
                 "rate_hz": run.rate_hz,
@@ -94,24 +97,9 @@ class LiveScope:
                 "ended": self._ended,
                 "missed_here": self._buckets.missed,
                 "about": run.about,
-                "coherence": self._coherence(),
             }
-
-    def _coherence(self) -> float | None:
-        """Median coherence of drive and velocity in the present play so far; None without both."""
-        drives = [k for k, row in enumerate(self._rows) if row.unit == "V"]
-        speeds = [k for k, row in enumerate(self._rows) if row.unit == "m/s"]
-        if self._run is None or not (drives and speeds and self._played):
-            return None
-        played = np.concatenate(list(self._played), axis=1)
-        length = round(_SEGMENT * self._run.rate_hz)
-        if played.shape[1] < 4 * length:
-            return None
-        # The patch that plays is the one with most volts.
-        drive = max((played[k] for k in drives), key=lambda volts: float(np.abs(volts).max()))
-        f, found = coherence(drive, played[speeds[0]], self._run.rate_hz, nperseg=length)
-        inside = found[(f > _BAND[0]) & (f < _BAND[1])]
-        return float(np.median(inside)) if len(inside) and np.isfinite(inside).all() else None
+        # Without the lock: it takes longer than the time between two frames may.
+        return {**found, "coherence": _coherence_of(rows, played, run.rate_hz)}
 
     def frame(self, generation: int, since: int) -> tuple[int, int, bytes]:
         """Return the generation, the bucket that follows, and a frame from bucket `since` on, or b"".
@@ -183,3 +171,25 @@ class LiveScope:
         self._generation += 1
         self._ended = False
         self._played.clear()
+
+
+def _coherence_of(rows: list[_Row], blocks: list[FloatArray], rate_hz: float) -> float | None:
+    drives = [k for k, row in enumerate(rows) if row.unit == "V"]
+    speeds = [k for k, row in enumerate(rows) if row.unit == "m/s"]
+    if not (drives and speeds and blocks):
+        return None
+    played = np.concatenate(blocks, axis=1)
+    # The patch that plays is the one with most volts.
+    drive = max((played[k] for k in drives), key=lambda volts: float(np.abs(volts).max()))
+    return driven_coherence(drive, played[speeds[0]], rate_hz)
+
+
+def driven_coherence(drive: FloatArray, velocity: FloatArray, rate_hz: float) -> float | None:
+    """Median coherence of (samples,) of drive and velocity where there is drive; None of less than 0.8 s."""
+    length = round(_SEGMENT * rate_hz)
+    if len(drive) < 4 * length:
+        return None
+    f, found = coherence(drive, velocity, rate_hz, nperseg=length)
+    density = welch(drive, rate_hz, nperseg=length)[1]
+    inside = found[(f > _BAND[0]) & (f < _BAND[1]) & (density > _DRIVEN * density.max())]
+    return float(np.median(inside)) if len(inside) and np.isfinite(inside).all() else None

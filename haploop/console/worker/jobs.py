@@ -6,6 +6,7 @@ job returns JSON values, which the board keeps as the job's result.
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
@@ -55,7 +56,7 @@ _WAIT = 600.0
 _SPACE = 1e9
 """Bytes free below which the preflight is not green: a session allocates up to some hundred megabytes."""
 _OLD_DAYS = 1.0
-"""Age of the active calibration from which the preflight says so."""
+"""Time since the active calibration was made or verified, from which the preflight is not green."""
 _ACTOR = "the console"
 _MOST_POINTS = 9999
 """Largest number of a grid point that is looked for: a typing error must not fill the memory."""
@@ -241,14 +242,23 @@ def _calibrated(tools: Tools) -> dict[str, Any]:
     except DataError:
         sentence = "No calibration is active yet: recording does not need one, digital buttons do."
         return _finding("Active calibration", "table", "green", sentence)
-    when = datetime.fromisoformat(history.activations[-1].when)
-    days = (datetime.now(UTC) - when).total_seconds() / 86_400
+    days = _days(history.activations[-1].when)
     sentence = f"{active.name} has been active for {days:.1f} days"
+    looks = [look for look in history.looks if look.get("compared_with") == active.name]
+    if looks:
+        verified = _days(looks[-1]["when"])
+        sentence += f", and recalibrate found it {looks[-1]['outcome']} {verified:.1f} days ago"
+        days = min(days, verified) if looks[-1]["outcome"] == "unchanged" else math.inf
     if days > _OLD_DAYS:
         return _finding(
             "Active calibration", "table", "yellow", f"{sentence}: verify it (haploop recalibrate)."
         )
     return _finding("Active calibration", "table", "green", f"{sentence}.")
+
+
+def _days(when: str) -> float:
+    """Days since a time of the history."""
+    return (datetime.now(UTC) - datetime.fromisoformat(when)).total_seconds() / 86_400
 
 
 def _amplifier_off(rig: Rig) -> dict[str, Any]:

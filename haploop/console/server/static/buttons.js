@@ -1,4 +1,4 @@
-import { $, busy, el, fill, get, newest, on, say, start, state } from "./console.js";
+import { $, busy, choose, el, fill, get, newest, on, say, start, state } from "./console.js";
 import { asking } from "./asking.js";
 import { legend, line, plot } from "./plots.js";
 
@@ -16,11 +16,7 @@ document.addEventListener("hello", list);
 
 async function list() {
   const found = await get("/api/files");
-  for (const [id, names] of [["recordings", found.recordings], ["calibration", found.calibrations], ["button", found.buttons]]) {
-    const before = $(id).value;
-    fill($(id), ...names.map((name) => el("option", { value: name }, name)));
-    if (names.includes(before)) $(id).value = before; else if (id === "button" && names.length) $(id).value = names[names.length - 1];
-  }
+  for (const [id, names] of [["recordings", found.recordings], ["calibration", found.calibrations], ["button", found.buttons]]) choose($(id), names, { last: id === "button" });
   await show(true);
 }
 
@@ -48,7 +44,7 @@ async function show(anew) {
   $("octave-plot").append(legend(["target", "measured", "drive (dB re 1 V)", "recorded", "noise of the mean"]));
   const floor = Math.min(...found.measured_db.filter(Number.isFinite), ...found.floor_db.filter(Number.isFinite)) - 5;
   const shown = (values) => values.map((value) => (value === null || value < floor ? null : value));
-  plots.push(plot($("octave-plot"), "Third octaves of recorded press, target, measured motion, drive and noise", { series: [line(0), line(1, { dash: [5, 3] }), line(2, { dash: [8, 3, 2, 3] }), line(3, { width: 1 }), line(4, { dash: [2, 3] })], data: [found.octaves_hz, shown(found.target_db), shown(found.measured_db), shown(found.drive_db), shown(found.recorded_db), shown(found.floor_db)], x: { distr: 3 }, xLabel: "Hz", yLabel: "dB re 1 m/s²", height: 220 }));
+  plots.push(plot($("octave-plot"), "Third octaves of recorded press, target, measured motion, drive and noise", { series: [line(0), line(1, { dash: [5, 3] }), line(2, { dash: [8, 3, 2, 3] }), line(3, { width: 1 }), line(4, { dash: [2, 3] })], data: [found.octaves_hz, shown(found.target_db), shown(found.measured_db), shown(found.drive_db), shown(found.recorded_db), shown(found.floor_db)], x: { distr: 3, range: (_, low, high) => [0.9 * low, 1.1 * high] }, ticks: [31.5, 63, 125, 250, 500, 1000, 2000], xLabel: "Hz", yLabel: "dB re 1 m/s²", height: 220 }));
 }
 
 let mark = "";

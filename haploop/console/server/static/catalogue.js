@@ -9,7 +9,7 @@ async function list() {
   if (!found) return;
   const { files, of } = found;
   $("count").textContent = `${of} file${of === 1 ? "" : "s"}${files.length < of ? `; the newest ${files.length} are shown` : ""}`;
-  fill($("files"), ...files.map((one) => el("tr", {}, el("td", {}, one.kind), el("td", {}, one.participant), el("td", {}, one.button), el("td", {}, one.date.slice(0, 16).replace("T", " ")),
+  fill($("files"), ...files.map((one) => el("tr", {}, el("td", {}, one.kind), el("td", {}, one.participant), el("td", {}, one.button), el("td", { class: "date" }, one.date.slice(0, 16).replace("T", " ")),
     el("td", { class: { pass: "green", complete: "green", fail: "red" }[one.verdict] }, one.verdict), el("td", {}, one.presses),
     el("td", {}, one.rig + (one.simulated === "yes" && one.rig !== "simulated" ? " (simulated)" : "")), el("td", {}, one.file, ...(one.problem ? [el("p", { class: "bad" }, one.problem)] : [])))));
 }

@@ -41,6 +41,14 @@ export async function picture(path) {
   return answer.blob();
 }
 
+// Offer names in a list; what was chosen stays chosen. `empty` is what the name "" says; else `last` chooses the last.
+export function choose(select, names, { empty = "", last = false } = {}) {
+  const before = [...select.selectedOptions].map((option) => option.value).filter((name) => names.includes(name));
+  fill(select, ...names.map((name) => el("option", { value: name }, name || empty)));
+  if (before.length || select.multiple) for (const option of select.options) option.selected = before.includes(option.value);
+  else if (last && names.length) select.value = names[names.length - 1];
+}
+
 export const command = (name, values = {}) => post(`/api/command/${name}`, values);
 
 export async function post(path, values = {}) {
@@ -91,7 +99,7 @@ function connect() {
     tries = 0;
     if (found.scope) listeners.scope.forEach((listener) => listener(found.scope));
     if (found.state) {
-      if (state === null || connection === "lost") greet();
+      if (connection === "lost" || connection === "refused") greet();
       connected("here");
       state = found.state;
       listeners.state.forEach((listener) => listener(state));
@@ -190,6 +198,9 @@ function drawBar(now) {
     $("job").textContent = text;
   }
 }
+
+// A time of a file or a snapshot, as the clock on this wall shows it.
+export const at = (when) => new Date(when).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 
 export const busy = (now) => Boolean(now.job && ["waiting", "running"].includes(now.job.state));
 

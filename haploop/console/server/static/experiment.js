@@ -1,5 +1,5 @@
 // The operator conducts an experiment: chooses the session, presents each stimulus, and sees the answers.
-import { $, busy, command, el, fill, get, key, newest, on, post, say, start, state } from "./console.js";
+import { $, busy, choose, command, el, fill, get, key, newest, on, post, say, start, state } from "./console.js";
 
 let known = "";
 const running = () => state && state.experiment;
@@ -7,7 +7,7 @@ const running = () => state && state.experiment;
 document.addEventListener("hello", async (event) => {
   $("participant").setAttribute("href", event.detail.participant);
   const { experiments } = await get("/api/files");
-  fill($("experiment"), ...experiments.map((name) => el("option", { value: name }, name)));
+  choose($("experiment"), experiments);
   if (!experiments.length) say("There is no experiment in the data folder yet: make one with `haploop experiment new FOLDER` there.", "info");
   if (running()) $("experiment").value = running().experiment;
   await show(true);
@@ -21,7 +21,7 @@ async function show(anew) {
   let found;
   try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { say(error.message, "error"); return; }
   if (!found) return;
-  $("about").textContent = `${found.title}. Groups: ${found.groups.join(", ")}; days: ${found.days}.`;
+  $("about").textContent = `${found.title} (groups: ${found.groups.join(", ")}; days: ${found.days})`;
   $("surface").classList.toggle("hidden", !found.buttons.length);
   $("consent-label").classList.toggle("hidden", !found.consent);
   if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));

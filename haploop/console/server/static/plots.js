@@ -10,7 +10,7 @@ export function plot(place, title, options) {
   const made = new uPlot({
     width: Math.max(200, box.clientWidth), height, legend: { show: false }, cursor: { show: false }, pxAlign: 0,
     scales: { x: { time: false, ...(options.x || {}) }, y: options.y || {} },
-    axes: [{ label: options.xLabel, size: 44, labelSize: 18, ...(options.xAxis || {}) }, { label: options.yLabel, size: 62, labelSize: 20 }],
+    axes: [{ ...(options.xLabel ? { label: options.xLabel, size: 44, labelSize: 18 } : { size: 28 }), ...(options.ticks ? { splits: () => options.ticks, filter: (_, ticks) => ticks, values: (_, ticks) => ticks } : {}) }, { label: options.yLabel, size: 62, labelSize: 20, space: 22 }],
     series: [{}, ...options.series], bands: options.bands,
   }, options.data || [[], ...options.series.map(() => [])], box);
   box.firstChild.setAttribute("role", "img");

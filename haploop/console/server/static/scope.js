@@ -6,6 +6,8 @@ const SPAN = 6; // s shown
 let about = null, groups = [], buckets = [], first = 0, generation = -1, dirty = false;
 export const frames = { count: 0, since: performance.now(), perSecond: 0 };
 
+export const received = () => (about ? about.received : 0);
+
 on("scope", (found) => {
   const changed = !about || found.generation !== about.generation || JSON.stringify(found.rows) !== JSON.stringify(about.rows);
   about = found;
@@ -44,7 +46,7 @@ function build() {
     place.append(box);
     const least = { N: 1, "N m": 0.02, "m/s^2": 2, "": 1.2, "m/s": 1e-4, V: 0.1 }[unit] ?? 0.1;
     const y = { range: (_, low, high) => [Math.min(low ?? 0, unit === "" ? -0.2 : -least), Math.max(high ?? 0, least)] };
-    const made = plot(box, `Live: ${names.join(", ")}`, { series, bands, y, yLabel: unit || "contact", xLabel: "s", height: unit === "" ? 100 : 150, x: { range: (_, low, high) => [high - SPAN, high] } });
+    const made = plot(box, `Live: ${names.join(", ")}`, { series, bands, y, yLabel: { "": "contact", "m/s^2": "m/s²" }[unit] ?? unit, height: unit === "" ? 80 : 115, x: { range: (_, low, high) => [high - SPAN, high] } });
     groups.push({ plot: made, rows: rows.map(([, k]) => k) });
   }
 }

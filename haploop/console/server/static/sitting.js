@@ -1,7 +1,7 @@
 // A sitting at the table, the same on the pages Record and Study: prompt, keys, verdicts, last press, scope.
 import { $, busy, command, el, fill, key, newest, on, remembered, sound, state } from "./console.js";
 import { colours, legend, line, plot } from "./plots.js";
-import { frames } from "./scope.js";
+import { frames, received } from "./scope.js";
 
 export function sitting(place) {
   const button = (id, text, shortcut, action, main) => {
@@ -19,9 +19,11 @@ export function sitting(place) {
         button("next", "Next / yes", "n", next, true), button("no", "No", "x", () => answer(false)),
         button("reject", "Reject and redo", "r", reject), button("pause", "Pause", "p", pause), button("noting", "Note", "t", () => $("note").focus()),
         button("finger", "Let the simulated finger press", "f", () => command("press"))),
-      el("form", { class: "row", id: "note-form" }, el("div", { style: null }, el("label", { for: "note" }, "Note (Enter writes it into the recording)"), el("input", { id: "note", maxlength: "180", autocomplete: "off" }))),
+      el("form", { class: "row beside", id: "note-form" }, el("label", { for: "note" }, "Note (Enter writes it into the recording)"), el("input", { id: "note", maxlength: "180", autocomplete: "off" })),
       el("progress", { id: "presses", max: "1", value: "0", "aria-label": "Presses accepted" })),
-    el("section", {}, el("h2", {}, "Last press over the earlier ones"), el("p", { id: "press-said" }, ""), el("div", { id: "force-plot" }), el("div", { id: "click-plot" })));
+    el("div", { class: "columns" },
+      el("section", {}, el("h2", {}, "Live: all channels"), el("div", { id: "scope" }), el("p", { class: "note" }, "Minimum and maximum of every 10 ms, over seconds.")),
+      el("section", {}, el("h2", {}, "Last press over the earlier ones"), el("p", { id: "press-said" }, ""), el("div", { id: "force-plot" }), el("div", { id: "click-plot" }))));
   place.firstElementChild.append(
     el("section", {},
       el("h2", {}, "What is written"),
@@ -39,8 +41,6 @@ export function sitting(place) {
     el("section", {}, el("h2", {}, "Presses"), el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Verdicts on the presses" },
       el("table", {}, el("thead", {}, el("tr", {}, ...["Press", "Try", "N", "Verdict"].map((name) => el("th", { scope: "col" }, name)))), el("tbody", { id: "verdicts" })))));
   place.firstElementChild.after(right);
-  place.append(
-    el("section", { class: "wide" }, el("h2", {}, "Live: all channels, minimum and maximum of every 10 ms"), el("div", { id: "scope", class: "columns" })));
   $("note-form").addEventListener("submit", async (event) => {
     event.preventDefault();
     if (await command("note", { text: $("note").value })) { $("note").value = ""; $("pause").focus(); }
@@ -66,7 +66,7 @@ function reject() {
 }
 const lastOf = (now) => (now.session && now.session.verdicts.length ? now.session.verdicts[now.session.verdicts.length - 1] : null);
 
-let heard = null, pressed = null, file = null;
+let heard = null, pressed = null, file = null, ran = false;
 function draw(now) {
   const request = now.request, running = busy(now), last = lastOf(now), recording = now.run && now.run.doing === "record";
   const prompt = $("prompt");
@@ -96,7 +96,9 @@ function draw(now) {
   else if (request && request.number !== heard && request.kind === "Press" && !now.paused) sound("now");
   if (request) heard = request.number;
   const path = now.run && now.run.doing === "record" ? now.run.about : file;
-  if (mark !== pressed || path !== file) { pressed = mark; file = path; if (file) overlay(now); }
+  // Once more at the end: what came behind the last press is on the disk too.
+  if (mark !== pressed || path !== file || (ran && !running)) { pressed = mark; file = path; if (file) overlay(now); }
+  ran = running;
   drawVerdicts(now, last);
   drawSaturated(now.saturated);
 }
@@ -124,7 +126,7 @@ async function overlay(now) {
   const name = relative(now, file);
   try { found = await ask(`/api/presses?file=${encodeURIComponent(name)}`); } catch (error) { return; }
   if (!found) return;
-  $("disk").textContent = `${found.samples.toLocaleString("en")} samples x ${found.channels} channels, ${(found.bytes / 1e6).toFixed(2)} MB, read back and CRC-checked after the last press`;
+  $("disk").textContent = `${found.samples.toLocaleString("en")} samples x ${found.channels} channels, ${(found.bytes / 1e6).toFixed(2)} MB, read back and CRC-checked ${found.state === "recording" ? "after the last press" : found.samples === received() ? "at the end: all that were received" : "at the end"}`;
   $("file").textContent = `${found.file} (${found.state})`;
   if (plots) plots.forEach((one) => one.destroy());
   plots = null;

@@ -1,4 +1,4 @@
-import { $, busy, el, fill, get, newest, on, say, start, state } from "./console.js";
+import { $, busy, choose, el, fill, get, newest, on, say, start, state } from "./console.js";
 import { sitting } from "./sitting.js";
 
 sitting($("sitting"));
@@ -6,7 +6,7 @@ let known = "";
 
 document.addEventListener("hello", async () => {
   const found = await get("/api/files");
-  fill($("study"), ...found.studies.map((name) => el("option", { value: name }, name)));
+  choose($("study"), found.studies);
   if (!found.studies.length) say("There is no study in the data folder yet: make one with `haploop study new FOLDER` there.", "info");
   await show(true);
 });
@@ -21,8 +21,8 @@ async function show(anew) {
   if (!found) return;
   if (state) enable(state);
   if (anew) {
-    fill($("who"), el("option", { value: "" }, "all"), ...found.participants.map((one) => el("option", { value: one }, one)));
-    fill($("button"), el("option", { value: "" }, "all"), ...found.buttons.map((one) => el("option", { value: one }, one)));
+    choose($("who"), ["", ...found.participants], { empty: "all" });
+    choose($("button"), ["", ...found.buttons], { empty: "all" });
   }
   fill($("entries"), ...found.entries.map((entry) => el("tr", {}, el("td", {}, entry.participant), el("td", {}, entry.button), el("td", {}, `${entry.accepted} of ${entry.of}`),
     el("td", {}, `${entry.bad} bad, ${entry.rejected} rejected`), el("td", {}, entry.consented ? "confirmed" : "-"),

@@ -1,4 +1,4 @@
-import { $, busy, el, fill, get, newest, on, picture, say, start, state } from "./console.js";
+import { $, at, busy, choose, el, fill, get, newest, on, picture, say, start, state } from "./console.js";
 import { asking } from "./asking.js";
 import { legend, line, plot } from "./plots.js";
 
@@ -13,14 +13,9 @@ $("activate-form").addEventListener("submit", async (event) => {
 
 async function list() {
   const found = await get("/api/files");
-  choose($("shown"), found.calibrations);
-  choose($("shown-map"), found.maps);
+  choose($("shown"), found.calibrations, { last: true });
+  choose($("shown-map"), found.maps, { last: true });
   await Promise.all([calibration(), map(), history()]);
-}
-function choose(select, names) {
-  const before = select.value;
-  fill(select, ...names.map((name) => el("option", { value: name }, name)));
-  if (names.includes(before)) select.value = before; else if (names.length) select.value = names[names.length - 1];
 }
 $("shown").addEventListener("change", calibration);
 $("shown-map").addEventListener("change", map);
@@ -40,7 +35,7 @@ async function calibration() {
   plots = [];
   fill($("response-plot"));
   fill($("coherence-plot"));
-  $("calibration-said").textContent = `Patch ${found.patch}, point ${found.point}, ${found.created}${found.simulated ? ", simulated" : ""}: the model fits to ${(100 * found.error).toFixed(1)} %; resonances at ${found.resonances.map((one) => one.frequency_hz.toFixed(1)).join(", ")} Hz.`;
+  $("calibration-said").textContent = `Patch ${found.patch}, point ${found.point}, ${at(found.created)}${found.simulated ? ", simulated" : ""}: the model fits to ${(100 * found.error).toFixed(1)} %; resonances at ${found.resonances.map((one) => one.frequency_hz.toFixed(1)).join(", ")} Hz.`;
   const decibels = (values) => values.map((value) => (value > 0 ? 20 * Math.log10(value) : null));
   $("response-plot").append(legend(["response", "model"]));
   plots.push(plot($("response-plot"), "Response and model over frequency", { series: [line(0), line(1, { dash: [6, 4] })], data: [found.frequency, decibels(found.response), decibels(found.model)], xLabel: "Hz", yLabel: "dB re 1 m/s per V", height: 240 }));
@@ -58,9 +53,7 @@ async function map() {
   if (!found) return;
   shown = found;
   shown.name = name;
-  const before = $("shown-patch").value;
-  fill($("shown-patch"), ...shown.patches.map((patch) => el("option", { value: patch }, patch)));
-  if (shown.patches.includes(before)) $("shown-patch").value = before;
+  choose($("shown-patch"), shown.patches);
   drawGrid();
 }
 function drawGrid() {
@@ -129,10 +122,10 @@ function draw(time) {
 async function history() {
   let found;
   try { found = await get("/api/history"); } catch (error) { say(error.message, "error"); return; }
-  fill($("generation"), ...found.generations.map((name) => el("option", { value: name }, name)));
+  choose($("generation"), found.generations);
   const last = found.activations[found.activations.length - 1];
-  $("active").textContent = last ? `Active: ${last.generation}, since ${last.when}.` : "No calibration is active: adopt a digital button on its page.";
-  fill($("activations"), ...[...found.activations].reverse().map((one) => el("tr", {}, el("td", {}, one.when), el("td", {}, one.generation), el("td", {}, one.reason))));
+  $("active").textContent = last ? `Active: ${last.generation}, since ${at(last.when)}.` : "No calibration is active: adopt a digital button on its page.";
+  fill($("activations"), ...[...found.activations].reverse().map((one) => el("tr", {}, el("td", {}, at(one.when)), el("td", {}, one.generation), el("td", {}, one.reason))));
   if (!found.looks) { $("drift-said").textContent = "No verification by haploop recalibrate yet, so no drift is known."; return; }
   $("drift-said").textContent = `${found.looks} verifications by haploop recalibrate; the bands are the thresholds for a renewal.`;
   try {

@@ -44,7 +44,7 @@ def test_a_recording_by_keyboard_alone(tab, console):
     second.keyboard.press("n")
     told(page, "by P11: done")
     told(second, "by P11: done")
-    expect(page.locator("#disk")).to_contain_text("CRC-checked", timeout=WAIT)
+    expect(page.locator("#disk")).to_contain_text("at the end: all that were received", timeout=WAIT)
     expect(page.locator("#missed")).to_have_text("none")
     assert page.locator("#force-plot canvas").count() == 1
     recording = Recording.open(console.data / "recordings" / "P11-toggle.h5")

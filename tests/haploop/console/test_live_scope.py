@@ -1,0 +1,31 @@
+"""The coherence that the page Table shows while something is played."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import chirp, lfilter
+
+from haploop.console.server.live_scope import driven_coherence
+
+RATE = 5000.0
+TIMES = np.arange(2 * int(RATE)) / RATE
+
+
+def test_a_sweep_is_judged_where_it_has_been() -> None:
+    """Two of ten seconds of a sweep: most of the band was not driven yet, and says nothing."""
+    drive = chirp(TIMES, 20.0, 2.0, 140.0)
+    noise = np.random.default_rng(0).normal(0, 1e-3, len(TIMES))
+    found = driven_coherence(drive, lfilter([0.1], [1, -0.9], drive) + noise, RATE)
+    assert found is not None and found > 0.95
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_laser_that_sees_nothing_has_no_coherence(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    found = driven_coherence(random.normal(size=len(TIMES)), random.normal(size=len(TIMES)), RATE)
+    assert found is not None and found < 0.2
+
+
+def test_too_little_says_nothing() -> None:
+    assert driven_coherence(TIMES[:100], TIMES[:100], RATE) is None
