@@ -25,10 +25,11 @@ def check_camera(rig: Rig) -> Iterator[Finding]:
     finally:
         camera.stop()
     taken = frames[-1].number - frames[0].number
-    lost = taken + 1 - _FRAMES
+    of = frames[-1].number + 1  # numbers count from the start
+    lost = of - _FRAMES
     rate_hz = taken / (frames[-1].time - frames[0].time)
     if lost:
-        sentence = f"{lost} of {taken + 1} frames were lost: use a shorter cable, or another port."
+        sentence = f"{lost} of {of} frames were lost: use a shorter cable, or another port."
         yield Finding("Frames", "camera", "yellow", sentence)
     elif abs(rate_hz / camera.rate_hz - 1) > 0.05:
         sentence = f"{rate_hz:.1f} frames/s arrive, not {camera.rate_hz:g}: change 'rate_hz' in [camera]."

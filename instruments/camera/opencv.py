@@ -1,12 +1,14 @@
 """Driver for cameras, video files and streams that OpenCV opens: `pip install "haploop[camera]"`.
 
-Tried with video files only, not with a camera. OpenCV reports no frame counter for a camera: a frame that was
-lost is inferred from the time between two frames. For a file it is exact.
+Tried with video files and a stream, not with a camera. OpenCV reports no frame counter: a frame that was lost
+is inferred from the stream's own times, or without those from the time between two frames. For a file the
+numbers are exact.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -20,6 +22,11 @@ from haploop.instruments.errors import InstrumentError
 from haploop.instruments.extras import optional
 
 __all__ = ["OpenCvCamera"]
+
+_OPENED_IN, _READ_IN = 5000, 1000
+"""Longest waits for a stream and for one of its frames (ms). For a camera OpenCV has its own."""
+_ARRIVALS = 600
+"""Frames of which the earliest arrival tells how the stream's times lie on the rig's clock."""
 
 
 class OpenCvCamera(Camera):
@@ -43,7 +50,8 @@ class OpenCvCamera(Camera):
         self._settings, self._clock, self._library = settings, clock, library
         self._capture: Any = None
         self._number = -1
-        self._last = -math.inf
+        self._last = self._stamp = -math.inf
+        self._offsets: deque[float] = deque(maxlen=_ARRIVALS)
         self._file = isinstance(settings.source, str) and "://" not in settings.source
         self.shape = (settings.rows, settings.columns)
         self.rate_hz = settings.rate_hz
@@ -64,7 +72,8 @@ class OpenCvCamera(Camera):
         """See `Camera.start`. A video file begins again."""
         self.stop()
         self._open()
-        self._number, self._last = -1, -math.inf
+        self._number, self._last, self._stamp = -1, -math.inf, -math.inf
+        self._offsets.clear()
 
     def read(self) -> Frame:
         """See `Camera.read`."""
@@ -86,10 +95,23 @@ class OpenCvCamera(Camera):
         if self._file:
             self._number += 1
             return Frame(pixels, self._number, self._number / self.rate_hz)
-        lost = round((now - self._last) * self.rate_hz) - 1 if math.isfinite(self._last) else 0
-        self._number += 1 + max(0, lost)
-        self._last = now
-        return Frame(pixels, self._number, now - self._settings.delay)
+        return Frame(pixels, *self._placed(now))
+
+    def _placed(self, now: float) -> tuple[int, float]:
+        """Number and time of the frame that was read at `now` (s).
+
+        A frame that is read late has a stamp of its own all the same: the earliest arrival of the last frames
+        tells when its stamp was on the rig's clock. Without stamps that rise, the arrival is what is known.
+        """
+        stamp = float(self._capture.get(self._library.CAP_PROP_POS_MSEC)) / 1000
+        stamped = stamp > self._stamp
+        since = stamp - self._stamp if stamped else now - self._last
+        self._number += max(1, round(since * self.rate_hz)) if math.isfinite(since) else 1
+        self._last, self._stamp = now, stamp
+        if not stamped:
+            self._offsets.clear()
+        self._offsets.append(now - stamp)
+        return self._number, stamp + min(self._offsets) - self._settings.delay
 
     def stop(self) -> None:
         """See `Camera.stop`."""
@@ -105,7 +127,12 @@ class OpenCvCamera(Camera):
         library, settings = self._library, self._settings
         if self._file and not Path(str(settings.source)).is_file():
             raise InstrumentError(f"There is no video file {settings.source}: check 'source' in [camera].")
-        self._capture = library.VideoCapture(settings.source)
+        if isinstance(settings.source, str) and not self._file:
+            limits = [library.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPENED_IN]
+            limits += [library.CAP_PROP_READ_TIMEOUT_MSEC, _READ_IN]
+            self._capture = library.VideoCapture(settings.source, library.CAP_FFMPEG, limits)
+        else:
+            self._capture = library.VideoCapture(settings.source)
         if not self._capture.isOpened():
             self._capture = None
             raise InstrumentError(f"OpenCV opens no camera {settings.source!r}: check 'source' in [camera].")

@@ -63,20 +63,31 @@ class CameraTwin(Camera):
         if self._first is None:
             raise InstrumentError("The camera is not started: call start() before read().")
         clock = self._plant.clock
-        waiting = math.floor((clock.now() - self._first) * self.rate_hz)
-        self._next = max(self._next, waiting - _BUFFER)
         asked = clock.now()
         while True:
-            if self._first + (self._next + 2) / self.rate_hz > asked + _DEADLINE:
+            arrives = self.arrives()
+            if arrives > asked + _DEADLINE:
                 clock.sleep(_DEADLINE)
                 raise InstrumentError(f"The camera gave no frame within {_DEADLINE:g} s: check its cable.")
-            number, self._next = self._next, self._next + 1
-            exposed = self._first + (number + 0.5) / self.rate_hz
-            lost = [fault.frame_lost(exposed) for fault in self._plant.faults]  # each is asked
-            if True not in lost:
-                break
-        clock.sleep(self._first + (number + 2) / self.rate_hz - clock.now())
-        return Frame(self._image(exposed), number, exposed)
+            frame = self.take()
+            if frame is not None:
+                clock.sleep(arrives - clock.now())
+                return frame
+
+    def arrives(self) -> float:
+        """Time (s) at which the next frame is there, of those that the camera still keeps."""
+        assert self._first is not None
+        waiting = math.floor((self._plant.clock.now() - self._first) * self.rate_hz)
+        self._next = max(self._next, waiting - _BUFFER)
+        return self._first + (self._next + 2) / self.rate_hz
+
+    def take(self) -> Frame | None:
+        """Take the frame that `arrives` is about, without waiting; None when it is lost."""
+        assert self._first is not None
+        number, self._next = self._next, self._next + 1
+        exposed = self._first + (number + 0.5) / self.rate_hz
+        lost = [fault.frame_lost(exposed) for fault in self._plant.faults]  # each is asked
+        return None if True in lost else Frame(self._image(exposed), number, exposed)
 
     def stop(self) -> None:
         """See `Camera.stop`."""

@@ -256,7 +256,7 @@ def _for_operator(sitting: _Sitting) -> dict[str, Any]:
         "introduction": _introduction(sitting),
         "turn": sitting.turn,
         "by_hand": _by_hand(sitting),
-        "buttons": bool(file.buttons),
+        "plays": _plays(sitting),
         "playing": sitting.playing,
         "problem": sitting.problem,
         "paused": sitting.paused,

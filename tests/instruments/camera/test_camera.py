@@ -14,6 +14,7 @@ from haploop.instruments import Camera, ConfigurationError, InstrumentError, loa
 from haploop.instruments.camera.opencv import OpenCvCamera
 from haploop.instruments.conformance import CameraConformance, Fired
 from haploop.mocks.camera import CameraTwin
+from haploop.mocks.camera.stream import wire
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.plant import Faults, Plant
 
@@ -21,17 +22,17 @@ SETTINGS = OpenCvCamera.Settings(source=0, rows=48, columns=64)
 
 
 class Lost:
-    """Loses two frames."""
+    """Loses two frames, or more."""
 
-    def __init__(self) -> None:
-        self.fired = 0
+    def __init__(self, frames: int = 2) -> None:
+        self.fired, self._frames = 0, frames
 
     def __getattr__(self, name: str) -> Any:
         return {"lamp": lambda level, _: level, "blur": lambda p, _: p, "other_finger": lambda _: 0.0}[name]
 
     def frame_lost(self, _time: float) -> bool:
-        self.fired += self.fired < 2
-        return self.fired < 2
+        self.fired += 1
+        return self.fired <= self._frames
 
 
 class TestTwin(CameraConformance):
@@ -76,6 +77,31 @@ class TestOpenCv(CameraConformance):
         camera.close()
 
 
+class TestWire(CameraConformance):
+    """OpenCV reads the simulated camera's live stream."""
+
+    capabilities = ("restarts",)
+    faults: ClassVar = ("lost", "silent")
+
+    @pytest.fixture
+    def camera(self) -> Iterator[Camera]:
+        pytest.importorskip("cv2")
+        self.plant = Plant(load_rig_file("simulated"), VirtualClock())
+        with wire(SETTINGS, self.plant) as address:
+            camera = OpenCvCamera.open(SETTINGS.model_copy(update=address), self.plant.clock)
+            yield camera
+            camera.close()
+
+    def fault(self, kind: str) -> AbstractContextManager[Fired]:
+        @contextmanager
+        def put() -> Iterator[Fired]:
+            fault = Lost(2 if kind == "lost" else 10**9)
+            self.plant.faults = Faults([fault])  # type: ignore[list-item]
+            yield fault
+
+        return put()
+
+
 def opened(source: Path, **settings: Any) -> OpenCvCamera:
     asked = SETTINGS.model_copy(update={"source": str(source), **settings})
     return OpenCvCamera.open(asked, VirtualClock())
@@ -115,7 +141,7 @@ def test_without_opencv_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> N
 class Feed:
     """OpenCV's VideoCapture of a camera that loses a frame now and then; each read takes its time."""
 
-    CAP_PROP_FPS = CAP_PROP_FRAME_HEIGHT = CAP_PROP_FRAME_WIDTH = 0
+    CAP_PROP_FPS = CAP_PROP_POS_MSEC = CAP_PROP_FRAME_HEIGHT = CAP_PROP_FRAME_WIDTH = 0
     __version__ = "of a test"
 
     def __init__(self, clock: VirtualClock, intervals: list[float]) -> None:

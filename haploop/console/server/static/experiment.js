@@ -72,6 +72,10 @@ on("state", (all) => {
   $("prompt").classList.toggle("waiting", !now);
   $("introduction").textContent = step ? now.introduction : "";
   $("last").textContent = now && now.last ? `Last answer (${now.last.block} ${now.last.number}): ${said(now.last.answer)}` : "";
+  // The rig presents when it is told to; a person has presented it.
+  const plays = Boolean(now && now.plays);
+  $("next").firstChild.textContent = plays ? "Present" : "Presented";
+  $("again").firstChild.textContent = plays ? "Present again" : "Presented again";
   $("next").disabled = !step || now.paused || asked;
   $("again").disabled = !asked || now.paused || now.playing;
   $("by-hand").disabled = !asked || now.paused || !now.by_hand;
