@@ -86,8 +86,7 @@ TROUBLES = (
     Trouble("lost samples", {"kind": "daq-overflow", "times": 1}),
     Trouble("told to close but reads open", {"kind": "relay-lost", "times": 1}),
     Trouble("told to close but reads open", {"kind": "relay-stuck", "times": 1}),
-    # The first time that the contact closes, nothing is played: it closes, opens, and closes again.
-    Trouble("drive monitor shows", {"kind": "relay-welded", "times": 3}),
+    Trouble("drive monitor shows", {"kind": "relay-welded", "times": 1}),
     Trouble("patch is dead or its wires are off", {"kind": "patch-dead"}),
     Trouble("laser is not connected", {"kind": "sensor-disconnected", "channel": "laser"}),
     Trouble("accelerometer is loose", {"kind": "sensor-disconnected", "channel": "acceleration_z"}),
