@@ -1,7 +1,7 @@
 """The confusion matrix of `recalibrate`: what it says of changed tables, beside what is true of them.
 
     python -m benchmarks.recalibration                     # all conditions, once each
-    python -m benchmarks.recalibration --rounds 3 --only drift
+    python -m benchmarks.recalibration --rounds 3 --only hysteresis
 
 A few tables are calibrated, with three buttons each, and looked at once. Then each condition opens one of
 them again with something changed, and runs `recalibrate` on a copy of its history. Truth is known to the
@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -178,7 +179,9 @@ def errors(rig: Rig, button: DigitalButton) -> tuple[float, float]:
     settle(rig, drive.patch)
     record = rig.simulation.truth.record()
     rig.excite(drive.volts, (drive.patch,), channels, 0.1)
-    start = next(part.start for part in record if part.closed and np.any(part.volts))
+    start = next((part.start for part in record if part.closed and np.any(part.volts)), None)
+    if start is None:
+        return 1.0, 1.0  # no volts reach the patch, and nothing moves
     times = start + np.arange(len(drive.target) + round(0.05 * drive.rate_hz)) / drive.rate_hz
     velocity = rig.simulation.truth.velocity(drive.point, times)
     f = rfftfreq(2 * len(times), 1 / drive.rate_hz)
@@ -211,7 +214,7 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tables", type=int, default=4, help="number of calibrated tables")
     parser.add_argument("--rounds", type=int, default=1, help="how often each condition is tried")
-    parser.add_argument("--only", default="", help="conditions whose name contains this")
+    parser.add_argument("--only", default="", help="conditions whose name this regular expression finds")
     parser.add_argument("--part", default="1/1", help="one of several parts of the conditions, as 2/3")
     parser.add_argument("--first", type=int, default=0, help="number of the first seed")
     parser.add_argument("--iterations", type=int, default=2, help="corrections in learning")
@@ -225,7 +228,7 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
         seeds = [seed_of(options.first + k) for k in range(options.tables)]
         bases = {seed: calibrated(seed, folder, options.iterations) for seed in seeds}
         part, parts = (int(number) for number in options.part.split("/"))
-        chosen = [c for c in conditions() if options.only in c.name][part - 1 :: parts]
+        chosen = [c for c in conditions() if re.search(options.only, c.name)][part - 1 :: parts]
         matrix: Counter[tuple[str, str]] = Counter()
         wrong: list[str] = []
         drifted = 0

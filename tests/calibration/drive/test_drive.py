@@ -32,6 +32,14 @@ def test_a_drive_uses_the_limits_and_keeps_them(calibrated: Calibrated, drive: D
     assert drive.simulated and drive.calibration == calibrated.calibration.digest
 
 
+def test_a_drive_has_no_power_where_the_response_was_not_measured(drive: Drive) -> None:
+    """What is left is of fades and of the hysteresis that is compensated."""
+    low, high = drive.known
+    f, power = rfftfreq(len(drive.volts), 1 / drive.rate_hz), np.abs(rfft(drive.volts)) ** 2
+    below, above = (10 * np.log10(power[where].sum() / power.sum()) for where in (f < low, f > high))
+    assert below < -20 and above < -45
+
+
 def test_the_target_is_the_scaled_press_within_the_band(
     calibrated: Calibrated, drive: Drive, press: Representative
 ) -> None:
