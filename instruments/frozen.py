@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any, NoReturn, TypeVar
 
+from pydantic import BaseModel
+
 from haploop.instruments.errors import ConfigurationError
 
-__all__ = ["Frozen", "FrozenDict", "frozen"]
+__all__ = ["Frozen", "FrozenDict", "frozen", "frozen_fields"]
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class Frozen:
@@ -61,3 +64,9 @@ def frozen(value: Any) -> Any:
     if isinstance(value, dict):
         return FrozenDict({key: frozen(one) for key, one in value.items()})
     return [frozen(one) for one in value] if isinstance(value, list) else value
+
+
+def frozen_fields(model: Model) -> Model:
+    """Freeze every dictionary in the fields of settings, and return these."""
+    vars(model).update({name: frozen(value) for name, value in vars(model).items()})
+    return model

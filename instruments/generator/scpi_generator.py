@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -42,7 +43,7 @@ class Dialect:
     still: tuple[str, ...]
     """Commands that stop sweep and burst and select a sine, so that no later settings conflict."""
     setup: tuple[str, ...]
-    read: dict[str, str]
+    read: Mapping[str, str]
     """Queries that read a value back, by its name."""
     arm: tuple[str, ...]
     armed: tuple[str, str]
@@ -61,14 +62,16 @@ _SETUP = (
     "SOUR{n}:SWE:TIME {duration:.9g}",
     "SOUR{n}:SWE:RTIM 0",
 )
-_READ = {
-    "load": "OUTP{n}:LOAD?",
-    "peak_to_peak": "SOUR{n}:VOLT?",
-    "offset": "SOUR{n}:VOLT:OFFS?",
-    "start_hz": "SOUR{n}:FREQ:STAR?",
-    "stop_hz": "SOUR{n}:FREQ:STOP?",
-    "duration": "SOUR{n}:SWE:TIME?",
-}
+_READ = MappingProxyType(
+    {
+        "load": "OUTP{n}:LOAD?",
+        "peak_to_peak": "SOUR{n}:VOLT?",
+        "offset": "SOUR{n}:VOLT:OFFS?",
+        "start_hz": "SOUR{n}:FREQ:STAR?",
+        "stop_hz": "SOUR{n}:FREQ:STOP?",
+        "duration": "SOUR{n}:SWE:TIME?",
+    }
+)
 _STILL = ("SOUR{n}:SWE:STAT OFF", "SOUR{n}:BURS:STAT OFF", "SOUR{n}:FUNC SIN")
 
 KEYSIGHT = Dialect(

@@ -24,7 +24,7 @@ from haploop.instruments.clock import Clock
 from haploop.instruments.driver import one_name
 from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState
-from haploop.instruments.transport.serial_line import why
+from haploop.instruments.transport import serial_trouble
 
 __all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
 
@@ -145,8 +145,8 @@ class _Board:
         except OSError as error:  # the base of pyserial's errors
             self.release()
             raise InstrumentError(
-                f"{self.identity} cannot be talked to ({why(error)}): plug it in, or correct 'port' in "
-                "[relay]."
+                f"{self.identity} cannot be talked to ({serial_trouble(error)}): plug it in, or correct "
+                "'port' in [relay]."
             ) from None
         except ValueError as error:
             self.release()
@@ -157,7 +157,9 @@ class _Board:
         try:
             return serial.serial_for_url(s.port, baudrate=s.baud, timeout=s.timeout, write_timeout=s.timeout)
         except ValueError as error:
-            raise ConfigurationError(f"'port' in [relay] cannot be {s.port!r}: {why(error)}.") from None
+            raise ConfigurationError(
+                f"'port' in [relay] cannot be {s.port!r}: {serial_trouble(error)}."
+            ) from None
 
     def _exchange(self, port: serial.SerialBase, command: str) -> bytes:
         """Send a command and return the reply up to the prompt, within two time-outs."""

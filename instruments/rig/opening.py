@@ -15,6 +15,7 @@ from haploop.instruments.config import Device, RigFile, SimulationSettings, load
 from haploop.instruments.daq import Daq
 from haploop.instruments.driver import Driver, Mode, Simulation, hardware_of
 from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
+from haploop.instruments.frozen import frozen_fields
 from haploop.instruments.rig.rig import Rig
 from haploop.instruments.safety import hold
 
@@ -119,7 +120,10 @@ def _connect(rig: Rig) -> None:
             if rig.simulation and rig.mode:
                 instrument = rig.simulation.instrument(role, device, driver, rig.mode)
             else:
-                settings = validate(driver.Settings, device.settings, f"[{role}] of {rig.name}")
+                # A DAQ sets those outputs to zero that its settings name.
+                settings = frozen_fields(
+                    validate(driver.Settings, device.settings, f"[{role}] of {rig.name}")
+                )
                 instrument = driver.open(settings, rig.clock)
         except HaploopError:
             raise

@@ -11,7 +11,7 @@ import serial
 
 from haploop.instruments.transport.text_line import Port, TextLine
 
-__all__ = ["SerialLine", "why"]
+__all__ = ["SerialLine", "serial_trouble"]
 
 _POLL = 0.02
 """Time-out of one read (s): pyserial's is fixed while the port is open."""
@@ -28,7 +28,7 @@ class SerialLine(TextLine):
                 )
             except (serial.SerialException, OSError, ValueError) as error:
                 raise ConnectionError(
-                    f"{why(error)}; correct 'port', plug it in, or close the program that uses it"
+                    f"{serial_trouble(error)}; correct 'port', plug it in, or close the program that uses it"
                 ) from None
 
         super().__init__(f"{name} at {port}", connect, "its 'port' and 'baud'", timeout)
@@ -43,13 +43,13 @@ class _SerialPort(Port):
             self._port.reset_input_buffer()
             self._port.write(data)
         except (serial.SerialException, OSError) as error:
-            raise ConnectionError(why(error)) from None
+            raise ConnectionError(serial_trouble(error)) from None
 
     def receive(self, wait: float) -> bytes:
         try:
             return bytes(self._port.read(1))
         except (serial.SerialException, OSError) as error:
-            raise ConnectionError(why(error)) from None
+            raise ConnectionError(serial_trouble(error)) from None
 
     def close(self) -> None:
         # pyserial waits 0.3 s after closing a socket, and leaves it open when the far end closed first.
@@ -62,7 +62,7 @@ class _SerialPort(Port):
             self._port.close()
 
 
-def why(error: Exception) -> str:
+def serial_trouble(error: Exception) -> str:
     """Why a port failed, in a few words: pyserial nests the system's text, with numbers, in its own."""
     if isinstance(error, ValueError):
         return "it is no name of a serial port and no URL of one"

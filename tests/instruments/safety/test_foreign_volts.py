@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import InstrumentError, Rig, Sweep, open_rig
+from haploop.instruments import ConfigurationError, InstrumentError, Rig, Sweep, open_rig
 from haploop.instruments.safety.audit import entries
 from tests.instruments.safety.at_the_patch import bursts
 from tests.instruments.safety.foreign import held, leave
@@ -106,3 +106,15 @@ def test_a_player_starts_from_outputs_at_zero() -> None:
         leave(rig, "amplifier", 8.0)
         rig.excite(np.pad(TONE, 100), ["A"], ["drive"])
         assert stopped[0] == frozenset()
+
+
+def test_the_outputs_that_are_set_to_zero_are_not_forgotten() -> None:
+    """The settings of an open DAQ name its outputs, and say where they are."""
+    with open_rig("simulated", simulate="wire") as rig:
+        leave(rig, "amplifier", 8.0)
+        outputs = rig.daq.settings.outputs  # type: ignore[attr-defined]
+        for change in (outputs.clear, lambda: outputs.pop("amplifier"), rig.daq.settings.channels.clear):  # type: ignore[attr-defined]
+            with pytest.raises(ConfigurationError, match="cannot be changed in the program"):
+                change()
+        rig.relay.connect(["A"])
+        assert reached(rig) < 0.1

@@ -182,10 +182,22 @@ def test_the_name_of_a_piece_s_file_is_the_same_in_every_version() -> None:
 def test_a_file_for_all_users_is_read_to_a_mebibyte_and_replaced_whole(place: Path) -> None:
     path = machine.folder() / "a.duty"
     machine.write(path, b"long" * (1 << 19))
-    assert stat.S_IMODE(path.stat().st_mode) & 0o666 == 0o666 and path.stat().st_mode & stat.S_ISVTX
+    assert stat.S_IMODE(path.stat().st_mode) == 0o1666
     assert len(machine.read(path)) == 1 << 20
     machine.write(path, b"short")
     assert machine.read(path) == path.read_bytes() == b"short"
     with pytest.raises(FileNotFoundError):
         machine.read(place / "b.duty")
     assert not (place / "b.duty").exists()
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="open files are counted on Linux")
+def test_what_is_refused_is_not_left_open(place: Path) -> None:
+    path = machine.folder() / "a.lock"
+    path.touch()
+    path.with_name("b.lock").hardlink_to(path)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    for _ in range(3):
+        with pytest.raises(OSError, match="not a file of its own"):
+            machine.read(path)
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
