@@ -39,6 +39,7 @@ SHORT = {
     "demo": "--rounds 3 --participants 1",
     "twin": "--rounds 5 --presses 5",
     "representative": "--seeds 100 101 --families tempo",
+    "corpus": "36",
     "responses": "--seeds 5 --estimates",
     "fits": "--count 5",
     "uncertainty": "--plants 4 --settled 1 --sweeps 1",
@@ -46,7 +47,11 @@ SHORT = {
     "recalibration": "--tables 1 --part 1/30 --restore 100 --iterations 0",
 }
 """Arguments that make each benchmark take a minute or a few."""
-LONG = dict.fromkeys(SHORT, "") | {"demo": "--participants 1 12 48", "console": "--seconds 600"}
+LONG = dict.fromkeys(SHORT, "") | {
+    "demo": "--participants 1 12 48",
+    "corpus": "360 3600",
+    "console": "--seconds 600",
+}
 AGAINST = ("start", "demo", "server")
 """Those that run another environment's haploop too."""
 

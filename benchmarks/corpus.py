@@ -12,10 +12,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 import numpy as np
+
+from benchmarks.table import Row
 
 BUTTONS, PRESSES = ("latch", "toggle", "push"), 10
 _SEEDS = 4
@@ -78,11 +83,13 @@ def synthesise(source: dict[str, list[object]], folder: Path, participants: int)
             finish(path)
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> list[Row]:
+    """Process studies of each size, print what they took, and return the cost of a press."""
+    rows: list[Row] = []
     with tempfile.TemporaryDirectory() as temporary:
         source = recorded(Path(temporary, "source"))
         print(f"{'presses':>8} {'work':>8} {'CPU s':>8} {'ms a press':>11} {'peak MB':>8}", flush=True)
-        for presses in map(int, sys.argv[1:] or ["36", "360"]):
+        for presses in map(int, (sys.argv[1:] if words is None else words) or ["36", "360"]):
             folder = Path(temporary, str(presses))
             began = time.process_time()
             synthesise(source, folder, max(1, round(presses / PRESSES / len(BUTTONS))))
@@ -99,6 +106,10 @@ def main() -> None:
                 print(
                     f"{real:8d} {work:>8} {seconds:8.1f} {1e3 * seconds / real:11.2f} {peak:8.0f}", flush=True
                 )
+                what = f"study of {real} presses, {work}"
+                rows.append(Row(f"{what}: CPU a press", [1e3 * seconds / real], "ms"))
+                rows.append(Row(f"{what}: memory", [peak], "MB"))
+    return rows
 
 
 if __name__ == "__main__":

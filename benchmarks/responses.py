@@ -84,9 +84,10 @@ def pyfrf(drive: np.ndarray, velocity: np.ndarray, rate_hz: float) -> Estimate:
     from pyFRF import FRF
 
     frf = FRF(
-        rate_hz, exc=drive, resp=velocity, exc_type="v", resp_type="v", frf_type="H1", fft_len=len(drive)
+        int(rate_hz), exc=drive, resp=velocity, exc_type="f", resp_type="v", fft_len=len(drive), window="none"
     )
-    return frf.get_f_axis(), frf.get_H1()[0, 0]
+    f = frf.get_f_axis()
+    return f, 2j * np.pi * f * np.squeeze(frf.get_H1())  # it gives displacements
 
 
 PEERS: dict[str, Callable[[np.ndarray, np.ndarray, float], Estimate]] = {"scipy.signal.csd": csd}

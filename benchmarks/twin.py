@@ -47,7 +47,7 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     print(f"{median(rates):.0f} simulated s in a CPU s ({min(rates):.0f} to {max(rates):.0f}), after")
     print(f"{asked.earlier} presses; {asked.rounds} rounds of {asked.presses} presses")
     what = f"presses recorded on the twin, {asked.earlier} before: simulated s in a CPU s"
-    return [Row(what, rates, "s", "real time", rates, ">= 60", more=True)]
+    return [Row(what, rates, "", "real time", rates, ">= 60", more=True)]
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ import re
 import subprocess
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,7 @@ MODULES = {
     for path in folder_of(package).glob("*.py")
 }
 """Every file of the product, and the name that it is imported by."""
+IMPORTED = frozenset(MODULES.values())
 
 
 ENTRY_POINTS = {
@@ -108,7 +110,7 @@ def imports(path: Path) -> Iterator[tuple[int, str, str]]:
         elif isinstance(node, ast.ImportFrom) and node.module and inside(node.module, "haploop"):
             for alias in node.names:
                 whole = f"{node.module}.{alias.name}"
-                if whole in MODULES.values() and alias.name not in DOORS[package_of(node.module)]:
+                if whole in IMPORTED and alias.name not in DOORS[package_of(node.module)]:
                     yield node.lineno, whole, ""
                 else:
                     yield node.lineno, node.module, alias.name
@@ -129,6 +131,7 @@ def stands_for(importer: str, module: str) -> bool:
     )
 
 
+@cache
 def each_import() -> list[tuple[str, str, str, str]]:
     """Place, importer, module, and name of every import in the product."""
     return [

@@ -8,11 +8,12 @@ from typing import Any, Self
 
 from nidaqmx.constants import ProductCategory
 
+from haploop.instruments.daq.ni_daqmx import device_of
 from haploop.instruments.daq.ni_errors import translated, understood
 from haploop.instruments.daq.ni_sessions import Sessions
 from haploop.instruments.errors import ConfigurationError, InstrumentError
 
-__all__ = ["Card", "Plan", "believed", "device_of", "find_cards"]
+__all__ = ["Card", "Plan", "believed", "find_cards"]
 
 
 _READ_OUTPUTS = (ProductCategory.M_SERIES_DAQ, ProductCategory.X_SERIES_DAQ)
@@ -117,11 +118,6 @@ def believed(device: str, what: str, value: float, low: float, high: float) -> f
             "server."
         )
     return value
-
-
-def device_of(terminal: str) -> str:
-    """The card of a terminal such as `Dev1/ai0`."""
-    return terminal.partition("/")[0]
 
 
 def _card(device: Any, name: str) -> Card:

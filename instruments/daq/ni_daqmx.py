@@ -13,22 +13,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import Clock
-from haploop.instruments.daq.ni_cards import Plan, device_of, find_cards
-from haploop.instruments.daq.ni_errors import translated, understood
-from haploop.instruments.daq.ni_sessions import Sessions
-from haploop.instruments.daq.ni_stream import NiStream
 from haploop.instruments.daq.role import Daq, Stream
 from haploop.instruments.driver import one_name
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 
-__all__ = ["NiDaq"]
+if TYPE_CHECKING:
+    from haploop.instruments.daq.ni_sessions import Sessions
+    from haploop.instruments.daq.ni_stream import NiStream
+
+# NI's library is loaded when cards are opened: a simulated rig needs the settings alone.
+
+__all__ = ["NiDaq", "device_of"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Terminal = Annotated[str, Field(pattern=r"^[^/\s]+/\w+$")]
@@ -74,6 +76,8 @@ class NiDaq(Daq):
         self._settings = settings
         self._sessions = sessions
         self._streams: list[NiStream] = []
+        from haploop.instruments.daq.ni_cards import find_cards  # noqa: PLC0415
+
         self._cards = find_cards(_products(settings), sessions, settings.server)
         self.simulated = any(card.simulated for card in self._cards.values())
         self.identity = " + ".join(
@@ -94,6 +98,8 @@ class NiDaq(Daq):
         Raises InstrumentError when the driver, the server, or a card is not there, and
         ConfigurationError when a card is not the product that the rig file says.
         """
+        from haploop.instruments.daq.ni_sessions import Sessions  # noqa: PLC0415
+
         sessions = Sessions.at(settings.server)
         try:
             return cls(settings, sessions)
@@ -109,6 +115,9 @@ class NiDaq(Daq):
         samples: int | None,
         play: Mapping[str, FloatArray] | None,
     ) -> Stream:
+        from haploop.instruments.daq.ni_cards import Plan  # noqa: PLC0415
+        from haploop.instruments.daq.ni_stream import NiStream  # noqa: PLC0415
+
         play = play or {}
         self._refuse(channels, block, samples, play)
         known, outputs = self._settings.channels, self._settings.outputs
@@ -201,6 +210,8 @@ class NiDaq(Daq):
     @contextmanager
     def talking_to(self, device: str) -> Iterator[None]:
         """Turn any error of NI's library into one sentence about `device`."""
+        from haploop.instruments.daq.ni_errors import translated, understood  # noqa: PLC0415
+
         with understood(device), translated(device, self._settings.server):
             yield
 
@@ -229,6 +240,11 @@ class NiDaq(Daq):
                     f"The waveform for {name!r} reaches {largest:g} V, and the output's range is "
                     f"+-{outputs[name].range:g} V."
                 )
+
+
+def device_of(terminal: str) -> str:
+    """The card of a terminal such as `Dev1/ai0`."""
+    return terminal.partition("/")[0]
 
 
 def _products(settings: NiDaq.Settings) -> dict[str, str | None]:

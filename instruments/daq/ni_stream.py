@@ -17,7 +17,7 @@ from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.daq.ni_cards import Plan, believed
-from haploop.instruments.daq.ni_errors import cut_off
+from haploop.instruments.daq.ni_sentences import cut_off
 from haploop.instruments.daq.role import Block, Stream
 from haploop.instruments.errors import ConfigurationError, InstrumentError
 

@@ -5,9 +5,6 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-import pyvisa
-from pyvisa.constants import StatusCode
-
 from haploop.instruments.transport.text_line import Port, TextLine
 
 __all__ = ["VisaLine"]
@@ -18,6 +15,8 @@ class VisaLine(TextLine):
 
     def __init__(self, name: str, resource: str, library: str, timeout: float) -> None:
         def connect() -> Port:
+            import pyvisa  # noqa: PLC0415  slow to load, and a simulated rig needs none
+
             # The manager is shared by the whole process and stays: closing it would close every session.
             try:
                 session: Any = pyvisa.ResourceManager(library).open_resource(
@@ -30,19 +29,20 @@ class VisaLine(TextLine):
                 raise ConnectionError(
                     f"{reason}; correct 'resource', switch it on, or install a VISA library (pyvisa-py)"
                 ) from None
-            return _Session(session)
+            return _Session(session, pyvisa)
 
         super().__init__(f"{name} at {resource}", connect, "its 'resource'", timeout)
 
 
 class _Session(Port):
-    def __init__(self, session: Any) -> None:
+    def __init__(self, session: Any, visa: Any) -> None:
         self._session = session
+        self._visa = visa
 
     def send(self, data: bytes) -> None:
         try:
             self._session.write_raw(data)
-        except (pyvisa.Error, OSError) as error:
+        except (self._visa.Error, OSError) as error:
             raise ConnectionError(str(error)) from None
 
     def receive(self, wait: float) -> bytes:
@@ -52,13 +52,13 @@ class _Session(Port):
                 # Byte by byte, so that with a wrong terminator the received bytes can be quoted.
                 return bytes(self._session.read_bytes(1))
             return bytes(self._session.read_raw())
-        except pyvisa.VisaIOError as error:
-            if error.error_code == StatusCode.error_timeout:
+        except self._visa.VisaIOError as error:
+            if error.error_code == self._visa.constants.StatusCode.error_timeout:
                 return b""
             raise ConnectionError(str(error)) from None
-        except (pyvisa.Error, OSError) as error:
+        except (self._visa.Error, OSError) as error:
             raise ConnectionError(str(error)) from None
 
     def close(self) -> None:
-        with suppress(pyvisa.Error, OSError):
+        with suppress(self._visa.Error, OSError):
             self._session.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from nidaqmx.error_codes import DAQmxErrors
 
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.mocks.daq.products import Product, code_width
@@ -13,13 +12,13 @@ from haploop.mocks.daq.products import Product, code_width
 __all__ = ["LOST", "STOPPED", "convert", "noise_of", "put_out"]
 
 LOST = {
-    "overrun": DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
-    "overflow": DAQmxErrors.INPUT_FIFO_OVERFLOW,
+    "overrun": -200279,
+    "overflow": -200010,
 }
 """NI's error for each `how` of `haploop.mocks.plant.SamplesLost`."""
 STOPPED = {
-    "underflow": DAQmxErrors.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES,
-    "fifo": DAQmxErrors.OUTPUT_FIFO_UNDERFLOW_2,
+    "underflow": -200290,
+    "fifo": -200621,
 }
 """NI's error for each `how` of `haploop.mocks.plant.PlayStopped`; "stopped" is none."""
 

@@ -7,13 +7,11 @@ from contextlib import contextmanager
 from itertools import groupby
 
 import numpy as np
-from nidaqmx.error_codes import DAQmxErrors
-from nidaqmx.errors import DaqError
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.daq import Block, Daq, Stream
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.daq.ni_errors import cut_off, translated
+from haploop.instruments.daq.ni_sentences import cut_off, refused
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.mocks.daq.converter import LOST, STOPPED, convert, noise_of, put_out
 from haploop.mocks.daq.products import PRODUCTS, Product, convert_interval, input_range
@@ -22,6 +20,8 @@ from haploop.mocks.plant import Plant, PlayStopped, Run, SamplesLost
 __all__ = ["DaqTwin"]
 
 
+_NO_CABLE = -89125
+"""NI's error for cards without a trigger line between them."""
 _APART = 0.5
 """Largest difference between two cards' sample counts that the driver accepts, as time (s)."""
 
@@ -118,8 +118,7 @@ class DaqTwin(Daq):
                 for name in outputs:
                     self._outputs[name].cut_off(now)
                 if stopped.how in STOPPED:
-                    with translated(card, None):
-                        raise DaqError("", STOPPED[stopped.how].value) from None
+                    raise refused(card, STOPPED[stopped.how], "") from None
                 raise cut_off(card, played) from None
 
     def zero(self) -> None:
@@ -168,8 +167,7 @@ class DaqTwin(Daq):
         used = {_card(self._settings.channels[channel].terminal) for channel in channels}
         if len(used) > 1 and not self._plant.has_rtsi():
             first = next(device for device in self._products if device in used)
-            with translated(first, None):
-                raise DaqError("", DAQmxErrors.TRIG_LINE_NOT_FOUND_ROUTING.value)
+            raise refused(first, _NO_CABLE, "")
 
 
 class _Device:
@@ -223,7 +221,7 @@ class _TwinStream(Stream):
             clock.sleep(edges[-1] + self.delays.max() - clock.now())
             volts, overload = [], []
             for device in self._devices:
-                with translated(device.name, None), _as_driver():
+                with _as_driver(device.name):
                     rows = self._plant.read(device.channels, edges + device.delays[:, np.newaxis])
                 converted = convert(rows, device.ranges, device.product, device.noise)
                 volts.append(converted[0])
@@ -255,12 +253,12 @@ class _TwinStream(Stream):
 
 
 @contextmanager
-def _as_driver() -> Iterator[None]:
-    """Convert the plant's SamplesLost to the error that NI's library raises."""
+def _as_driver(device: str) -> Iterator[None]:
+    """Convert the plant's SamplesLost to the error that the driver raises."""
     try:
         yield
     except SamplesLost as lost:
-        raise DaqError(str(lost), LOST[lost.how].value) from None
+        raise refused(device, LOST[lost.how], str(lost)) from None
 
 
 def _card(terminal: str) -> str:

@@ -83,8 +83,11 @@ print(json.dumps([*sys.modules]), file=sys.stderr)
         (["list", "--in", "{folder}"], SLOW | {"nidaqmx", "pyvisa"}),
         (["show", "{recording}"], SLOW | {"nidaqmx", "pyvisa"}),
         (["show", "{calibration}"], SLOW | {"nidaqmx", "pyvisa"}),
-        (["record", "push", "-p", "P02", "-n", "1", "--out", "{folder}"], SLOW),
-        (["doctor"], SLOW - {"scipy.optimize"}),  # it finds which patch is where
+        (
+            ["record", "push", "-p", "P02", "-n", "1", "--out", "{folder}"],
+            SLOW | {"nidaqmx", "grpc", "pyvisa"},
+        ),
+        (["doctor"], (SLOW | {"nidaqmx", "pyvisa"}) - {"scipy.optimize"}),  # it finds which patch is where
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from nidaqmx.constants import Edge
+from nidaqmx.error_codes import DAQmxErrors
 
 from haploop.instruments.arrays import BoolArray, FloatArray
 from haploop.mocks.daq.converter import LOST, convert
@@ -99,7 +100,7 @@ def _volts(system: NiSystem, task: Task, times: list[FloatArray], index: Any) ->
         try:
             volts[rows] = system.nodes.read(nodes, np.array([times[row] for row in rows]))
         except SamplesLost as lost:
-            raise DaqmxError(LOST[lost.how], str(lost), read=0) from None
+            raise DaqmxError(DAQmxErrors(LOST[lost.how]), str(lost), read=0) from None
     return volts, driven
 
 

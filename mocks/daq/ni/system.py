@@ -247,7 +247,7 @@ class NiSystem:
             self.stop(task)
             if stopped.how in STOPPED:
                 task.failure = DaqmxError(
-                    STOPPED[stopped.how], f"The generation of {task.name!r} has stopped."
+                    DAQmxErrors(STOPPED[stopped.how]), f"The generation of {task.name!r} has stopped."
                 )
 
     def rows(self, task: Task) -> list[str]:

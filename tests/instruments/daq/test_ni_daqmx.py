@@ -15,6 +15,7 @@ from nidaqmx.error_codes import DAQmxErrors
 from haploop.instruments.clock import RealClock
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.daq.ni_sentences import CONFIGURATION, SENTENCES
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.mocks.daq.ni import NiServer, inventory_of
 from haploop.mocks.daq.ni.tasks import Task
@@ -49,6 +50,11 @@ def settings(**changes: Any) -> NiDaq.Settings:
             **changes,
         }
     )
+
+
+def test_every_sentence_is_of_a_number_that_the_library_knows_and_says_it() -> None:
+    for code, sentence in {**SENTENCES, **CONFIGURATION}.items():
+        assert DAQmxErrors(code) and f"({code})" in sentence
 
 
 @pytest.fixture

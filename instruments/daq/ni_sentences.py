@@ -1,0 +1,71 @@
+"""What a failure of NI's cards means, by its number: one sentence each, with the remedy.
+
+Without NI's library, which takes longer to load than all else that a simulated rig needs.
+"""
+
+from __future__ import annotations
+
+from haploop.instruments.errors import ConfigurationError, InstrumentError
+
+__all__ = ["CONFIGURATION", "SENTENCES", "cut_off", "first_line", "refused"]
+
+
+def refused(device: str, code: int, said: str) -> InstrumentError | ConfigurationError:
+    """The error that `device` answered with NI's `code` and message, as one sentence."""
+    if code in SENTENCES:
+        return InstrumentError(SENTENCES[code].format(device=device))
+    said = first_line(said)
+    if code in CONFIGURATION:
+        return ConfigurationError(f"{device} {CONFIGURATION[code]}: {said} Correct [daq] in the rig file.")
+    if code in (-201029, -201030):
+        return InstrumentError(
+            f"{device} cannot use the RTSI bus ({code}): declare the RTSI cable in NI MAX."
+        )
+    return InstrumentError(f"{device} refused ({code}): {said}")
+
+
+def cut_off(device: str, played: int) -> InstrumentError:
+    """The error of a play that ended after `played` samples, before its end, without an error of NI's."""
+    return InstrumentError(
+        f"{device} was stopped by somebody else when it had played {played} samples: the waveform was not "
+        "played whole. Close the other program and try again."
+    )
+
+
+def first_line(text: str) -> str:
+    """The first line of a message, with a full stop."""
+    line = text.strip().partition("\n")[0]
+    return line if line.endswith(".") else f"{line}."
+
+
+_EMPTY = "Close what loads this computer and try again."
+SENTENCES = {
+    -200290: f"{{device}} ran out of samples to play (-200290): the waveform was not played whole. {_EMPTY}",
+    -200621: "{device} ran out of samples to play, because its memory was not "
+    f"filled in time (-200621): the waveform was not played whole. {_EMPTY}",
+    -200279: "{device} lost samples, because they were not read in time "
+    "(-200279): close what loads this computer, or make buffer_s in [daq] larger.",
+    -200010: "{device} lost samples, because its own memory overflowed (-200010): "
+    "lower the rate, or use fewer channels.",
+    -200284: "{device} did not deliver its samples in time (-200284): check "
+    "that its sample clock runs, and the cable it comes by.",
+    -200278: "{device} has no more samples (-200278): its acquisition has ended.",
+    -200088: "The acquisition on {device} was ended by somebody else (-200088): start it again.",
+    -201452: "The acquisition on {device} was ended by somebody else (-201452): start it again.",
+    -50103: "{device} is in use by another program or task (-50103): close it and try again.",
+    -200220: "There is no NI device {device} (-200220): check its name in NI MAX.",
+    -89125: "{device} has no trigger line to the other card (-89125): "
+    "connect a RTSI cable, and declare it in NI MAX with both cards.",
+    -89136: "{device} cannot be clocked by the other card (-89136): these two products share no such route.",
+    -200560: "{device} was not done in time (-200560).",
+}
+"""Meaning and remedy of each failure (trigger line: docs/hardware.md, "Two cards on one clock")."""
+
+CONFIGURATION = {
+    -200170: "does not have a terminal that the rig file names (-200170)",
+    -200332: "cannot sample that fast (-200332)",
+    -200331: "cannot sample that slowly (-200331)",
+    -200077: "does not support what the rig file asks for (-200077)",
+    -200561: "cannot put such voltages out (-200561)",
+}
+"""Failures caused by the rig file; NI's own message follows, because it names the value."""
