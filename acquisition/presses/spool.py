@@ -14,7 +14,7 @@ from haploop.instruments.arrays import FloatArray
 
 __all__ = ["Spool"]
 
-_IN_MEMORY = 32_000_000
+_IN_MEMORY = 8_000_000
 """Bytes up to which arrays stay in memory."""
 
 
