@@ -15,13 +15,13 @@ from .history import responses as responses
 from .history import trend as trend
 from .map import animate_map as animate_map
 from .map import map_figure as map_figure
+from .measured_response import response as response
 from .paper import Profile as Profile
 from .paper import activation_forces as activation_forces
 from .paper import activation_time as activation_time
 from .paper import comparison as comparison
 from .paper import drives as drives
 from .paper import profiles as profiles
-from .paper import response as response
 from .plotting import Columns as Columns
 from .press import median_press as median_press
 from .press import press_of as press_of

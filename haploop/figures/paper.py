@@ -1,4 +1,4 @@
-"""Figures 6 to 9 of the paper for one run, and the measured response, in the layout of a journal.
+"""Figures 6 to 9 of the paper for one run, in the layout of a journal.
 
 Every function takes results of the other packages and returns a matplotlib Figure; only spectra and
 means are computed here. No pyplot state is used, so figures can be made in any process.
@@ -29,22 +29,20 @@ from haploop.figures.plotting import (
     Columns,
     active,
     colour,
-    continuous_phase,
     density_axis,
     label_below,
     legend_under,
     letter,
-    new_figure,
     panels,
     spectrum,
     style,
     unit_peak,
 )
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from haploop.instruments.arrays import FloatArray
 
 if TYPE_CHECKING:
     from haploop.acquisition import Representative
-    from haploop.calibration import Calibration, Check, Drive
+    from haploop.calibration import Check, Drive
 
 __all__ = [
     "Profile",
@@ -53,7 +51,6 @@ __all__ = [
     "comparison",
     "drives",
     "profiles",
-    "response",
 ]
 
 
@@ -197,63 +194,6 @@ def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns
         label_below(
             grid, ("Time after activation (ms)", "Time after activation (ms)", "Frequency (Hz)"), columns
         )
-        return figure
-
-
-def response(calibration: Calibration, truth: ComplexArray | None = None, columns: Columns = 2) -> Figure:
-    """Draw the measured response, its coherence and phase, the fitted model, and the resonance.
-
-    `truth` is the plant's velocity response at the measured frequencies, on a simulated rig.
-    """
-    measured, model = calibration.response, calibration.model
-    frequencies, peak = measured.frequencies, model.resonance_hz
-    known = measured.coherence if measured.coherence.size else np.full(frequencies.shape, np.nan)
-    with style():
-        figure = new_figure(4.9, columns)
-        grid = figure.subplots(
-            3,
-            2,
-            sharex="col",
-            gridspec_kw={"width_ratios": (2.1 if columns == 2 else 1.5, 1), "height_ratios": (2.2, 1.2, 1)},
-        )
-        fitted = model.velocity(frequencies)
-        curves: list[tuple[str, ComplexArray, dict[str, Any]]] = [
-            ("Measured", measured.velocity, {"color": SKY, "linewidth": 1.9}),
-            ("Model", fitted, {"color": INK, "linewidth": 0.8}),
-        ]
-        if truth is not None:
-            curves.append(("Truth", truth, {"color": VERMILLION, "linewidth": 0.8, "dashes": (3, 2)}))
-        reference = int(np.argmin(np.abs(frequencies - peak)))
-        near = np.flatnonzero(np.abs(frequencies - peak) <= 12)
-        for column, part in enumerate((slice(None), slice(near[0], near[-1] + 1))):
-            f = frequencies[part]
-            size, phase, coherence = grid[:, column]
-            for label, values, look in curves:
-                size.plot(f, 1e6 * np.abs(values[part]), label=label, **look)
-                degrees = continuous_phase(values, fitted, reference)
-                if values is measured.velocity:
-                    # Without coherence the phase is noise.
-                    degrees = np.where(known < 0.5, np.nan, degrees)
-                phase.plot(f, degrees[part], **look)
-            coherence.plot(f, known[part], color=GREEN, linewidth=0.6)
-            for axes in (size, phase, coherence):
-                axes.axvline(peak, color=GREY, linewidth=0.6, linestyle=(0, (1, 2)), zorder=0)
-            coherence.set(xlabel="Frequency (Hz)", xlim=(f[0], f[-1]), ylim=(0, 1.05))
-            coherence.xaxis.set_major_locator(MaxNLocator(5 if columns == 2 and not column else 3))
-            phase.yaxis.set_major_locator(MaxNLocator(4, steps=[1.8, 3.6, 4.5, 9]))
-        grid[0, 0].set_yscale("log")
-        grid[0, 1].set_ylim(bottom=0)
-        grid[0, 0].set_ylabel("Velocity per volt (µm/s/V)")
-        grid[1, 0].set_ylabel("Phase (°)")
-        grid[2, 0].set_ylabel("Coherence")
-        titles = {
-            0: f"Patch {measured.patch}" + (f" to {_point(measured.point)}" if columns == 2 else ""),
-            1: f"Resonance at {peak:.2f} Hz" if columns == 2 else f"{peak:.2f} Hz",
-        }
-        rows = 1 if columns == 2 else len(curves)
-        for index, axes in enumerate(grid.flat):
-            letter(axes, index, titles.get(index, ""), legend_rows=rows if index < 2 else 0)
-        legend_under(grid[0, 0], len(curves) if columns == 2 else 1)
         return figure
 
 
@@ -431,7 +371,3 @@ def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool)
     axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
     if with_legend:
         legend_under(axes, 2)
-
-
-def _point(point: str) -> str:
-    return "the button point" if point == "button" else f"point {point}"

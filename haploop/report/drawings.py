@@ -201,7 +201,7 @@ def _drives(items: Sequence[tuple[Section, Drive]]) -> Drawing:
     return Drawing(
         "drives",
         "Drives",
-        _caption(captions.DRIVES, f"{told.capitalize()}.", [s for s, _ in items]),
+        _caption(captions.DRIVES, f"{told[:1].upper() + told[1:]}.", [s for s, _ in items]),
         lambda: figures.drives([drive for _, drive in items]),
         any(s.simulated for s, _ in items),
     )

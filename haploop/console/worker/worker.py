@@ -1,17 +1,9 @@
-"""The worker: runs one job at a time in its main thread, and reaches the safe state on STOP.
-
-Three ways lead from STOP to the safe state, each without the page's server. The main thread is interrupted,
-as by Ctrl-C, and leaves the rig's context. If it has not come within `_GRACE` s (a driver's call hangs, say),
-the thread that received STOP reaches the safe state by itself. If no job runs, the rig is opened, made safe
-and closed. If the whole process hangs, nobody renews the relay box's dead-man time, and the box opens.
-"""
+"""The worker: runs one job at a time in its main thread, and reaches the safe state on STOP (`stopping`)."""
 
 from __future__ import annotations
 
-import _thread
 import math
 import queue
-import signal
 import sys
 import threading
 import traceback
@@ -27,6 +19,7 @@ from haploop.console.worker.jobs import JOBS, Tools, Work, clean
 from haploop.console.worker.observer import Observer
 from haploop.console.worker.page_operator import PageOperator
 from haploop.console.worker.presenting import Stimuli
+from haploop.console.worker.stopping import Stopping
 from haploop.instruments import (
     ConfigurationError,
     HaploopError,
@@ -41,12 +34,6 @@ from haploop.instruments.signals import uninterrupted
 
 __all__ = ["Worker"]
 
-_GRACE = 1.0
-"""s from STOP until the safe state is reached by another thread."""
-_CONFIRMED = 20.0
-"""s that an answer to STOP waits for the safe state: longer than all deadlines on the way."""
-_UNOPENED = 5.0
-"""s from STOP until it is said that a rig which is still being opened is not confirmed safe."""
 _POLL = 0.2
 _ORPHANED = 60.0
 """s without a server after which an idle worker ends."""
@@ -75,10 +62,6 @@ class Worker:
         self._operator: PageOperator | None = None
         self._left_safe = False
         """Whether the rig was opened and left in the safe state, confirmed, by the job that runs."""
-        self._late = False
-        """Whether a deadline, and not the rig, said of the last STOP that it is unconfirmed."""
-        self._interrupted = -math.inf
-        """Time of the last interrupt of a job."""
         self._ended = threading.Event()
         self._abandoned = threading.Event()
         self._heard = self._clock.now()
@@ -103,6 +86,13 @@ class Worker:
             auto=True,
             step=False,
             stop={"state": "none", "sentence": "", "number": 0},
+        )
+        self._stopping = Stopping(
+            self.board,
+            self._changing,
+            lambda: (self._running, self._rig),
+            # Behind a job that waits, which is not begun any more.
+            lambda: self._add("safe", {}),
         )
         self._stimuli = Stimuli(self.board, self._abandoned)
         self._tools = Tools(self.board, data, file, self._progress, self._verdict, self._stimuli)
@@ -165,62 +155,8 @@ class Worker:
         return {"done": True, **(commands[name](values) or {})}
 
     def stop(self) -> dict[str, Any]:
-        """Reach the safe state, and return what came of it: see the module. For any thread."""
-        with self._changing:
-            number, stop = self._running, self.board["stop"]
-            reaching = stop["state"] == "reaching"
-            asked = stop["number"] + (not reaching)
-            self._late = False
-            self._say_stop(asked, "reaching", "Reaching the safe state ...")
-            # A second press waits for the first one's result: it must not interrupt a file that is being
-            # finished. While the rig is still being opened, there is none.
-            now = self._clock.now()
-            if number and (not reaching or (self._rig is None and now - self._interrupted > _GRACE)):
-                self._interrupted = now
-                _interrupt_main()
-        if not reaching and number:
-            threading.Thread(target=self._otherwise, args=(number, asked), daemon=True).start()
-        elif not reaching:
-            self._add("safe", {})  # behind a job that waits, which is not begun any more
-        until = self._clock.now() + _CONFIRMED
-        while self.board["stop"]["state"] == "reaching" and self._clock.now() < until:
-            self._clock.sleep(0.02)
-        self._give_up(asked, f"The safe state was not confirmed within {_CONFIRMED:g} s")
-        return dict(self.board["stop"])
-
-    def _otherwise(self, number: int, asked: int) -> None:
-        """Reach the safe state from this thread, if the main thread has not left job `number` in time."""
-        begun = self._clock.now()
-        while (rig := self._rig) is None or self._clock.now() < begun + _GRACE:
-            if self._running != number or self.board["stop"]["number"] != asked:
-                return
-            if self._clock.now() > begun + _UNOPENED:
-                self._give_up(asked, f"The rig has not been opened within {_UNOPENED:g} s", number)
-            self._clock.sleep(0.05)
-        if self._running != number:
-            return
-        try:
-            rig.make_safe()
-        except Exception as error:
-            self._say_stop(asked, "unconfirmed", str(error))
-        else:
-            self._say_stop(
-                asked,
-                "safe",
-                f"{_SAFE} The job has not ended yet; it may be finishing its file.",
-            )
-
-    def _give_up(self, asked: int, why: str, number: int | None = None) -> None:
-        """Say that STOP number `asked` is not confirmed, if it is not, and job `number` runs still."""
-        with self._changing:
-            stop = self.board["stop"]
-            waits = (stop["state"], stop["number"]) == ("reaching", asked)
-            if waits and number in (None, self._running):
-                self._late = True
-                self._say_stop(asked, "unconfirmed", f"{why}: switch the amplifier off by hand.")
-
-    def _say_stop(self, asked: int, state: str, sentence: str) -> None:
-        self.board.set(stop={"state": state, "sentence": sentence, "number": asked})
+        """Reach the safe state, and return what came of it: see `stopping`. For any thread."""
+        return self._stopping.stop()
 
     def _start(self, values: Mapping[str, Any]) -> dict[str, Any]:
         kind = str(values.get("kind", ""))
@@ -263,7 +199,7 @@ class Worker:
             if (self._running or not self._jobs.empty()) and kind != "safe":
                 raise ConfigurationError("The rig is busy: wait until the running job has ended, or stop it.")
             if kind != "safe":
-                self._refuse_after_stop(stops)
+                self._stopping.refuse_after(stops)
             self._count += 1
             number = self._count
             shown = {
@@ -279,11 +215,6 @@ class Worker:
             self.board.set(job=shown, progress=None)
             self._jobs.put((number, kind, work, job.needs_rig, stops))
         return number
-
-    def _refuse_after_stop(self, stops: int) -> None:
-        """Refuse a job that was asked for before the last STOP: it would begin after it."""
-        if self.board["stop"]["number"] != stops:
-            raise ConfigurationError("STOP came before this began, so it was not begun: start it again.")
 
     def _answer(self, values: Mapping[str, Any]) -> dict[str, Any]:
         operator, number = self._operator, values.get("number")
@@ -329,7 +260,7 @@ class Worker:
         try:
             with self._changing:
                 if kind != "safe":
-                    self._refuse_after_stop(stops)
+                    self._stopping.refuse_after(stops)
                 self._running = number
             self._show_job(state="running")
             outcome = self._outcome(kind, work, needs_rig)
@@ -356,15 +287,7 @@ class Worker:
         self.board.set(request=None, run=None, live=None, progress=None, paused=False)
         with self._changing:
             self._running = 0
-            stop = self.board["stop"]
-            waits = stop["state"] == "reaching" or self._late
-            if state == "unconfirmed":
-                self._say_stop(stop["number"], "unconfirmed", sentence)
-                waits = False
-            elif waits and self._left_safe:
-                self._say_stop(stop["number"], "safe", _SAFE)
-                waits = False
-            self._late &= waits
+            waits = self._stopping.job_ended(state, sentence, self._left_safe)
             # STOP met a job before it had opened the rig, or one that has no use for it.
             unread = waits and self._jobs.empty()
             self._show_job(state=state, sentence=sentence, result=result)
@@ -433,20 +356,8 @@ class Worker:
             self.board.set(paused=True)
 
 
-def _interrupt_main() -> None:
-    """Interrupt the main thread as Ctrl-C does: also in a blocking system call, outside Windows."""
-    main = threading.main_thread().ident
-    if sys.platform == "win32" or main is None:
-        _thread.interrupt_main(signal.SIGINT)
-    else:
-        signal.pthread_kill(main, signal.SIGINT)
-
-
 class _UnconfirmedError(InstrumentError):
     """The safe state was not confirmed when a job left the rig."""
-
-
-_SAFE = "The output is zero and the relay is open, read back."
 
 
 def _table(file: RigFile) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import pytest
 
 from haploop.acquisition import Recording
 from haploop.console.data_folder import DataFolder
-from haploop.console.worker import Address, WorkerLink, jobs
+from haploop.console.worker import Address, WorkerLink, jobs, stopping
 from haploop.console.worker import worker as workers
 from haploop.console.worker.listener import Listener
 from haploop.console.worker.worker import Worker
@@ -126,7 +126,7 @@ def test_stop_in_the_middle_reaches_the_safe_state_and_keeps_the_recording(tmp_p
 
 def test_stop_reaches_the_safe_state_from_its_own_thread_when_the_job_hangs(tmp_path, monkeypatch):
     """A call of a driver that does not return, and holds the interrupt back."""
-    monkeypatch.setattr(workers, "_GRACE", 0.2)
+    monkeypatch.setattr(stopping, "_GRACE", 0.2)
     worker, told, made_safe = made(tmp_path), [], threading.Event()
     hanging, free = threading.Event(), threading.Event()
 
@@ -280,7 +280,7 @@ def test_stop_breaks_a_system_call_that_opens_the_rig(tmp_path, monkeypatch):
 
 
 def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(workers, "_UNOPENED", 0.3)
+    monkeypatch.setattr(stopping, "_UNOPENED", 0.3)
     worker, told, opening = made(tmp_path), [], threading.Event()
     interrupts: list[BaseException] = []
     real = workers.open_rig
@@ -300,7 +300,7 @@ def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(t
         begin(worker, "any")
         until(opening.is_set)
         told.append(worker.stop())
-        monkeypatch.setattr(workers, "_UNOPENED", 30.0)
+        monkeypatch.setattr(stopping, "_UNOPENED", 30.0)
         told.append(worker.stop())
 
     with pages(worker, operator):
@@ -309,7 +309,7 @@ def test_stop_before_the_rig_is_open_says_unconfirmed_and_can_be_pressed_again(t
 
 
 def test_an_unconfirmed_stop_is_confirmed_when_the_rig_was_read_back(tmp_path, monkeypatch):
-    monkeypatch.setattr(workers, "_UNOPENED", 0.1)
+    monkeypatch.setattr(stopping, "_UNOPENED", 0.1)
     worker, told, opening, free = made(tmp_path), [], threading.Event(), threading.Event()
     real = workers.open_rig
 

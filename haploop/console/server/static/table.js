@@ -43,11 +43,12 @@ async function calibration() {
 }
 
 // Map
-let shown = null;
+let shown = null, reading = "";
 const askMap = newest();
 async function map() {
   const name = state && state.job && state.job.kind === "map" && busy(state) && state.map ? state.map : $("shown-map").value;
   if (!name) { drawGrid(); return; }
+  reading = name;
   let found;
   try { found = await askMap(`/api/map?map=${encodeURIComponent(name)}`); } catch (error) { return; }
   if (!found) return;
@@ -76,7 +77,7 @@ function drawGrid() {
   grid.style.gridTemplateColumns = `repeat(${table.columns}, 1fr)`;
   grid.setAttribute("role", "img");
   grid.setAttribute("aria-label", aim === null ? "The table's grid" : `The table's grid; aim the laser at point ${aim}`);
-  $("grid-said").textContent = shown ? `${shown.name}, ${Object.keys(measured).length} of ${shown.points.length} points measured${shown.simulated ? ", simulated" : ""}` : "no map yet";
+  $("grid-said").textContent = shown ? `${shown.name}, ${Object.keys(measured).length} of ${shown.points.length} points measured${shown.simulated ? ", simulated" : ""}` : reading ? `reading ${reading} ...` : "no map yet";
   $("skipped").textContent = shown ? Object.entries(shown.skipped).map(([point, why]) => `${point}: ${why}`).join(" ") : "";
 }
 

@@ -53,7 +53,7 @@ def a_calibration(page: Any) -> None:
 
 
 def a_map(page: Any) -> None:
-    page.get_by_label(re.compile("^Points, for example")).fill("0, 3, 40")
+    page.get_by_label(re.compile("^Points, for example")).fill("0-40")
     page.get_by_role("button", name="Measure").click()
 
 
