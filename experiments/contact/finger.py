@@ -52,6 +52,8 @@ class FingerCalibration:
     def problem(self) -> str:
         """Why it cannot be used, as a sentence; empty when it can."""
         again = "repeat the finger calibration"
+        if min(len(self.light), len(self.firm)) < 2:
+            return f"Two light and two firm presses of {self.participant} are needed at least: {again}."
         for name, scatter in zip(("light", "firm"), self.scatter, strict=True):
             if scatter > MOST_SCATTER:
                 return f"The {name} presses of {self.participant} scatter by {100 * scatter:.0f} %: {again}."

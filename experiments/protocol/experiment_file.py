@@ -211,6 +211,10 @@ class ExperimentFile(_Section):
             raise ValueError("[buttons] needs a file for each level of one factor that varies by trial")
         if not set(self.surface.releases) <= set(self.buttons):
             raise ValueError("[surface] releases must have names of [buttons]")
+        if any(block.kind == "finger" and block.repetitions < 2 for block in self.block):
+            raise ValueError(
+                "a finger calibration needs repetitions = 2 or more: it shows how presses repeat"
+            )
         kinds = [block.kind for block in self.block]
         if "finger" not in kinds[: kinds.index("trials") if "trials" in kinds else None]:
             raise ValueError(

@@ -19,7 +19,7 @@ from haploop.experiments import (
 )
 from haploop.instruments import DataError
 from haploop.report.sections import Section
-from haploop.show.formatting import ANSWERS_SIMULATED, interval
+from haploop.show import ANSWERS_SIMULATED, interval
 
 __all__ = ["answers_section"]
 

@@ -16,6 +16,8 @@ from .file import show_file as show_file
 from .forces import Forces as Forces
 from .forces import forces_in as forces_in
 from .forces import show_forces as show_forces
+from .formatting import ANSWERS_SIMULATED as ANSWERS_SIMULATED
+from .formatting import interval as interval
 from .history import describe as describe
 from .history import difference as difference
 from .history import listing as listing

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from haploop.calibration.examination import Finding, examine, examine_each
-from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file
+from haploop.calibration.examination.camera_check import check_camera
+from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.driver import Mode
 from haploop.mocks.plant import PlantSource, Surface, random_modal
@@ -151,3 +152,19 @@ class TestCommand:
         red = [f for f in json.loads(result.stdout)["findings"] if f["status"] == "red"]
         assert [f["instrument"] for f in red] == ["relay"]
         assert "whole JSON" in red[0]["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ({"kind": "frames-lost", "times": 3}, "3 of 23 frames were lost"),
+        ({"kind": "ambient-light", "light": 200.0}, "lower the exposure"),
+    ],
+)
+def test_a_camera_that_loses_frames_or_sees_a_lamp(fault: dict[str, Any], says: str) -> None:
+    """The first frames are lost, which no gap between two shows."""
+    file = load_rig_file("experiment")
+    simulation = file.simulation.model_copy(update={"faults": (fault,)})
+    with open_rig(file.model_copy(update={"simulation": simulation})) as rig:
+        found = list(check_camera(rig))
+    assert says in " ".join(one.sentence for one in found if one.status != "green")

@@ -114,6 +114,7 @@ def test_a_finger_calibration_shows_its_repeatability(tmp_path: Path) -> None:
         ((40, 40, 40, 40, 41), (60, 160, 60, 60, 60), "firm presses of P01 scatter"),
         ((40, 50, 55, 45, 40), (60, 70, 80, 50, 65), "overlap"),
         ((40, 41, 39, 40, 40), (150, 140, 160, 150, 150), ""),
+        ((40,), (150,), "Two light and two firm presses"),
     ],
 )
 def test_a_calibration_that_is_not_usable(light: Any, firm: Any, said: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import shutil
+import re
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from haploop.calibration import DigitalButton
 from haploop.cli import cli
 from haploop.experiments import (
     BUDGET,
@@ -24,37 +25,19 @@ from haploop.experiments import (
     Store,
     fingers_in,
     load_experiment,
+    new_experiment,
     open_session,
     prepare_surface,
     read_log,
     run_session,
 )
+from haploop.experiments.presentation.surface import _refuse_amplitudes
 from haploop.instruments import ConfigurationError, DataError, HaploopError, LimitError, Rig, open_rig
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 from haploop.mocks.plant import touches
+from tests.experiments.played import PLAYED, played
 
-MATCHING = """
-name = "short"
-kind = "identification"
-seed = 3
-consent = false
-[buttons]
-latch = "latch.h5"
-push = "push.h5"
-[[factor]]
-name = "button"
-levels = ["latch", "push"]
-[question]
-text = "Which was it?"
-identify = "button"
-[[block]]
-name = "finger calibration"
-kind = "finger"
-repetitions = 2
-[[block]]
-name = "experiment"
-repetitions = 2
-"""
+MATCHING = PLAYED.replace("repetitions = 1\n", "repetitions = 2\n")
 RATING = """
 name = "rated"
 kind = "rating"
@@ -103,9 +86,7 @@ name = "experiment"
 
 @pytest.fixture
 def folder(made: Path, tmp_path: Path) -> Path:
-    for name in ("latch", "push"):
-        shutil.copy(made / f"{name}.h5", tmp_path)
-    return tmp_path
+    return played(tmp_path, made)
 
 
 def experiment_of(folder: Path, text: str) -> Experiment:
@@ -273,6 +254,7 @@ def test_a_finger_at_the_threshold_that_trembles_is_one_press(
     [
         ('latch = "latch.h5"\n', "", "for each level of one factor"),
         ('kind = "finger"', 'kind = "presses"', "kind 'finger' before the trials"),
+        ('kind = "finger"\nrepetitions = 2', 'kind = "finger"', "needs repetitions = 2 or more"),
         ("[[factor]]", '[surface]\nwhen = { knob = "digital" }\n[[factor]]', "when needs factors"),
         ("[[factor]]", '[surface]\nreleases = { toggle = "x.h5" }\n[[factor]]', "must have names of"),
         ('[buttons]\nlatch = "latch.h5"\npush = "push.h5"', "[surface]\ntarget = 2e-4", "is for digital"),
@@ -316,10 +298,63 @@ def test_the_command_plays_for_a_person_and_once_more(folder: Path) -> None:
     assert "simulated" in result.stderr
 
 
-def test_the_command_simulates_a_study_on_one_rig(folder: Path) -> None:
-    experiment_of(folder, MATCHING)
-    result = CliRunner().invoke(cli, ["experiment", "simulate", str(folder), "-n", "2", "--json"])
+def shell(*args: object) -> Any:
+    result = CliRunner().invoke(cli, [str(arg) for arg in args])
     assert result.exit_code == 0, result.output
-    assert all(one["complete"] for one in json.loads(result.stdout)["sessions"])
+    return json.loads(result.stdout)
+
+
+def test_the_paper_s_experiments_on_a_rig_over_two_days_from_the_command_line(
+    made: Path, tmp_path: Path
+) -> None:
+    """Of the examples, shortened and without the toggle: two simulated people, exported and reported."""
+    buttons = [part for name in ("latch", "push") for part in ("--button", str(made / f"{name}.h5"))]
+    for name in ("matching", "rating"):
+        text = load_experiment(name).path.read_text(encoding="utf-8").replace('"toggle", ', "")
+        text = re.sub(r"^#: toggle.*\n", "", text, flags=re.M)
+        text = re.sub(r"^(#: )?repetitions = 5", r"\1repetitions = 2", text, flags=re.M)
+        example = tmp_path / f"{name}.toml"
+        example.write_text(re.sub(r"^repetitions = (3|10)", "repetitions = 1", text, flags=re.M), "utf-8")
+        command = ["experiment", "new", str(tmp_path / name), "--from", str(example), *buttons]
+        result = CliRunner().invoke(cli, command)
+        assert result.exit_code == 0, result.output
+    first = shell("experiment", "simulate", tmp_path / "matching", "-n", 2, "--session", 1, "--json")
+    assert [one["session"] for one in first["sessions"]] == [1, 1]
+    both = shell("experiment", "simulate", tmp_path / "matching", "-n", 2, "--json")
+    assert sorted(one["session"] for one in both["sessions"]) == [1, 1, 2, 2]
+    # Of each person, training and a trial of two buttons on two days.
+    assert all(one["complete"] for one in both["sessions"]) and both["latency"]["count"] == 2 * 2 * (2 + 2)
+    rated = shell("experiment", "simulate", tmp_path / "rating", "-n", 2, "--json")
+    assert rated["latency"]["count"] == 2 * 2, "the physical buttons are not the rig's to play"
+    tables = [tmp_path / "matching.csv", tmp_path / "rating.csv"]
+    for table in tables:
+        shell("experiment", "export", table.with_suffix(""), table, "--json")
+    report = shell("report", *tables, "-o", tmp_path / "report.html", "--json")
+    assert report["simulated"] and len(report["figures"]) == 4
+
+
+def test_simulated_fingers_need_a_simulated_rig(folder: Path) -> None:
+    experiment_of(folder, MATCHING)
     refused = CliRunner().invoke(cli, ["experiment", "simulate", str(folder), "--rig", "haptable"])
     assert refused.exit_code == 2 and "has no finger" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [(["push"], "one file of each of latch, toggle, push"), (["push", "push"], "than push")],
+)
+def test_a_new_experiment_of_other_buttons_is_refused(
+    made: Path, tmp_path: Path, names: list[str], said: str
+) -> None:
+    named = [part for name in names for part in ("--button", str(made / f"{name}.h5"))]
+    refused = CliRunner().invoke(cli, ["experiment", "new", str(tmp_path / "new"), *named])
+    assert refused.exit_code == 2 and said in refused.stderr and not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("example", ["staircase", "two-interval"])
+def test_any_button_can_be_compared_with_itself(made: Path, tmp_path: Path, example: str) -> None:
+    new_experiment(tmp_path / "new", example, [made / "push.h5"])
+    experiment = load_experiment(tmp_path / "new")
+    assert list(experiment.file.buttons.values()) == ["button.h5"] and (tmp_path / "new/button.h5").is_file()
+    with open_rig("experiment") as rig:
+        _refuse_amplitudes(rig, experiment, "button", DigitalButton.load(made / "push.h5"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import threading
 from collections import Counter
 from pathlib import Path
@@ -17,38 +16,14 @@ from haploop.console.worker.board import Board
 from haploop.console.worker.presenting import Stimuli, present_stimuli
 from haploop.experiments import read_log
 from haploop.instruments import ConfigurationError, DataError, open_rig
-
-EXPERIMENT = """
-name = "played"
-kind = "identification"
-seed = 3
-consent = false
-[buttons]
-latch = "latch.h5"
-push = "push.h5"
-[[factor]]
-name = "button"
-levels = ["latch", "push"]
-[question]
-text = "Which was it?"
-identify = "button"
-[[block]]
-name = "finger calibration"
-kind = "finger"
-repetitions = 2
-[[block]]
-name = "experiment"
-"""
+from tests.experiments.played import played
 
 
 class Console:
     """Board, worker's job and conductor, joined as the server joins them."""
 
     def __init__(self, made: Path, folder: Path) -> None:
-        (folder / "played").mkdir()
-        (folder / "played" / "experiment.toml").write_text(EXPERIMENT, encoding="utf-8")
-        for name in ("latch", "push"):
-            shutil.copy(made / f"{name}.h5", folder / "played")
+        played(folder / "played", made)
         self.data = DataFolder(folder)
         self.board = Board(surface=None, request=None, progress=None)
         self.nobody = threading.Event()

@@ -2,45 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections import Counter
 from typing import Any
 
 import pytest
 
+from tests.experiments.played import played
 from tests.haploop.console.browser.browsing import WAIT, Tab, expect, told, visit
 from tests.haploop.console.browser.test_experiments import begin, participants_tab, present, stored
 from tests.haploop.console.serving import served
 
 pytestmark = pytest.mark.timeout(600)
-
-PLAYED = """
-name = "played"
-kind = "identification"
-seed = 3
-consent = false
-[buttons]
-latch = "latch.h5"
-push = "push.h5"
-[[factor]]
-name = "button"
-levels = ["latch", "push"]
-[question]
-text = "Which was it?"
-identify = "button"
-[[block]]
-name = "finger calibration"
-kind = "finger"
-repetitions = 2
-[[block]]
-name = "experiment"
-"""
-
-
-def shot(page: Any, name: str) -> None:
-    if folder := os.environ.get("SHOTS"):
-        page.screenshot(path=f"{folder}/{name}.png")
 
 
 def prepare(page: Any) -> None:
@@ -54,10 +26,7 @@ def prepare(page: Any) -> None:
 def test_the_rig_plays_the_digital_buttons_and_stop_leaves_the_trial_due(browser, tmp_path, made):
     """Prepared, the finger calibrated, a trial played and answered; STOP; prepared again; the last trial."""
     data = tmp_path / "data"
-    (data / "played").mkdir(parents=True)
-    (data / "played" / "experiment.toml").write_text(PLAYED, encoding="utf-8")
-    for name in ("latch.h5", "push.h5"):
-        shutil.copy(made / name, data / "played")
+    played(data / "played", made)
     options = ("--port", "0", "--rig", "experiment", "--virtual-time")
     with served(data, *options, state=tmp_path / "state") as console:
         tab = Tab(browser, console)
@@ -71,8 +40,6 @@ def test_the_rig_plays_the_digital_buttons_and_stop_leaves_the_trial_due(browser
         expect(shown.locator("#where")).to_have_text("experiment, 1 of 2", timeout=2 * WAIT)
         present(page)
         expect(shown.locator(".choices button")).to_have_count(2, timeout=WAIT)
-        shot(page, "operator")
-        shot(shown, "participant")
         shown.keyboard.press("1")
         expect(shown.locator("#where")).to_have_text("experiment, 2 of 2", timeout=WAIT)
         page.keyboard.press("Escape")
