@@ -58,9 +58,10 @@ def write_responses(found: Responses, path: Path) -> None:
             coherence = file.createVariable("coherence", "f8", ("response", "frequency"))
             coherence[:] = np.stack([r.coherence for r in responses])
             coherence.units, coherence.long_name = "1", "coherence"
-        for index, name in enumerate(("row", "column") if found.grid is not None else ()):
+        cells = () if found.grid is None else (("row", found.grid[:, 0]), ("column", found.grid[:, 1]))
+        for name, numbers in cells:
             cell = file.createVariable(name, "i4", ("response",))
-            cell[:] = found.grid[:, index]
+            cell[:] = numbers
             cell.units, cell.long_name = "1", f"{name} of the point on the table, from 0"
         for name, texts in (("patch", [r.patch for r in responses]), ("point", [r.point for r in responses])):
             raw = np.array([text.encode() for text in texts])
