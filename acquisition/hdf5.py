@@ -26,6 +26,7 @@ from pydantic import TypeAdapter
 
 from haploop.acquisition.checksum import add_checksum, bounded, created, opened, stated, unreadable
 from haploop.instruments import DataError
+from haploop.instruments.arrays import scalar_of
 from haploop.instruments.files import new_file
 
 __all__ = ["Flat", "digest", "flatten", "kind_of", "read", "restore", "write"]
@@ -190,8 +191,7 @@ def _values(dataset: h5py.Dataset, left: int) -> tuple[NDArray[Any], int]:
 
 def _field(hint: Any, value: Any) -> Any:
     """The value of a field with this type hint. Raises ValueError and TypeError for any other content."""
-    if get_origin(hint) is np.ndarray:
-        scalar = get_args(get_args(hint)[1])[0]
+    if (scalar := scalar_of(hint)) is not None:
         if not isinstance(value, np.ndarray) or not np.can_cast(value.dtype, scalar, "same_kind"):
             raise TypeError(hint)
     elif get_origin(hint) in (tuple, Mapping, UnionType):

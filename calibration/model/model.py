@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -202,14 +203,21 @@ class Model:
         return _cascade(self.poles, z, r, solution[-2:])
 
     def save_mat(self, path: str | Path, rate_hz: float | None = None) -> None:
-        """Write a new MATLAB file (level 5), whole or not at all. Raises DataError if it exists.
+        """Write a new MATLAB file (level 5) of `variables`, whole or not at all.
 
-        Holds A, B, C, D of the state space (s), poles (rad/s) and residues (one of each pair),
-        constant, slope, band_hz and error; and with `rate_hz` sos and its rate. In MATLAB:
-        `load model.mat; sys = ss(A, B, C, D)`.
+        In MATLAB: `load model.mat; sys = ss(A, B, C, D)`. Raises DataError if it exists.
+        """
+        with new_file(path) as part:
+            scipy.io.savemat(str(part), self.variables(rate_hz), appendmat=False)
+
+    def variables(self, rate_hz: float | None = None) -> dict[str, Any]:
+        """The model as MATLAB has it: volts at the patch to m/s.
+
+        A, B, C, D of the state space (s), poles (rad/s) and residues (one of each pair), constant, slope,
+        band_hz and error; and with `rate_hz` sos and its rate.
         """
         A, B, C, D = self.state_space()
-        values = {
+        values: dict[str, Any] = {
             "A": A,
             "B": B,
             "C": C,
@@ -225,8 +233,7 @@ class Model:
         }
         if rate_hz is not None:
             values |= {"sos": self.sos(rate_hz), "rate_hz": rate_hz}
-        with new_file(path) as part:
-            scipy.io.savemat(str(part), values, appendmat=False)
+        return values
 
 
 def fit(response: Response) -> Model:

@@ -36,7 +36,7 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
     \b
     csv, mat, uff, netcdf      all but a study (a study: csv)
     wav, wav48, sep005         signals; wav48: for a sound card, at 48 kHz
-    parquet                    signals and studies (pip install "haploop[parquet]")
+    parquet                    all (pip install "haploop[parquet]")
     nwb                        recordings (pip install "haploop[nwb]")
     ahap, haptic, android, hjif
                                phones and headsets: envelope and frequency

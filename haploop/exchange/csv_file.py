@@ -19,6 +19,8 @@ from haploop.exchange.views import (
     Signals,
     even_rate,
     read_sidecar,
+    sidecar,
+    write_json,
     write_sidecar,
 )
 from haploop.instruments import DataError
@@ -40,7 +42,10 @@ def write_signals(signals: Signals, path: Path) -> None:
 
 
 def write_responses(found: Responses, path: Path) -> None:
-    """One row a line: frequency, then real part, imaginary part and coherence of each response."""
+    """One row a line: frequency, then real part, imaginary part and coherence of each response.
+
+    A sidecar keeps the origin, and of a map the row and column of each point.
+    """
     headings, columns = ["frequency [Hz]"], [found.responses[0].frequencies]
     for response in found.responses:
         name = f"patch {response.patch} point {response.point}"
@@ -49,6 +54,15 @@ def write_responses(found: Responses, path: Path) -> None:
         if len(response.coherence):
             headings.append(f"{name} coherence [1]")
             columns.append(response.coherence)
+    cells = (
+        [{}] * len(found.responses)
+        if found.grid is None
+        else [{"row": int(row), "column": int(column)} for row, column in found.grid]
+    )
+    places = [
+        {"patch": r.patch, "point": r.point} | cell for r, cell in zip(found.responses, cells, strict=True)
+    ]
+    write_json(sidecar(path), {"title": found.title, "responses": places, "about": dict(found.about)})
     _write(path, headings, np.stack(columns, axis=1))
 
 

@@ -51,9 +51,9 @@ def _nwb(path: Path, out: Path) -> About:
 
 
 def _model(path: Path, out: Path) -> About:
-    calibration = Calibration.load(path)
-    calibration.model.save_mat(out, calibration.rate_hz)
-    return {"simulated": calibration.response.simulated}
+    calibration, view = Calibration.load(path), reading.calibration_responses(path)
+    mat_file.write_responses(view, out, calibration.model.variables(calibration.rate_hz))
+    return view.about
 
 
 _SIGNALS = {
@@ -71,6 +71,7 @@ _RESPONSES = {
     "mat": mat_file.write_responses,
     "uff": uff_file.write_responses,
     "netcdf": netcdf_file.write_responses,
+    "parquet": parquet_file.write_responses,
 }
 _PRESSES = {"csv": csv_file.write_presses, "parquet": parquet_file.write_presses}
 _HAPTIC = {
@@ -101,17 +102,15 @@ def _table() -> dict[tuple[str, str], Export]:
     for name, write in _PRESSES.items():
         table["study", name] = _via(lambda path: reading.study_presses(load_study(path)), write)
     table["recording", "nwb"] = _nwb
-    # Of a calibration MATLAB gets the model, which simulates, rather than the response.
+    # Of a calibration MATLAB gets the model too, which simulates.
     table["calibration", "mat"] = _model
     return table
 
 
 FORMATS: Mapping[tuple[str, str], Export] = _table()
 """(kind, format) -> function(path, out), which writes the new file `out`."""
-_BESIDE = {
-    (kind, name) for kind, name in FORMATS if name in ("csv", "wav", "wav48") and (kind, "wav") in FORMATS
-}
-"""Exports with a sidecar."""
+_BESIDE = {(kind, name) for kind, name in FORMATS if name in ("csv", "wav", "wav48") and kind != "study"}
+"""Exports with a sidecar; each row of a study's table says itself what it comes from."""
 
 
 @dataclass(frozen=True)

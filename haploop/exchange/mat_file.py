@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,14 @@ def write_signals(signals: Signals, path: Path) -> None:
     _write(path, values | {"about": dict(signals.about)})
 
 
-def write_responses(found: Responses, path: Path) -> None:
-    """`frequency`, `velocity` (responses, lines), and `patches` and `points`, a row of text each."""
+def write_responses(found: Responses, path: Path, more: Mapping[str, Any] | None = None) -> None:
+    """`frequency`, `velocity` (responses, lines), `patches` and `points`, a row of text each; `more` beside.
+
+    Where they were measured `coherence` too; of a map `rows` and `columns` of its points, from 0.
+    """
     responses = found.responses
     values: dict[str, Any] = {
+        "title": found.title,
         "frequency": responses[0].frequencies,
         "velocity": np.stack([r.velocity for r in responses]),
         "patches": np.array([r.patch for r in responses], dtype=object),
@@ -41,7 +46,12 @@ def write_responses(found: Responses, path: Path) -> None:
         "units": {"frequency": "Hz", "velocity": "(m/s)/V"},
         "about": dict(found.about),
     }
-    _write(path, values)
+    if all(len(r.coherence) for r in responses):
+        values["coherence"] = np.stack([r.coherence for r in responses])
+        values["units"]["coherence"] = "1"
+    if found.grid is not None:
+        values |= {"rows": found.grid[:, 0], "columns": found.grid[:, 1]}
+    _write(path, values | dict(more or {}))
 
 
 def read_signals(path: Path, rate_hz: float | None) -> Signals:

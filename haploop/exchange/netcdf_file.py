@@ -37,7 +37,10 @@ def write_signals(signals: Signals, path: Path) -> None:
 
 
 def write_responses(found: Responses, path: Path) -> None:
-    """`velocity_real` and `velocity_imaginary` over `response`, `frequency`; `patch`, `point` as text."""
+    """`velocity_real` and `velocity_imaginary` over `response`, `frequency`; `patch`, `point` as text.
+
+    Of a map also `row` and `column` of each point, from 0.
+    """
     responses = found.responses
     with _file(path, found.title, found.about) as file:
         file.createDimension("frequency", len(responses[0].frequencies))
@@ -55,6 +58,11 @@ def write_responses(found: Responses, path: Path) -> None:
             coherence = file.createVariable("coherence", "f8", ("response", "frequency"))
             coherence[:] = np.stack([r.coherence for r in responses])
             coherence.units, coherence.long_name = "1", "coherence"
+        cells = () if found.grid is None else (("row", found.grid[:, 0]), ("column", found.grid[:, 1]))
+        for name, numbers in cells:
+            cell = file.createVariable(name, "i4", ("response",))
+            cell[:] = numbers
+            cell.units, cell.long_name = "1", f"{name} of the point on the table, from 0"
         for name, texts in (("patch", [r.patch for r in responses]), ("point", [r.point for r in responses])):
             raw = np.array([text.encode() for text in texts])
             file.createDimension(f"{name}_length", raw.dtype.itemsize)

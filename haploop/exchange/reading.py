@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 import haploop
 from haploop.acquisition import Recording, Representative, Study, content_hash, open_part
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Response, VibrationMap
-from haploop.exchange.press_table import press_table
+from haploop.exchange.press_rows import press_table
 from haploop.exchange.views import About, Channel, Envelope, PressTable, Responses, Signals
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
@@ -176,7 +176,8 @@ def map_responses(path: Path) -> Responses:
         for point, velocity in zip(found.points, found.velocity(patch, f), strict=True)
     )
     about = _about(path, plan.simulated, {"rig": plan.rig}, plan.digest)
-    return Responses(f"Vibration map of {len(found.points)} points", responses, about)
+    cells = [divmod(int(response.point), plan.columns) for response in responses]
+    return Responses(f"Vibration map of {len(found.points)} points", responses, about, np.array(cells))
 
 
 def recording_presses(paths: Sequence[Path]) -> PressTable:

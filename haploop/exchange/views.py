@@ -12,7 +12,7 @@ import numpy as np
 
 from haploop.calibration import Response
 from haploop.instruments import DataError
-from haploop.instruments.arrays import FloatArray
+from haploop.instruments.arrays import FloatArray, IntArray
 from haploop.instruments.files import new_file
 from haploop.progress import SIMULATED
 
@@ -68,11 +68,15 @@ class Signals:
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """Frequency responses on the same frequencies: m/s per V at the patch, one a patch and point."""
+    """Frequency responses on the same frequencies: m/s per V at the patch, one a patch and point.
+
+    `grid` is (responses, 2), the row and column of each point on the table from 0, or None for one point.
+    """
 
     title: str
     responses: tuple[Response, ...]
     about: About
+    grid: IntArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import pytest
 import haploop
 from haploop.acquisition import Recording, Representative
 from haploop.calibration import Calibration, Check, DigitalButton, Drive, Learning, Response
+from haploop.calibration.map.measuring import map_plan, measure_map
 from tests.calibration.conftest import make_press
 
 FREQUENCIES = np.arange(40.0, 600.0, 2.0)
@@ -111,6 +112,15 @@ class Files:
     @property
     def press(self) -> Representative:
         return Representative.load(self.representative)
+
+
+@pytest.fixture(scope="session")
+def measured_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Points 3 and 17 of the table by patches A and B."""
+    folder = tmp_path_factory.mktemp("exchange") / "map"
+    with haploop.open_rig("simulated") as rig:
+        measure_map(rig, folder, map_plan(rig, points=(3, 17), patches=("A", "B"), period=0.5))
+    return folder
 
 
 @pytest.fixture(scope="session")

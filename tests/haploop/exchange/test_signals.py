@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
-import subprocess
 import warnings
 from pathlib import Path
 
@@ -102,17 +100,6 @@ def test_matlab_files(files: Files, tmp_path: Path, kind: str) -> None:
         np.testing.assert_array_equal(found[name], values)
         assert found["units"][name] == unit
     assert found["about"]["simulated"] == 1
-
-
-@pytest.mark.skipif(shutil.which("octave") is None, reason="GNU Octave is not installed")
-def test_octave_opens_a_matlab_file(files: Files, tmp_path: Path) -> None:
-    out = exported(files, "representative", "mat", tmp_path, ".mat")
-    script = f"load('{out}'); printf('%.17g %s %d', max(abs(acceleration)), units.acceleration, rate_hz)"
-    done = subprocess.run(
-        ["octave", "--no-gui", "--eval", script], capture_output=True, text=True, check=True
-    )
-    peak, unit, rate = done.stdout.split()
-    assert (float(peak), unit, rate) == (np.abs(files.press.acceleration).max(), "m/s^2", "5000")
 
 
 @pytest.mark.parametrize("kind", KINDS)

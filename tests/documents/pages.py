@@ -8,14 +8,13 @@ written into that file, and TOML without one is parsed. Comments that the site d
     <!-- before:                  commands that prepare what the next block needs, up to -->;
                                   `before python:` likewise
 
-The blocks of docs/how-to/adding-an-instrument.md are those of the example packages, word by word.
+The pages are shared by several modules, because one worker of pytest-xdist runs a whole module.
 """
 
 from __future__ import annotations
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -26,57 +25,14 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import pytest
 
-import haploop
+ROOT = Path(__file__).parents[2]
 
-ROOT = Path(__file__).parents[1]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
-EXAMPLE = ROOT / "examples" / "haploop-acme-relay"
-ROLES = ROOT / "examples" / "haploop-acme-thermometer"
-GUIDE = (ROOT / "docs" / "how-to" / "adding-an-instrument.md").read_text(encoding="utf-8")
-DRIVER_PART, ROLE_PART = GUIDE.split("## Adding a role")
-
-
-def shown(guide: str) -> list[tuple[str, str]]:
-    """The blocks that begin with a file's name: the name, and the rest."""
-    return re.findall(r"^```\w+\n# (\S+)\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
-
-
-BLOCKS = shown(DRIVER_PART)
-
-
-def test_the_guide_shows_every_file() -> None:
-    files = {name for name, _ in BLOCKS}
-    assert files == {
-        "pyproject.toml",
-        "acme.toml",
-        "haploop_acme/relay.py",
-        "haploop_acme/twin.py",
-        "tests/test_acme_relay.py",
-    }
-
-
-@pytest.mark.parametrize(("name", "block"), BLOCKS)
-def test_a_block_is_in_the_example(name: str, block: str) -> None:
-    assert block in (EXAMPLE / name).read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(("name", "block"), shown(ROLE_PART))
-def test_a_block_is_in_the_example_with_roles(name: str, block: str) -> None:
-    assert block in (ROLES / name).read_text(encoding="utf-8")
-
-
-def test_a_role_with_driver_and_twin_is_short() -> None:
-    texts = [path.read_text(encoding="utf-8") for path in (ROLES / "haploop_acme_thermometer").glob("*.py")]
-    assert sum(len(text.splitlines()) for text in texts) < 200
-
-
-def test_driver_and_twin_are_short() -> None:
-    texts = [
-        (EXAMPLE / "haploop_acme" / name).read_text(encoding="utf-8") for name in ("relay.py", "twin.py")
-    ]
-    assert sum(len(text.splitlines()) for text in texts) < 100
-
-
+SHARES = {
+    "how-to a-l": ("docs/how-to/[a-l]*.md",),
+    "how-to m-z": ("docs/how-to/[m-z]*.md",),
+    "others": ("README.md", "docs/*.md", "docs/[!h]*/*.md"),
+}
+"""Pages of each test module, as patterns from the repository's root."""
 _LONGEST = 240.0
 """Seconds after which a block is given up."""
 
@@ -104,12 +60,6 @@ def blocks(text: str) -> list[Block]:
         else:
             found.append(Block(line, match["language"], match["text"], match["excuse"] or ""))
     return found
-
-
-def test_the_reference_has_each_name_once() -> None:
-    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
-    named = re.findall(r"^::: haploop\.(\w+)$", text, re.MULTILINE)
-    assert sorted(named) == sorted(haploop.__all__)
 
 
 class Page:
@@ -159,9 +109,14 @@ def name_of(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="the blocks are for bash")
-@pytest.mark.parametrize("path", [page for page in PAGES if blocks(page.read_text("utf-8"))], ids=name_of)
-def test_the_blocks_of_a_page_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def pages_of(*patterns: str) -> list[Path]:
+    """The pages with blocks that match a pattern, from the repository's root."""
+    found = sorted(path for pattern in patterns for path in ROOT.glob(pattern))
+    return [path for path in found if blocks(path.read_text(encoding="utf-8"))]
+
+
+def run_blocks(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a page from its first block to its last."""
     folder = tmp_path / "page"
     folder.mkdir()
     (folder / "lab.toml").write_text('base = "simulated"\nname = "lab"\n', encoding="utf-8")
@@ -173,15 +128,3 @@ def test_the_blocks_of_a_page_run(path: Path, tmp_path: Path, monkeypatch: pytes
     for block in blocks(path.read_text(encoding="utf-8")):
         if not block.excuse:
             page.run(block, f"{name_of(path)}:{block.line}")
-
-
-def test_a_block_that_fails_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "page").mkdir()
-    text = "```sh\nfalse\n```\n<!-- not run: x -->\n```sh\nfalse\n```\n```python\nraise KeyError\n```\n"
-    first, excused, last = blocks(text)
-    assert (first.excuse, excused.excuse, last.line) == ("", "x", 8)
-    with pytest.raises(AssertionError, match="page:1"):
-        Page(tmp_path / "page").run(first, "page:1")
-    with pytest.raises(KeyError):
-        Page(tmp_path / "page").run(last, "page:8")

@@ -1,0 +1,16 @@
+"""How-to guides, a to l: every block runs."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.documents.pages import SHARES, name_of, pages_of, run_blocks
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="the blocks are for bash")
+@pytest.mark.parametrize("path", pages_of(*SHARES["how-to a-l"]), ids=name_of)
+def test_the_blocks_of_a_page_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_blocks(path, tmp_path, monkeypatch)
