@@ -56,7 +56,8 @@ def _of_identification(found: Identification) -> Iterator[tuple[str, str]]:
     for key, confusion in found.matrices.items():
         where = ", ".join(f"{column} {value}" for column, value in zip(found.by, key, strict=True))
         for name in confusion.classes:
-            told = ", ".join(f"{metric} {_share(confusion, metric, name)}" for metric in METRICS)
+            shares = ((m, confusion.value(m, name), confusion.interval(m, name)) for m in METRICS)
+            told = ", ".join(f"{metric} {_share(value, edges)}" for metric, value, edges in shares)
             yield f"{where[:1].upper()}{where[1:]}, {name}", told
         yield f"{where[:1].upper()}{where[1:]}, correct", _correct(confusion)
     yield "Correct, all together", _correct(found.pooled)
@@ -66,8 +67,7 @@ def _of_identification(found: Identification) -> Iterator[tuple[str, str]]:
         yield f"Effects on {one.metric}", f"{told} (n = {one.people} participants{left_out})"
 
 
-def _share(confusion: Confusion, metric: str, name: str) -> str:
-    value, edges = confusion.value(metric, name), confusion.interval(metric, name)
+def _share(value: float | None, edges: tuple[float, float] | None) -> str:
     bounds = f" ({100 * edges[0]:.0f} to {100 * edges[1]:.0f} %)" if edges else ""
     return "not defined" if value is None else f"{100 * value:.2f} %{bounds}"
 
