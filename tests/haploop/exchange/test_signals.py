@@ -198,7 +198,7 @@ def test_a_table_of_presses(files: Files, tmp_path: Path) -> None:
 def test_what_does_not_fit_is_one_sentence(files: Files, tmp_path: Path) -> None:
     with pytest.raises(haploop.ConfigurationError, match=r"recording cannot .*'ahap'.*representative press"):
         haploop.export_file(files.recording, "ahap", tmp_path / "a.ahap")
-    with pytest.raises(haploop.ConfigurationError, match="choose csv, mat, netcdf, uff"):
+    with pytest.raises(haploop.ConfigurationError, match="choose csv, mat, netcdf, parquet, uff"):
         haploop.export_file(files.calibration, "wav", tmp_path / "a.wav")
     (tmp_path / "a.wav.json").write_text("mine")
     with pytest.raises(haploop.ConfigurationError, match="already exists"):
