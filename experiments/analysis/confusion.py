@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Protocol
 
@@ -78,13 +79,14 @@ def confusion_of(rows: Rows) -> Confusion:
     """Build a confusion matrix from lines of `presented`, `answered` and, if there is one, `count`.
 
     Without a column `count` each line is one trial. A column `participant` tells who answered. Classes are
-    in the order in which they are presented in the file; one that is only answered comes last. Raises
-    DataError: a missing column, an empty name, a count that is not a whole number, no trial at all.
+    in the order that the file beside the table states, otherwise in that in which they are presented; one
+    that is only answered comes last. Raises DataError: a missing column, an empty name, a count that is not
+    a whole number, no trial at all.
     """
     rows.require("presented", "answered")
     presented, answered = rows.text("presented"), rows.text("answered")
     counts = _counts(rows)
-    classes = tuple(dict.fromkeys([*presented, *answered]))
+    classes = rows.levels("presented", "answered")
     who = rows.text("participant") if "participant" in rows.columns else [""] * len(counts)
     matrices: dict[str, Counts] = {}
     for participant, row, column, count in zip(who, presented, answered, counts, strict=True):
@@ -110,9 +112,11 @@ def confusions_by(rows: Rows, *columns: str) -> dict[tuple[str, ...], Confusion]
     lines: dict[tuple[str, ...], list[tuple[int, dict[str, str]]]] = {}
     for key, line in zip(keys, rows.lines, strict=True):
         lines.setdefault(key, []).append(line)
+    levels = [rows.levels(column) for column in columns]
     return {
-        key: _with_classes(confusion_of(Rows(rows.name, rows.columns, tuple(some))), classes)
-        for key, some in lines.items()
+        key: _with_classes(confusion_of(replace(rows, lines=tuple(lines[key]))), classes)
+        for key in itertools.product(*levels)
+        if key in lines
     }
 
 

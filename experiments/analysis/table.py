@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from haploop.instruments import DataError
@@ -22,6 +23,8 @@ class Rows:
     columns: tuple[str, ...]
     lines: tuple[tuple[int, dict[str, str]], ...]
     """Number of the line in the file, and its cells."""
+    orders: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Order of the values of a column, where the file beside the table states it."""
 
     def require(self, *columns: str) -> None:
         """Raise DataError when a column is missing."""
@@ -59,17 +62,19 @@ class Rows:
 
     def only(self, column: str, value: str) -> Rows:
         """The lines with one value in a column."""
-        kept = tuple((number, line) for number, line in self.lines if line[column] == value)
-        return Rows(self.name, self.columns, kept)
+        return replace(self, lines=tuple((n, line) for n, line in self.lines if line[column] == value))
 
-    def levels(self, column: str) -> tuple[str, ...]:
-        """Different values of a column, in the order of the file."""
-        return tuple(dict.fromkeys(self.text(column)))
+    def levels(self, *columns: str) -> tuple[str, ...]:
+        """Different values of columns: those with a stated order in that order, then as the file has them."""
+        found = dict.fromkeys(cell for column in columns for cell in self.text(column))
+        stated = dict.fromkeys(value for column in columns for value in self.orders.get(column, ()))
+        return (*(value for value in stated if value in found), *(v for v in found if v not in stated))
 
 
 def read_rows(path: str | Path) -> Rows:
     """Read a CSV file with a header line; a line that starts with # is a comment.
 
+    `NAME.json` beside it, as `export_answers` writes it, gives the order of a column's values (`Levels`).
     Raises DataError: no file, no text in UTF-8, no line of data, a line with too many or too few cells.
     """
     path = Path(path)
@@ -81,7 +86,19 @@ def read_rows(path: str | Path) -> Rows:
         raise DataError(f"{path} is not a text file in UTF-8: save the table as CSV (UTF-8).") from None
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}.") from None
-    return _rows(str(path), text.splitlines())
+    return replace(_rows(str(path), text.splitlines()), orders=_orders(path.with_suffix(".json")))
+
+
+def _orders(sidecar: Path) -> dict[str, tuple[str, ...]]:
+    """`Levels` of each column: a list, or as BIDS has it an object with a description of each."""
+    try:
+        described = json.loads(sidecar.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return {}  # A table needs no sidecar, and another program's file of that name may hold anything.
+    if not isinstance(described, dict):
+        return {}
+    levels = {name: one.get("Levels") for name, one in described.items() if isinstance(one, dict)}
+    return {name: tuple(map(str, some)) for name, some in levels.items() if isinstance(some, list | dict)}
 
 
 def _rows(name: str, lines: Iterable[str]) -> Rows:

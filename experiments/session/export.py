@@ -66,6 +66,8 @@ def sidecar_of(store: Store) -> dict[str, Any]:
     file = store.experiment.file
     levels = {factor.name: list(factor.levels) for factor in file.factor}
     levels |= {"group": list(file.groups)}
+    if file.kind == "rating":
+        levels |= {"pair": list(file.pair_names)}
     if file.kind == "identification":
         levels |= {
             "presented": list(file.levels_of(file.question.identify, "trial")),

@@ -90,6 +90,36 @@ def test_never_answered_is_not_defined(tmp_path: Path) -> None:
     assert confusion.value("accuracy", "toggle") == 0.5
 
 
+@pytest.mark.parametrize(
+    ("sidecar", "classes", "groups"),
+    [
+        ("", ("push", "latch", "toggle", "none"), ("II", "I")),
+        (
+            '{"presented": {"Levels": ["latch", "toggle", "push", "rest"]}, '
+            '"answered": {"Levels": ["none"]}, "Seed": 1, '
+            '"group": {"Levels": {"I": "first", "II": "second"}}}',
+            ("latch", "toggle", "push", "none"),
+            ("I", "II"),
+        ),
+        ('{"presented": {"Levels": 3}, "group": []}', ("push", "latch", "toggle", "none"), ("II", "I")),
+        ("[[[", ("push", "latch", "toggle", "none"), ("II", "I")),
+    ],
+)
+def test_classes_are_in_the_order_that_the_sidecar_states(
+    tmp_path: Path, sidecar: str, classes: tuple[str, ...], groups: tuple[str, ...]
+) -> None:
+    """Without one that can be read, in the order of the table."""
+    (tmp_path / "table.json").write_text(sidecar, encoding="utf-8")
+    text = "group,presented,answered\nII,push,latch\nII,latch,push\nI,toggle,toggle\nI,latch,none\n"
+    rows = read_rows(written(tmp_path, text))
+    by_group = confusions_by(rows, "group")
+    assert [key for (key,) in by_group] == list(groups)
+    for confusion in (confusion_of(rows), *by_group.values()):
+        assert confusion.classes == classes
+    assert by_group["II",].value("sensitivity", "latch") == 0
+    assert by_group["I",].value("sensitivity", "toggle") == 1
+
+
 def test_a_semicolon_and_a_mark_of_order_are_read(tmp_path: Path) -> None:
     text = "\ufeffpresented;answered;count\nlatch;latch;3\n# a remark\nlatch;push;1\n"
     assert confusion_of(read_rows(written(tmp_path, text))).overall == 0.75
