@@ -115,13 +115,13 @@ class Feeling:
     def difference(self) -> Answer:
         """Answer to: would a person feel that measured motion and target differ? By the loudest 100 ms.
 
-        "no" below everything in the table, and within the least just noticeable difference: a residual of
-        some fraction of the amplitude changes the amplitude by at most that fraction, and nearer to
-        threshold the just noticeable difference is larger. "yes" beyond it, where the figure holds, and
-        where there is nothing to compare with. Masking between frequencies is not counted.
+        "no" below everything in the table, and, where that figure holds, within the least just noticeable
+        difference: a residual of some fraction of the amplitude changes the amplitude by at most that
+        fraction. "yes" beyond it, where the figure holds, and where there is nothing to compare with.
+        Masking between frequencies is not counted.
         """
         alone = _answer(self.residual[0])
-        if alone == "no" or self.ratio <= _noticeable()[0]:
+        if alone == "no" or (self.comparable and self.ratio <= _noticeable()[0]):
             return "no"
         return "yes" if alone == "yes" and (self.comparable or _answer(self.target[0]) == "no") else "perhaps"
 
@@ -277,7 +277,7 @@ def _on_difference(feeling: Feeling) -> tuple[str, ...]:
     said = f"The difference from the target lies {_above(level.total)} the threshold of a finger at rest"
     share = f"is {feeling.ratio:.0%} of the target as it is felt"
     least = f"the least just noticeable difference of amplitude, {fraction:.0%}"
-    if feeling.ratio <= fraction:
+    if feeling.comparable and feeling.ratio <= fraction:
         said += f" and {share}, within {least}: it is not felt."
     elif feeling.difference == "no":
         said += " and below everything in the table: it is not felt."
@@ -287,9 +287,8 @@ def _on_difference(feeling: Feeling) -> tuple[str, ...]:
         said += ", and the target below everything in the table: it is felt by itself."
     else:
         said += (
-            f" and {share}. That is beyond {least}, but this was measured {sensation:.0f} dB above threshold "
-            f"and the target lies {_above(feeling.target[0].total)} it: nearer to threshold only larger "
-            "differences are noticed, so that nothing is claimed."
+            f" and {share}. The target lies {_above(feeling.target[0].total)} that threshold, and {least}, was "
+            f"measured {sensation:.0f} dB above it: nothing is claimed."
         )
     noisy = level.total < feeling.noise_total + _CLOSE_TO_NOISE
     return said, "That difference is no larger than the noise of the plays." if noisy else ""
