@@ -189,14 +189,14 @@ def representative(
     segmentations = {recording.path.name: _segmentation(recording) for recording in recordings}
     usable, signals = [], Spool()
     for recording in recordings:
-        presses = _usable(recording, segmentations[recording.path.name], left_out)
-        vertical = recording.acceleration[2]
-        if undo_low_pass is not None:
-            vertical = _undone(recording, vertical, undo_low_pass)
-        signals.append(np.stack([high_pass(vertical, rate_hz, w.high_pass_hz), recording.force]))
-        usable.append(presses)
+        if presses := _usable(recording, segmentations[recording.path.name], left_out):
+            vertical = recording.acceleration[2]
+            if undo_low_pass is not None:
+                vertical = _undone(recording, vertical, undo_low_pass)
+            signals.append(np.stack([high_pass(vertical, rate_hz, w.high_pass_hz), recording.force]))
+            usable.append((recording, presses))
         recording.forget()
-    every = [press for presses in usable for press in presses]
+    every = [press for _, presses in usable for press in presses]
     if not every:
         raise DataError(
             f"The recordings hold no usable press of the {first.button} button "
@@ -207,14 +207,16 @@ def representative(
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     names: dict[str, list[str]] = defaultdict(list)
-    by: dict[str, list[int]] = defaultdict(list)
-    for number, (recording, presses) in enumerate(zip(recordings, usable, strict=True)):
-        if presses:
-            by[recording.participant].append(number)
-            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
+    by: dict[str, list[tuple[int, Recording, list[tuple[ButtonPress, float]]]]] = defaultdict(list)
+    for number, (recording, presses) in enumerate(usable):
+        by[recording.participant].append((number, recording, presses))
+        names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
     curves = Spool()
     for participant in sorted(by):
-        cut = [_cut(recordings[n], signals[n], usable[n], before, after, opening) for n in by[participant]]
+        cut = [
+            _cut(recording, signals[n], presses, before, after, opening)
+            for n, recording, presses in by[participant]
+        ]
         curves.append(np.concatenate(cut))
 
     found = average(curves, rate_hz, m, method)

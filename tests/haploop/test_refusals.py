@@ -147,7 +147,8 @@ runpy.run_module('haploop', run_name='__main__')
 def test_a_signal_while_loading_is_no_traceback_and_one_to_be_ignored_is(name: str, ignored: bool) -> None:
     """Ignored as under `nohup`, or in a job in the background of a script."""
     number = getattr(signal, name)
-    program = f"import signal; signal.signal({int(number)}, signal.SIG_IGN)\n" * ignored
+    disposition = "SIG_IGN" if ignored else "default_int_handler" if name == "SIGINT" else "SIG_DFL"
+    program = f"import signal; signal.signal({int(number)}, signal.{disposition})\n"
     done = subprocess.run(
         [sys.executable, "-c", program + SIGNALLED.format(name=name)],
         capture_output=True, text=True, timeout=60, check=False,

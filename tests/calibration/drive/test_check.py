@@ -8,9 +8,9 @@ import pytest
 
 from haploop.acquisition import Representative
 from haploop.calibration import Check, Drive, Multisine, calibrate, drive_for, measure_response
-from haploop.calibration.drive import check
+from haploop.calibration.drive import check, playing
 from haploop.calibration.spectra import third_octaves
-from haploop.instruments import ConfigurationError
+from haploop.instruments import ConfigurationError, InstrumentError
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 
@@ -185,6 +185,9 @@ def test_a_patch_without_volts_is_told(
     calibrated: Calibrated, drive: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tamper(calibrated.rig, monkeypatch, drive=lambda v: 0 * v, laser=lambda v: 0 * v)
+    with pytest.raises(InstrumentError, match="the relay"):
+        check(calibrated.rig, drive, plays=3)
+    monkeypatch.setattr(playing, "settle", lambda *_: 0.0)  # the contact fails after settling
     result = check(calibrated.rig, drive, plays=3)
     assert not result.passed
     assert "relay" in " ".join(result.reasons)

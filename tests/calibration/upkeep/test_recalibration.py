@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.calibration import Calibration, Drive, Response
+from haploop.calibration import Calibration, Drive, Response, Waveforms
 from haploop.calibration.drive.button import DigitalButton, build_button
 from haploop.calibration.upkeep import drift, recalibration
 from haploop.calibration.upkeep.drift import compare
@@ -322,6 +322,11 @@ def test_another_hysteresis_is_a_drift_that_is_found_and_brought_back(
     assert after.passed and after.check.nrmse < before.nrmse / 2
 
 
+def kept(rig: Rig, calibration: Calibration) -> tuple[Calibration, Waveforms]:
+    """What `calibrate_keeping` returns, with no plays."""
+    return calibration, Waveforms.of(rig, (), calibration.digest, "A", "button")
+
+
 @pytest.mark.usefixtures("looked_once")
 @pytest.mark.requires("simulation")
 def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
@@ -331,7 +336,7 @@ def test_what_the_response_does_not_show_is_seen_when_the_button_is_played(
     (button,) = buttons_of(history.active()).values()
     failed = replace(button.check, verdict="fail", reasons=("It is off.",))
     monkeypatch.setattr(recalibration, "check", lambda *_args, **_more: failed)
-    monkeypatch.setattr(recalibration, "calibrate", lambda *_args, **_more: button.calibration)
+    monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, button.calibration))
     monkeypatch.setattr(recalibration, "build_button", lambda *_args, **_more: button)
     outcome = recalibrate(calibrated.rig, history, when=WHEN)
     assert outcome.verdicts[0].kind == "unchanged" and outcome.kind == "restored"
@@ -428,7 +433,7 @@ def test_all_or_nothing(open: OpenRig, history: History, monkeypatch: pytest.Mon
 
     (calibration,) = calibrations_of(history.active())
     monkeypatch.setattr(recalibration, "build_button", build)
-    monkeypatch.setattr(recalibration, "calibrate", lambda *_args, **_more: calibration)
+    monkeypatch.setattr(recalibration, "calibrate_keeping", lambda rig, *_: kept(rig, calibration))
     monkeypatch.setattr(recalibration, "check", lambda _rig, _drive, **_more: push.check)
     before = content(history)
     rig = left_alone(open(mode_drift=0.01))
