@@ -2,8 +2,14 @@
 
 from haploop.experiments.analysis.anova import Effect, Sphericity, anova
 from haploop.experiments.analysis.confusion import METRICS, Confusion, confusion_of, confusions_by
+from haploop.experiments.analysis.effect_size import eta_squared_interval
 from haploop.experiments.analysis.identification import Identification, Performance, analyse_identification
-from haploop.experiments.analysis.manova import MultivariateEffect, manova_independent, manova_repeated
+from haploop.experiments.analysis.manova import (
+    MultivariateEffect,
+    eta_squared_of_f,
+    manova_independent,
+    manova_repeated,
+)
 from haploop.experiments.analysis.pairs import Comparison, compare_levels
 from haploop.experiments.analysis.power import Power, PowerPlan, load_power_plan, power_of
 from haploop.experiments.analysis.proportions import clustered_interval, wilson_interval
@@ -34,6 +40,8 @@ __all__ = [
     "compare_levels",
     "confusion_of",
     "confusions_by",
+    "eta_squared_interval",
+    "eta_squared_of_f",
     "load_power_plan",
     "manova_independent",
     "manova_repeated",

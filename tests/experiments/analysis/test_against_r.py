@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haploop.experiments import eta_squared_interval, eta_squared_of_f
 from haploop.experiments.analysis.anova import Effect, anova
 from haploop.experiments.analysis.cells import Cells, cells_of
-from haploop.experiments.analysis.effect_size import cohen_interval, eta_squared_interval
+from haploop.experiments.analysis.effect_size import cohen_interval
 from haploop.experiments.analysis.manova import (
     MultivariateEffect,
-    eta_squared_of_f,
     manova_independent,
     manova_repeated,
 )
