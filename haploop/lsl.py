@@ -36,16 +36,21 @@ class Stamps:
     """
 
     def __init__(self) -> None:
-        self._run = 0
+        self._last = -np.inf
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew with the next block: another program's, which numbers its runs from 1 again."""
+        self._run = -1
         self._end = 0
         self._offset = np.inf
-        self._last = -np.inf
 
     def of(self, block: LiveBlock, arrival: float) -> FloatArray:
         """(samples,) s on the clock of `arrival`."""
         count, rate = block.end - block.first, block.run.rate_hz
         if block.run.number != self._run:
-            self._run, self._end, self._offset = block.run.number, 0, np.inf
+            self.begin()
+            self._run = block.run.number
         at = (block.end - 1) / rate
         drifted = _LARGEST_DRIFT * (block.end - self._end) / rate
         self._offset = min(self._offset + drifted, arrival - at)
@@ -82,6 +87,10 @@ class Outlets:
     def clock(self) -> Callable[[], float]:
         """LSL's clock (s)."""
         return self._lsl.local_clock  # type: ignore[no-any-return]
+
+    def begin(self) -> None:
+        """Another program's blocks follow."""
+        self._stamps.begin()
 
     def push(self, block: LiveBlock, arrival: float) -> None:
         """Send a block that arrived at `arrival` on LSL's clock."""
@@ -122,5 +131,6 @@ class Outlets:
 
 def send(tap: Tap, outlets: Outlets) -> None:
     """Send the blocks of a tap until the publishing program closes the rig."""
+    outlets.begin()
     for block in tap:
         outlets.push(block, outlets.clock())

@@ -98,6 +98,15 @@ def test_stamps_follow_a_clock_that_drifts_and_begin_anew_with_a_run() -> None:
     assert again[-1] == pytest.approx(5000.0)
 
 
+def test_stamps_begin_anew_with_another_program() -> None:
+    stamps = Stamps()
+    for program in range(3):  # each numbers its runs from 1, and may be joined late
+        stamps.begin()
+        for k in range(2 * program, 20 * (program + 1)):
+            arrival = 100 + 60 * program + 0.05 * k
+            assert stamps.of(block(run_number(1), 50 * k), arrival)[-1] == pytest.approx(arrival)
+
+
 def test_a_missing_pylsl_is_named(run: RunCommand, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pylsl", None)
     result = run("live", "--lsl")
