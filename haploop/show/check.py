@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
@@ -15,9 +16,17 @@ from haploop.show.formatting import interval, json_number, percent, property_tab
 __all__ = ["check_contents", "show_check"]
 
 
-def show_check(result: Check, as_json: bool, press: Representative | None = None) -> None:
-    """Print the result of one check; with `press`, the recorded one, also how loud it is against that."""
+def show_check(
+    result: Check, as_json: bool, press: Representative | None = None, file: Path | None = None
+) -> None:
+    """Print the result of one check; with `press`, the recorded one, also how loud it is against that.
+
+    `file` is where its plays are kept.
+    """
     values, table = check_contents(result, press)
+    if file is not None:
+        values["file"] = str(file)
+        table.add_row("Plays are kept in", str(file))
     if as_json:
         print_json(values)
         return
