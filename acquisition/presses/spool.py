@@ -32,7 +32,7 @@ class Spool(Sequence[FloatArray]):
         whole = np.ascontiguousarray(array, dtype=np.float64)
         self._file.seek(self._end)
         try:
-            self._file.write(memoryview(whole).cast("B"))
+            self._file.write(whole.data.cast("B"))
         except OSError as error:
             raise DataError(
                 f"The presses do not fit into the folder for temporary files, {tempfile.gettempdir()} "
@@ -54,5 +54,5 @@ class Spool(Sequence[FloatArray]):
         start, shape = self._arrays[index]
         array = np.empty(shape)
         self._file.seek(start)
-        self._file.readinto(memoryview(array).cast("B"))
+        self._file.readinto(array.data.cast("B"))
         return array

@@ -287,8 +287,8 @@ def _on_difference(feeling: Feeling) -> tuple[str, ...]:
         said += ", and the target below everything in the table: it is felt by itself."
     else:
         said += (
-            f" and {share}. The target lies {_above(feeling.target[0].total)} that threshold, and {least}, was "
-            f"measured {sensation:.0f} dB above it: nothing is claimed."
+            f" and {share}. The target lies {_above(feeling.target[0].total)} that threshold, and {least}, "
+            f"was measured {sensation:.0f} dB above it: nothing is claimed."
         )
     noisy = level.total < feeling.noise_total + _CLOSE_TO_NOISE
     return said, "That difference is no larger than the noise of the plays." if noisy else ""

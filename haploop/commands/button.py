@@ -11,7 +11,16 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, opened_rig, press_method
+from haploop.commands.options import (
+    JSON,
+    PATH,
+    PLAYS,
+    RIG,
+    SIMULATE,
+    alone,
+    opened_rig,
+    press_method,
+)
 from haploop.exits import CommandState
 from haploop.progress import Steps
 
@@ -104,21 +113,44 @@ def make(
 
 @button.command()
 @click.argument("file", type=PATH)
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    metavar="CHECK.h5",
+    help="Check file to write.  [default: dated, in the folder checks]",
+)
+@PLAYS
 @RIG
 @SIMULATE
 @JSON
 @click.pass_obj
-def check(state: CommandState, file: Path, rig: str, simulate: Mode | None, as_json: bool) -> int:
+def check(
+    state: CommandState,
+    file: Path,
+    out: Path | None,
+    plays: int,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
     """Play the digital button FILE on the rig that it was made on, measure it, and compare.
 
-    The file is not changed. Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
+    FILE is not changed; every play is kept in a check's file.
+
+    Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.DigitalButton.load(file)
+    if out is None:
+        out = outputs.dated_check(file.stem)
+    else:
+        outputs.check_new_file(out)
     with (
         alone(rig, simulate) as rig_file,
         opened_rig(state, rig_file, simulate) as opened,
         Steps() as steps,
     ):
-        result = haploop.play_button(opened, loaded, progress=steps)
-    display.show_check(result, as_json, loaded.press)
+        result = haploop.play_button(opened, loaded, plays=plays, progress=steps)
+    result.save(out)
+    display.show_check(result, as_json, loaded.press, out)
     return 0 if result.passed else 1

@@ -89,6 +89,13 @@ ATTEMPTS = click.option(
     help="Attempts at one press before the session ends.  [default: 5]",
 )
 PATH = click.Path(path_type=Path)
+PLAYS = click.option(
+    "--plays",
+    type=click.IntRange(3, 1000),
+    default=8,
+    show_default=True,
+    help="Number of plays: more plays narrow the interval of the error.",
+)
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _AVERAGES = ("automatic", "barycentre", "registration", "mean")
 

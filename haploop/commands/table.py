@@ -11,7 +11,17 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH, RIG, SIMULATE, alone, on_table, opened_rig, press_method
+from haploop.commands.options import (
+    JSON,
+    PATH,
+    PLAYS,
+    RIG,
+    SIMULATE,
+    alone,
+    on_table,
+    opened_rig,
+    press_method,
+)
 from haploop.exits import CommandState
 from haploop.progress import Steps
 
@@ -93,8 +103,9 @@ def calibrate(
     "-o",
     type=PATH,
     metavar="DIR",
-    help="Folder for the representative press, the drive and a plot.  [default: not saved]",
+    help="Folder for press, drive, check and a plot.  [default: only the check, dated, in checks]",
 )
+@PLAYS
 @press_method("--method", "--press-method")
 @RIG
 @SIMULATE
@@ -105,6 +116,7 @@ def check(
     presses: Sequence[Path],
     calibration: Path,
     out: Path | None,
+    plays: int,
     press_method: AverageMethod,
     rig: str,
     simulate: Mode | None,
@@ -114,7 +126,7 @@ def check(
 
     PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
     import`). Computes the representative press and its drive, plays the drive, measures the table, and
-    compares the result with the press.
+    compares the result with the press. Every play is kept in the check's file.
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
@@ -122,6 +134,9 @@ def check(
     press = haploop.load_press(presses, press_method)
     if out is not None:
         outputs.claim_check(out, press.button)
+        kept = None
+    else:
+        kept = outputs.dated_check(press.button)
     with (
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
@@ -133,8 +148,10 @@ def check(
                 f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
-        result = haploop.check(opened, drive, progress=steps)
-    display.show_check(result, as_json, press)
+        result = haploop.check(opened, drive, plays=plays, progress=steps)
+    if kept is not None:
+        result.save(kept)
+    display.show_check(result, as_json, press, kept)
     if out is not None:
         outputs.save_check(out, press, result)
     return 0 if result.passed else 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 from haploop.acquisition import Representative
@@ -10,7 +11,7 @@ from haploop.figures import comparison
 from haploop.instruments.files import check_destination
 from haploop.outputs.pictures import save_picture
 
-__all__ = ["claim_check", "save_check"]
+__all__ = ["claim_check", "dated_check", "save_check"]
 
 
 def claim_check(out: Path, button: str) -> None:
@@ -26,6 +27,16 @@ def save_check(out: Path, press: Representative, result: Check) -> None:
     result.drive.save(drive_file)
     result.save(check_file)
     save_picture(comparison([(press, result)]), picture, result.simulated)
+
+
+def dated_check(name: str) -> Path:
+    """Return the file of a check for which none was named: new, dated, in the folder `checks`.
+
+    Raises ConfigurationError if it cannot be written.
+    """
+    path = Path("checks") / f"{name}-{datetime.now(UTC):%Y%m%dT%H%M%S}.h5"
+    check_destination(path)
+    return path
 
 
 def _names(out: Path, button: str) -> tuple[Path, Path, Path, Path]:

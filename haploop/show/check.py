@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
@@ -15,9 +16,11 @@ from haploop.show.formatting import interval, json_number, percent, property_tab
 __all__ = ["check_contents", "show_check"]
 
 
-def show_check(result: Check, as_json: bool, press: Representative | None = None) -> None:
-    """Print the result of one check; with `press`, the recorded one, also how loud it is against that."""
-    values, table = check_contents(result, press)
+def show_check(
+    result: Check, as_json: bool, press: Representative | None = None, file: Path | None = None
+) -> None:
+    """Print what `check_contents` returns."""
+    values, table = check_contents(result, press, file)
     if as_json:
         print_json(values)
         return
@@ -26,8 +29,13 @@ def show_check(result: Check, as_json: bool, press: Representative | None = None
         print_line(SIMULATED)
 
 
-def check_contents(result: Check, press: Representative | None = None) -> tuple[dict[str, Any], Table]:
-    """Return the contents of a check as JSON values and as a table."""
+def check_contents(
+    result: Check, press: Representative | None = None, file: Path | None = None
+) -> tuple[dict[str, Any], Table]:
+    """Return the contents of a check as JSON values and as a table.
+
+    `press`, the recorded one, adds how loud the motion is against it; `file` is where the plays are kept.
+    """
     drive, feeling = result.drive, check_feeling(result, press)
     values: dict[str, Any] = {
         "kind": "check",
@@ -65,6 +73,9 @@ def check_contents(result: Check, press: Representative | None = None) -> tuple[
     table.add_row("Scale", f"{drive.scale:.4f} of the recorded acceleration")
     table.add_row("Energy in the band", percent(drive.in_band))
     add_feeling(table, feeling, result.notes)
+    if file is not None:
+        values["file"] = str(file)
+        table.add_row("Every play is kept in", str(file))
     table.add_row("Verdict", verdict(result.verdict))
     for sentence in (*result.reasons, *result.notes):
         table.add_row("", sentence)

@@ -16,7 +16,10 @@ def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("made") / "latch.h5"
 
 
-def test_a_button_is_made_shown_and_verified(demo: Demo, made: Path, run: Run, tmp_path: Path) -> None:
+def test_a_button_is_made_shown_and_verified(
+    demo: Demo, made: Path, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     recording = next((demo.folder / "recordings").glob("*latch*.h5"))
     table = demo.folder / "calibration.h5"
     result = run("button", "make", recording, "-c", table, "-o", made, "--iterations", 0, "--json")
@@ -30,7 +33,12 @@ def test_a_button_is_made_shown_and_verified(demo: Demo, made: Path, run: Run, t
     assert shown.exit_code == 0 and (tmp_path / "latch.png").stat().st_size > 10_000
     assert "Digital latch button, pass" in shown.output and "Simulated" in shown.output
     again = run("button", "check", made, "--json")
-    assert again.exit_code == 0 and json.loads(again.stdout)["passed"]
+    values = json.loads(again.stdout)
+    assert again.exit_code == 0 and values["passed"]
+    kept = haploop.Check.load(tmp_path / values["file"])
+    assert len(kept.accelerations) == 8 and kept.wideband_nrmse == values["wideband_nrmse"]
+    assert run("button", "check", made, "--plays", 2).exit_code == 2
+    assert "exists" in run("button", "check", made, "-o", values["file"]).output
 
     taken = run("button", "make", recording, "-c", table, "-o", made)
     assert taken.exit_code == 2 and "exists" in taken.output

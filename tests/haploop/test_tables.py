@@ -81,7 +81,7 @@ def test_no_name_of_a_button_or_calibration_is_taken_for_markup(
     for args in (
         ["button", "make", presses, "--calibration", calibration, "--out", button, "--rig", rig],
         ["show", button],
-        ["button", "check", button, "--rig", rig],
+        ["button", "check", button, "--rig", rig, "--plays", 3, "--out", tmp_path / "c [red].h5"],
         ["calibrations", "adopt", button, "--reason", HOSTILE, *history],
         ["calibrations", "list", *history],
         ["calibrations", "show", *history],
