@@ -10,8 +10,8 @@ import h5py
 import pytest
 
 from haploop.acquisition import Recording
+from tests.documents.pages import ROOT, blocks
 from tests.haploop.conftest import Demo, Run
-from tests.test_documents import ROOT, blocks
 
 
 def numbers(value: Any) -> list[float]:
