@@ -144,8 +144,8 @@ class ExperimentFile(_Section):
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        names = _unique(tuple(factor.name for factor in self.factor))
-        _unique(tuple(block.name for block in self.block))
+        names = _unique(tuple(factor.name for factor in self.factor), "the factor ")
+        _unique(tuple(block.name for block in self.block), "the block ")
         for name in names:
             if name in _RESERVED:
                 raise ValueError(f"a factor cannot be called {name!r}, because a column of the results is")
@@ -175,7 +175,7 @@ class ExperimentFile(_Section):
             case "rating":
                 if not self.question.pairs or not self.trial_factors:
                     raise ValueError("a rating needs [question] pairs, and a factor that varies by trial")
-                _unique(self.pair_names)
+                _unique(self.pair_names, "the pair ")
                 if self.question.scale[0] >= self.question.scale[1]:
                     raise ValueError("[question] scale must rise")
             case "two-interval" | "staircase":
@@ -294,8 +294,8 @@ def _staircase_fits(comparison: Comparison) -> None:
         raise ValueError("[comparison] needs standard < start <= highest")
 
 
-def _unique(names: tuple[str, ...]) -> tuple[str, ...]:
+def _unique(names: tuple[str, ...], what: str = "") -> tuple[str, ...]:
     for name in names:
         if names.count(name) > 1:
-            raise ValueError(f"{name!r} is listed twice")
+            raise ValueError(f"{what}{name!r} is listed twice")
     return names

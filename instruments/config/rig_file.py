@@ -404,7 +404,7 @@ def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Lo
         return f"{place}: the key {key!r} is missing."
     if first["type"] == "value_error":
         # Raised by a validator of haploop, whose message is complete.
-        return f"{place}: {key or 'the file'}: {first['ctx']['error']}."
+        return f"{place}: {f'{key}: ' if key else ''}{first['ctx']['error']}."
     return f"{place}: {key or 'the file'} {told(first)} (found {first['input']!r})."
 
 
