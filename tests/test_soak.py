@@ -47,7 +47,7 @@ NEAR = 0.0003
 GROWTH = 20.0
 """MB that the program may have grown by from the first quarter to the last: a look that kept what it
 captured would take more than that in a day."""
-LOGGED = 40_000
+LOGGED = 45_000
 """Bytes that an hour may add to the logs, buttons made anew included; a look notes its check."""
 
 

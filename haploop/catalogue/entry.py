@@ -24,7 +24,7 @@ class Entry:
     """Absolute path."""
     kind: str
     """"recording", "representative", "drive", "check", "calibration", "button", "map", "study", another kind
-    that haploop writes, or "damaged"."""
+    that haploop writes, "damaged", or "unreadable"."""
     participant: str = ""
     button: str = ""
     date: str = ""
@@ -45,8 +45,8 @@ class Entry:
 
     @property
     def settled(self) -> bool:
-        """False for a file that may still change: a recording that is not finished."""
-        return self.verdict != "incomplete"
+        """False for what may still change: a recording that is not finished, a file that may not be read."""
+        return self.verdict != "incomplete" and self.kind != "unreadable"
 
 
 def entry_of(path: str) -> Entry | None:
@@ -60,6 +60,8 @@ def entry_of(path: str) -> Entry | None:
         return _hdf5(found)
     except HaploopError as error:
         return Entry(path, "damaged", problem=" ".join(str(error).split()))
+    except OSError as error:
+        return Entry(path, "unreadable", problem=f"{path} cannot be read: {error.strerror}.")
 
 
 def _hdf5(path: Path) -> Entry | None:

@@ -323,7 +323,7 @@ def _presenter(store: haploop.Store, rig: Rig | None) -> Presenter | None:
 
 def _consent(participant: str, simulated: bool) -> bool:
     return simulated or click.confirm(
-        f"Has {participant} read and signed the consent form?", default=True, err=True
+        f"Has {participant} read and signed the consent form?", default=None, err=True
     )
 
 

@@ -102,6 +102,18 @@ def test_the_index_is_never_a_second_truth(
     )
 
 
+@pytest.mark.skipif(os.name == "nt", reason="symbolic links need a privilege there")
+def test_a_file_that_cannot_be_read_is_listed_until_it_can(tmp_path: Path, folder: Path, index: Path) -> None:
+    link = tmp_path / "there" / "press.h5"
+    link.parent.mkdir()
+    link.symlink_to(tmp_path / "press.h5")
+    (entry,) = haploop.list_files([link.parent], index=index)
+    assert (entry.kind, entry.problem) == ("unreadable", f"{link} cannot be read: No such file or directory.")
+    shutil.copy(folder / "press.h5", tmp_path / "press.h5")
+    (entry,) = haploop.list_files([link.parent], index=index)
+    assert entry.kind == "representative"
+
+
 def test_an_index_that_is_thrown_away_or_damaged_is_made_again(folder: Path, index: Path) -> None:
     before = haploop.list_files([folder], index=index)
     index.unlink()
