@@ -72,7 +72,7 @@ def test_preflight_calibration_map_and_button(browser, tmp_path):  # noqa: PLR09
         page.keyboard.press("Escape")
         told(page, "Play buttons/latch.h5: stopped")
         page = visit(tab, console, "catalogue")
-        expect(page.locator("#count")).to_have_text("4 files", timeout=WAIT)
+        expect(page.locator("#count")).to_have_text("5 files", timeout=WAIT)
         write(page.get_by_label("Other, such as"), "patch=A, button=latch")
         page.keyboard.press("Enter")
         expect(page.locator("#count")).to_have_text("1 file", timeout=WAIT)
