@@ -20,7 +20,16 @@ from haploop.instruments.files import new_file, os_error_text, whole_file
 from haploop.instruments.json_text import KEYS, VERSION, as_file, content_hash, from_text
 from haploop.instruments.safety import marked
 
-__all__ = ["append_json", "changing", "is_json", "json_hash", "read_json", "read_lines", "write_json"]
+__all__ = [
+    "append_json",
+    "changing",
+    "is_json",
+    "json_hash",
+    "read_json",
+    "read_lines",
+    "unended",
+    "write_json",
+]
 
 _LARGEST = 1 << 28
 """Bytes of a file that are read; a list of 10^5 entries has a tenth of it."""
@@ -96,6 +105,12 @@ def read_lines(path: Path, only_first: bool = False) -> tuple[dict[str, Any], ..
     if broken:
         raise DataError(_damaged(path, broken))
     return tuple(entries)
+
+
+def unended(path: Path) -> tuple[bool, bool]:
+    """Whether the last line of a file of lines has no end, and whether it was cut off by a kill as well."""
+    last = path.read_bytes().rpartition(b"\n")[2]
+    return bool(last), bool(last) and _entry(last) is None
 
 
 def json_hash(path: Path) -> str:

@@ -13,11 +13,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from haploop.acquisition.json_files import read_lines
+from haploop.acquisition.json_files import read_lines, unended
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.clock import Clock
 from haploop.instruments.files import os_error_text, sync_folder
-from haploop.instruments.json_text import as_line, from_text
+from haploop.instruments.json_text import as_line
 
 __all__ = ["Event", "EventLog", "read_log"]
 
@@ -43,12 +43,11 @@ class EventLog:
     def __init__(self, path: Path, clock: Clock, durable: bool = True) -> None:
         """Without `durable`, the operating system chooses when to write: for simulated participants."""
         self._path, self._clock, self._durable = path, clock, durable
-        cut_off, fragment = False, b""
+        open_end = cut_off = False
         self.events: list[Event] = []
         if path.exists():
             self.events = list(read_log(path))
-            fragment = path.read_bytes().rpartition(b"\n")[2]
-            cut_off = bool(fragment) and not is_whole(fragment)
+            open_end, cut_off = unended(path)
         self._run = max((event.run for event in self.events), default=0) + 1
         try:
             path.parent.parent.mkdir(parents=True, exist_ok=True)
@@ -58,7 +57,7 @@ class EventLog:
             self._file = open(path, "ab", buffering=0, opener=private)  # noqa: SIM115  closed by close()
             if not self.events:
                 self._file.truncate(0)  # a first line that was cut off holds no answer
-            elif fragment:
+            elif open_end:
                 self._write(b"\n")
             sync_folder(path.parent)
         except OSError as error:
@@ -118,12 +117,3 @@ def _event(path: Path, entry: dict[str, Any]) -> Event:
             f"{path}, line {number} is no event of a session: restore the file from a copy."
         ) from None
     return Event(number, kind, time, at, run, entry)
-
-
-def is_whole(line: bytes) -> bool:
-    """True for a line that was written completely."""
-    try:
-        from_text(line)
-    except ValueError:
-        return False
-    return True

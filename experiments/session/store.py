@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from haploop.acquisition import file_name
-from haploop.acquisition.json_files import read_lines
+from haploop.acquisition.json_files import read_lines, unended
 from haploop.experiments.protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
-from haploop.experiments.session.log import Event, is_whole, private, read_log
+from haploop.experiments.session.log import Event, private, read_log
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
 from haploop.instruments.json_text import as_line
@@ -163,9 +163,8 @@ class Store:
             said = {"number": number, "participant": participant, "time": now, "files": files}
             try:
                 with open(path, "ab", buffering=0, opener=private) as notes:
-                    fragment = path.read_bytes().rpartition(b"\n")[2]
-                    cut_off = bool(fragment) and not is_whole(fragment)
-                    note = b"\n" * bool(fragment) + as_line({**said, "cut_off": cut_off}).encode()
+                    open_end, cut_off = unended(path)
+                    note = b"\n" * open_end + as_line({**said, "cut_off": cut_off}).encode()
                     while note:
                         note = note[notes.write(note) :]
                     os.fsync(notes.fileno())
