@@ -9,9 +9,10 @@ from typing import Any, Literal, Protocol
 from pydantic import BaseModel
 
 from haploop.instruments.clock import Clock
-from haploop.instruments.config import Device
+from haploop.instruments.config import Device, validate
+from haploop.instruments.frozen import frozen_fields
 
-__all__ = ["Driver", "Mode", "Simulation", "hardware_of", "one_name"]
+__all__ = ["Driver", "Mode", "Simulation", "hardware_of", "one_name", "settings_of"]
 
 Mode = Literal["twin", "wire"]
 
@@ -29,6 +30,14 @@ class Driver(Protocol):
     # def hardware(self, settings: Any) -> Collection[str]
     #     Names of the hardware that no other program may use meanwhile: a card, a port. Without it,
     #     two rigs with this driver exclude each other.
+
+
+def settings_of(driver: Driver, device: Device, role: str, rig: str) -> Any:
+    """A role's table of a rig file as the driver's settings, frozen: a DAQ sets to zero what they name.
+
+    Raises ConfigurationError.
+    """
+    return frozen_fields(validate(driver.Settings, device.settings, f"[{role}] of {rig}"))
 
 
 def one_name(address: str) -> str:

@@ -7,10 +7,9 @@ from typing import Any
 
 from haploop.instruments import entry_points
 from haploop.instruments.clock import Clock
-from haploop.instruments.config import Device, RigFile, validate
-from haploop.instruments.driver import Driver, Mode
+from haploop.instruments.config import Device, RigFile
+from haploop.instruments.driver import Driver, Mode, settings_of
 from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.frozen import frozen_fields
 from haploop.mocks.clock import RealTimeClock, VirtualClock
 from haploop.mocks.plant import KINDS, Faults, Plant, PlantSource, Truth
 from haploop.mocks.transport import ReplyFault, faulty_line
@@ -60,7 +59,7 @@ class Simulation:
 
     def instrument(self, role: str, device: Device, driver: Driver, mode: Mode) -> Any:
         """See `haploop.instruments.rig.rig.Simulation.instrument`."""
-        settings = frozen_fields(validate(driver.Settings, device.settings, f"[{role}] of {self._file.name}"))
+        settings = settings_of(driver, device, role, self._file.name)
         wires = device.driver in entry_points.installed(entry_points.WIRES)
         disturbed = [fault for fault in self.faults if fault.line == role]
         if disturbed and (mode == "twin" or not wires):

@@ -13,9 +13,8 @@ from haploop.instruments import entry_points
 from haploop.instruments.clock import RealClock
 from haploop.instruments.config import Device, RigFile, SimulationSettings, load_rig_file, validate
 from haploop.instruments.daq import Daq
-from haploop.instruments.driver import Driver, Mode, Simulation, hardware_of
+from haploop.instruments.driver import Driver, Mode, Simulation, hardware_of, settings_of
 from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
-from haploop.instruments.frozen import frozen_fields
 from haploop.instruments.rig.rig import Rig
 from haploop.instruments.safety import hold
 
@@ -76,9 +75,7 @@ def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
         return frozenset({f"the simulated rig {file.name}, {alike.digest}"})
     return frozenset().union(
         *(
-            hardware_of(
-                device.driver, driver, validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
-            )
+            hardware_of(device.driver, driver, settings_of(driver, device, role, file.name))
             for role, device, driver in _drivers(file)
         )
     )
@@ -120,11 +117,7 @@ def _connect(rig: Rig) -> None:
             if rig.simulation and rig.mode:
                 instrument = rig.simulation.instrument(role, device, driver, rig.mode)
             else:
-                # A DAQ sets those outputs to zero that its settings name.
-                settings = frozen_fields(
-                    validate(driver.Settings, device.settings, f"[{role}] of {rig.name}")
-                )
-                instrument = driver.open(settings, rig.clock)
+                instrument = driver.open(settings_of(driver, device, role, rig.name), rig.clock)
         except HaploopError:
             raise
         except (Exception, SystemExit) as error:

@@ -10,7 +10,7 @@ import numpy as np
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.daq import Block, Daq, Stream
-from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.daq.ni_daqmx import NiDaq, device_of
 from haploop.instruments.daq.ni_sentences import cut_off, refused
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.mocks.daq.converter import LOST, STOPPED, convert, noise_of, put_out
@@ -88,7 +88,7 @@ class DaqTwin(Daq):
         devices: list[_Device] = []
         known = self._settings.channels
         for name, product in self._products.items():
-            mine = [c for c in channels if _card(known[c].terminal) == name]
+            mine = [c for c in channels if device_of(known[c].terminal) == name]
             if mine:
                 noise = noise_of(self._plant.settings.seed, name, self._starts[name])
                 self._starts[name] += 1
@@ -101,9 +101,9 @@ class DaqTwin(Daq):
             # The plant takes what stood on the outputs until now, before it is replaced.
             self._plant.advance(start)
         for name, volts in (play or {}).items():
-            put = put_out(volts, self._products[_card(self._settings.outputs[name].terminal)])
+            put = put_out(volts, self._products[device_of(self._settings.outputs[name].terminal)])
             self._outputs[name].play(Run(start, 1 / rate_hz, put))
-        playing = {name: _card(self._settings.outputs[name].terminal) for name in play or {}}
+        playing = {name: device_of(self._settings.outputs[name].terminal) for name in play or {}}
         return _TwinStream(
             self, self._plant, devices, tuple(channels), rate_hz, block, samples, start, playing
         )
@@ -143,7 +143,7 @@ class DaqTwin(Daq):
             raise ConfigurationError(
                 f"The DAQ has no channel {name!r}; the rig file names {', '.join([*known, *outputs])}."
             )
-        devices = sorted(_card(known[c].terminal) for c in channels)
+        devices = sorted(device_of(known[c].terminal) for c in channels)
         for device, group in groupby(devices):
             product, count = self._products[device], len(list(group))
             fastest = product.ai_rate_single_hz if count == 1 else product.ai_rate_hz
@@ -164,7 +164,7 @@ class DaqTwin(Daq):
 
     def _refuse_apart(self, channels: Sequence[str]) -> None:
         """Raise the driver's error when the channels are on two cards without a cable between them."""
-        used = {_card(self._settings.channels[channel].terminal) for channel in channels}
+        used = {device_of(self._settings.channels[channel].terminal) for channel in channels}
         if len(used) > 1 and not self._plant.has_rtsi():
             first = next(device for device in self._products if device in used)
             raise refused(first, _NO_CABLE, "")
@@ -259,10 +259,6 @@ def _as_driver(device: str) -> Iterator[None]:
         yield
     except SamplesLost as lost:
         raise refused(device, LOST[lost.how], str(lost)) from None
-
-
-def _card(terminal: str) -> str:
-    return terminal.partition("/")[0]
 
 
 def _full_scale(product: Product, channel: str, wanted: float) -> float:
