@@ -51,8 +51,9 @@ _MOST_FILES = 500
 _ASKED = ("kind", "participant", "button", "verdict")
 _FORCE_HZ = 1000.0
 _SHOWN_HZ = 5000.0
-_MEASURED = Waveforms.beside(Path("a.h5")).name.removeprefix("a")
 """Samples per second of the waveforms of a check that are sent."""
+_MEASURED = Waveforms.beside(Path("a.h5")).name.removeprefix("a")
+"""How the names of files end that are kept beside a calibration's."""
 
 
 def data_routes(data: DataFolder) -> list[Route]:
