@@ -115,8 +115,10 @@ class Meter:
 
     def _state(self, force: float) -> str:
         block, asked = self._block, self._asked
-        if block is None or asked is None or self._done == self._of > 0:
-            return "Done." if asked else "Starting."
+        if asked is not None and self._done == self._of > 0:
+            return "Done."
+        if asked is None or block is None:
+            return "Starting."
         if self._asked_at is None or block.first < self._asked_at:
             self._asked_at = block.first
         passed = (block.end - self._asked_at) / block.run.rate_hz

@@ -24,7 +24,7 @@ from haploop.acquisition import (
     run_study,
 )
 from haploop.calibration import Calibration, Check, Drive
-from haploop.instruments import Consent, InstrumentError, Request, open_rig
+from haploop.instruments import Consent, InstrumentError, Request, Rest, open_rig
 from haploop.instruments.operator import console
 from haploop.show import Meter, StudyMeter
 from tests.haploop.conftest import Demo
@@ -71,6 +71,16 @@ def test_a_meter_counts_measures_and_counts_down(tmp_path: Path) -> None:
     forces = [float(line.split(" N")[0].split()[-1]) for line in text.splitlines() if " N " in line]
     assert max(forces) > 5  # the latch: 7.5 N at its activation
     assert max(map(len, text.splitlines())) <= 80
+
+
+def test_a_meter_says_nothing_is_done_before_the_first_block() -> None:
+    shown = screen(force_terminal=True, color_system=None)
+    with open_rig("simulated", simulate="twin") as rig:
+        meter = Meter(rig, shown)
+        meter.on_request(Rest(1.0))
+        with shown.capture() as captured:
+            shown.print(meter.lines())
+    assert captured.get().startswith("Starting.")
 
 
 def test_a_meter_is_plain_lines_where_there_is_no_terminal(tmp_path: Path) -> None:
