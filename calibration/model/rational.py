@@ -31,6 +31,8 @@ _LIKELY, _NARROW = 16, 8
 """Number of candidates, and of narrow ones at the largest residuals, that are looked at closely."""
 _AT_ONCE = 4
 """Pole pairs that are added at a time, at most."""
+_ROUNDS = 4
+"""Rounds that may be worth their pairs together only, while the error is coarse."""
 _NOISY = 1.5
 """Power of the residual, over the known noise, up to which it counts as noise."""
 _GOOD = 0.0095
@@ -249,14 +251,10 @@ def fit_poles(lines: Lines) -> ComplexArray:
     with threadpool_limits(1):
         best, candidates = _refined(_peaks(lines), lines), _Candidates.of(lines)
         while len(best.poles) < _MOST_POLES and best.error > _EXACT:
-            missing = candidates.missing(best)
-            for count in sorted({len(missing), min(len(missing), 1)} - {0}, reverse=True):
-                found = _refined(np.append(best.poles, missing[:count]), lines)
-                if found.worth_over(best):
-                    best = found
-                    break
-            else:
+            better = candidates.better(best)
+            if better is None:
                 break
+            best = better
         best = _pruned(best)
         return _refined(best.poles, lines, _LAST, _CONVERGED if best.power < _NOISY else _SETTLED).poles
 
@@ -278,6 +276,26 @@ class _Candidates:
         ]
         poles = np.concatenate(places)
         return cls(poles, _shapes(poles, lines), lines)
+
+    def better(self, fit: Projection) -> Projection | None:
+        """Fit with more pairs that is worth them, None without one.
+
+        While whole modes are missing, none may be worth it by itself, but several together.
+        """
+        found = fit
+        for _ in range(1 if fit.error < _GOOD or fit.power < _NOISY else _ROUNDS):
+            missing = self.missing(found)
+            if not len(missing):
+                break
+            together = _refined(np.append(found.poles, missing), self.lines)
+            if together.worth_over(fit):
+                return together
+            if len(missing) > 1 and (
+                alone := _refined(np.append(found.poles, missing[:1]), self.lines)
+            ).worth_over(fit):
+                return alone
+            found = together
+        return None
 
     def missing(self, fit: Projection) -> ComplexArray:
         """Poles (rad/s) that explain most of a residual, the best one first, none near another one."""
