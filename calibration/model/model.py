@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from haploop.calibration.model.rational import Lines, Projection, fit_poles
+from haploop.calibration.model.projection import Lines, Projection
+from haploop.calibration.model.rational import fit_poles
 from haploop.calibration.model.resonant import decay_deviation, resonant
 from haploop.calibration.response import Response
 from haploop.instruments import ConfigurationError, DataError

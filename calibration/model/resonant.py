@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from haploop.calibration.model.rational import Projection
+from haploop.calibration.model.projection import Projection
 from haploop.instruments.arrays import BoolArray, FloatArray
 
 __all__ = ["decay_deviation", "resonant"]

@@ -13,6 +13,7 @@ from benchmarks.synthetic_responses import beam, generator, response_of
 from benchmarks.synthetic_responses import plate as plate_of
 from haploop.calibration import Model, Response, calibrate, fit
 from haploop.calibration.model import rational
+from haploop.calibration.model.projection import Lines, Projection
 from haploop.instruments import ConfigurationError, DataError, open_rig
 
 BEAM = Path(__file__).parents[2] / "data" / "beam_accelerance_point1.txt"
@@ -63,11 +64,11 @@ def test_poles_that_coincide_become_one() -> None:
     f = response.frequencies
     weak = 2 * np.pi * 155 * (-0.01 + 1j)
     measured = response.velocity / noise + 3 * -weak.real / (2j * np.pi * f - weak)
-    lines = rational.Lines(f, measured)
+    lines = Lines(f, measured)
     single = rational.fit_poles(lines)
     strong = single[np.argsort(np.abs(single.imag / (2 * np.pi) - 263.5))[0]]
     doubled = np.append(single[single != strong], strong + np.array([0.02, -0.02]) * strong.real)
-    pruned = rational._pruned(rational.Projection.of(doubled, lines)).poles
+    pruned = rational._pruned(Projection.of(doubled, lines)).poles
     assert len(pruned) == len(single)
     apart = np.abs(pruned[:, None] - pruned) + np.diag(np.full(len(pruned), np.inf))
     assert np.all(apart.min(axis=1) > 0.1 * -pruned.real)
