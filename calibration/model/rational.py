@@ -118,10 +118,11 @@ class _Candidates:
             missing = self.missing(found)
             if not len(missing):
                 break
-            together = _refined(np.append(found.poles, missing), self.lines)
+            poles = np.append(found.poles, missing)
+            together = _refined(poles, self.lines)
             if _worth(together, fit):
                 return together
-            alone = _refined(np.append(found.poles, missing[:1]), self.lines) if len(missing) > 1 else together
+            alone = _refined(poles[: len(found.poles) + 1], self.lines) if len(missing) > 1 else together
             if _worth(alone, fit):
                 return alone
             found = together
