@@ -42,7 +42,7 @@ from haploop.acquisition.session.stream_reader import StreamReader
 from haploop.instruments import Stream
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.clock import RealClock
-from haploop.instruments.config.rig_file import validate
+from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
 
 RATE = 5000.0

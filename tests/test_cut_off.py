@@ -27,7 +27,7 @@ from haploop.acquisition import Recording, recover
 from haploop.calibration import Calibration
 from haploop.cli import cli
 from haploop.instruments import Press, RealClock, load_rig_file
-from haploop.instruments.config.rig_file import validate
+from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.generator.scpi_generator import Keysight33500
 from haploop.instruments.relay.yocto import Yocto

@@ -11,11 +11,9 @@ from haploop.instruments.config.rig_file import (
     fault_kinds,
     load_rig_file,
     roles,
-    told,
-    validate,
-    validate_kind,
 )
 from haploop.instruments.config.toml_lines import key_lines, parse_toml, place, read_text
+from haploop.instruments.config.validation import told, validate, validate_kind
 
 __all__ = [
     "AbortLimits",

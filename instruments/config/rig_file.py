@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -19,11 +18,12 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from pydantic_core import ErrorDetails, InitErrorDetails
+from pydantic_core import InitErrorDetails
 
 from haploop.instruments import entry_points
 from haploop.instruments.config.ati_cal import read_ati_cal
-from haploop.instruments.config.toml_lines import Location, Places, key_lines, parse_toml, place, read_text
+from haploop.instruments.config.toml_lines import Places, key_lines, parse_toml, place, read_text
+from haploop.instruments.config.validation import validate, validate_kind
 from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.frozen import FrozenDict, frozen
 from haploop.instruments.limits import Limits
@@ -39,11 +39,8 @@ __all__ = [
     "fault_kinds",
     "load_rig_file",
     "roles",
-    "validate",
-    "validate_kind",
 ]
 
-Model = TypeVar("Model", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Negative = Annotated[float, Field(lt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -265,7 +262,7 @@ def load_rig_file(path: str | Path) -> RigFile:
     """
     raw, places = _raw(Path(path), ())
     where = partial(place, places)
-    file = validate(RigFile, raw, where)
+    file = validate(RigFile, raw, where, also=roles())
     drivers = entry_points.installed(entry_points.DRIVERS)
     for role, device in file.devices.items():
         if device.driver in drivers:
@@ -273,7 +270,7 @@ def load_rig_file(path: str | Path) -> RigFile:
             validate(driver.Settings, device.settings, where, (role,))
     if file.simulation.plant in entry_points.installed(entry_points.PLANTS):
         plant = entry_points.plant_class(file.simulation.plant)
-        validate(plant, file.simulation.settings, where, ("simulation",))
+        validate(plant, file.simulation.settings, where, ("simulation",), SimulationSettings.model_fields)
     for index, fault in enumerate(file.simulation.faults):
         validate_kind(fault_kinds(), fault, where, ("simulation", "faults", index))
     return file
@@ -327,39 +324,6 @@ def _merged(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
     return {**base, **own, **both}
 
 
-def validate(
-    model: type[Model], raw: object, source: str | Callable[[Location], str], above: Location = ()
-) -> Model:
-    """Validate `raw` as a `model`; the first error becomes a ConfigurationError of one sentence.
-
-    `source` is the origin of the values, or a function that returns it for a key; `above` is the location
-    of `raw` within it.
-    """
-    try:
-        return model.model_validate(raw)
-    except ValidationError as error:
-        # Report a misspelt key before the key that is missing because of it.
-        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        place = source if isinstance(source, str) else source((*above, *first["loc"]))
-        raise ConfigurationError(_sentence(first, model, place, above)) from None
-
-
-def validate_kind(
-    kinds: Mapping[str, type[Model]],
-    raw: Mapping[str, Any],
-    source: str | Callable[[Location], str],
-    above: Location = (),
-) -> Model:
-    """Validate `raw` as the model that its key `kind` selects among `kinds`; otherwise as `validate`."""
-    kind = str(raw.get("kind"))
-    if kind not in kinds:
-        near = difflib.get_close_matches(kind, kinds, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"the kinds are {', '.join(sorted(kinds))}."
-        place = source if isinstance(source, str) else source((*above, "kind"))
-        raise ConfigurationError(f"{place}: unknown fault kind {kind!r}; {hint}")
-    return validate(kinds[kind], raw, source, above)
-
-
 def fault_kinds() -> Mapping[str, type[BaseModel]]:
     """Settings of each kind of fault of the installed plant."""
     kinds: Mapping[str, type[BaseModel]] = entry_points.load(entry_points.SIMULATION, "plant").fault_kinds
@@ -384,67 +348,3 @@ def _shipped(name: str) -> str:
             f"There is no rig {name!r}: use a rig file, or a shipped rig ({', '.join(_names())})."
         )
     return (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")
-
-
-def _sentence(first: ErrorDetails, model: type[BaseModel], place: str, above: Location) -> str:
-    key = ".".join(str(part) for part in (*above, *first["loc"]))
-    if first["type"] == "extra_forbidden":
-        known = set(_keys_at(model, first["loc"][:-1]))
-        if above == ("simulation",):
-            known.update(SimulationSettings.model_fields)
-        top = model is RigFile and len(first["loc"]) == 1
-        if top:
-            known.update(roles())
-        near = difflib.get_close_matches(str(first["loc"][-1]), sorted(known), n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(sorted(known))}."
-        if top and isinstance(first["input"], dict) and "driver" in first["input"]:
-            hint += " If another package adds this role, install that package."
-        return f"{place}: unknown key {key!r}; {hint}"
-    if first["type"] == "missing":
-        return f"{place}: the key {key!r} is missing."
-    if first["type"] == "value_error":
-        # Raised by a validator of haploop, whose message is complete.
-        return f"{place}: {f'{key}: ' if key else ''}{first['ctx']['error']}."
-    return f"{place}: {key or 'the file'} {told(first)} (found {first['input']!r})."
-
-
-_MUST = {
-    "float_type float_parsing": "must be a number",
-    "finite_number": "must be a finite number",
-    "int_type int_parsing int_from_float": "must be a whole number",
-    "string_type": "must be text",
-    "bool_type bool_parsing": "must be true or false",
-    "greater_than": "must be above {gt:g}",
-    "greater_than_equal": "must be {ge:g} or more",
-    "less_than": "must be below {lt:g}",
-    "less_than_equal": "must be {le:g} or less",
-    "too_short": "must have {min_length} or more entries",
-    "too_long": "must have {max_length} entries or fewer",
-    "literal_error enum": "must be {expected}",
-    "dict_type model_type model_attributes_type": "must be a table",
-    "list_type tuple_type": "must be a list",
-    "string_pattern_mismatch": "must have the form {pattern}",
-    "string_too_short": "must have {min_length} or more characters",
-    "string_too_long": "must have {max_length} characters or fewer",
-}
-"""What a value must be, by the types of pydantic's errors."""
-
-
-def told(error: ErrorDetails) -> str:
-    """What a value must be, in our own words as far as there are any."""
-    for types, words in _MUST.items():
-        if error["type"] in types.split():
-            return words.format(**error.get("ctx", {}))
-    return f"is wrong: {error['msg'][:1].lower()}{error['msg'][1:]}"
-
-
-def _keys_at(kind: Any, location: Location) -> list[str]:
-    """The keys of the table at `location` below a model or another annotation."""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        if not location:
-            return list(kind.model_fields)
-        field = kind.model_fields.get(str(location[0]))
-        return _keys_at(field.annotation, location[1:]) if field else []
-    # A mapping or a sequence is one level of the location, a union none.
-    step = int(get_origin(kind) in (dict, tuple, list))
-    return [key for inner in get_args(kind) for key in _keys_at(inner, location[step:])]

@@ -94,7 +94,13 @@ def simulated_file(file: RigFile, changes: Mapping[str, Any], plant: object = No
         table = {key: value for key, value in table.items() if key not in file.simulation.settings}
     settings = validate(SimulationSettings, {**table, **changes, **named}, where)
     if plant is None:
-        own = validate(entry_points.plant_class(settings.plant), settings.settings, where, ("simulation",))
+        own = validate(
+            entry_points.plant_class(settings.plant),
+            settings.settings,
+            where,
+            ("simulation",),
+            SimulationSettings.model_fields,
+        )
         # With the defaults of the plant, so that what a rig writes tells all of its simulation.
         settings = settings.model_copy(update=own.model_dump(mode="json"))
     return file.model_copy(update={"simulation": settings})

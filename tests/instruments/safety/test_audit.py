@@ -23,7 +23,8 @@ from haploop.instruments import (
     log_entries,
     open_rig,
 )
-from haploop.instruments.config.rig_file import RigFile, validate
+from haploop.instruments.config.rig_file import RigFile
+from haploop.instruments.config.validation import validate
 from haploop.instruments.safety.audit import Audit, entries, state_folder
 from tests.mutating import mutations
 

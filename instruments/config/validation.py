@@ -1,0 +1,116 @@
+"""Tables of a file as models; what is wrong with one is one sentence with its place and its key."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from haploop.instruments.config.toml_lines import Location
+from haploop.instruments.errors import ConfigurationError
+
+__all__ = ["told", "validate", "validate_kind"]
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def validate(
+    model: type[Model],
+    raw: object,
+    source: str | Callable[[Location], str],
+    above: Location = (),
+    also: Iterable[str] = (),
+) -> Model:
+    """Validate `raw` as a `model`; the first error becomes a ConfigurationError of one sentence.
+
+    `source` is the origin of the values, or a function that returns it for a key; `above` is the location
+    of `raw` within it, and `also` are keys that may stand there besides the model's.
+    """
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        # Report a misspelt key before the key that is missing because of it.
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+        place = source if isinstance(source, str) else source((*above, *first["loc"]))
+        raise ConfigurationError(_sentence(first, model, place, above, also)) from None
+
+
+def validate_kind(
+    kinds: Mapping[str, type[Model]],
+    raw: Mapping[str, Any],
+    source: str | Callable[[Location], str],
+    above: Location = (),
+) -> Model:
+    """Validate `raw` as the model that its key `kind` selects among `kinds`; otherwise as `validate`."""
+    kind = str(raw.get("kind"))
+    if kind not in kinds:
+        near = difflib.get_close_matches(kind, kinds, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"the kinds are {', '.join(sorted(kinds))}."
+        place = source if isinstance(source, str) else source((*above, "kind"))
+        raise ConfigurationError(f"{place}: unknown fault kind {kind!r}; {hint}")
+    return validate(kinds[kind], raw, source, above)
+
+
+def _sentence(
+    first: ErrorDetails, model: type[BaseModel], place: str, above: Location, also: Iterable[str]
+) -> str:
+    key = ".".join(str(part) for part in (*above, *first["loc"]))
+    if first["type"] == "extra_forbidden":
+        top = len(first["loc"]) == 1
+        known = {*_keys_at(model, first["loc"][:-1]), *(also if top else ())}
+        near = difflib.get_close_matches(str(first["loc"][-1]), sorted(known), n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(sorted(known))}."
+        if top and not above and isinstance(first["input"], dict) and "driver" in first["input"]:
+            hint += " If another package adds this role, install that package."
+        return f"{place}: unknown key {key!r}; {hint}"
+    if first["type"] == "missing":
+        return f"{place}: the key {key!r} is missing."
+    if first["type"] == "value_error":
+        # Raised by a validator of haploop, whose message is complete.
+        return f"{place}: {f'{key}: ' if key else ''}{first['ctx']['error']}."
+    return f"{place}: {key or 'the file'} {told(first)} (found {first['input']!r})."
+
+
+_MUST = {
+    "float_type float_parsing": "must be a number",
+    "finite_number": "must be a finite number",
+    "int_type int_parsing int_from_float": "must be a whole number",
+    "string_type": "must be text",
+    "bool_type bool_parsing": "must be true or false",
+    "greater_than": "must be above {gt:g}",
+    "greater_than_equal": "must be {ge:g} or more",
+    "less_than": "must be below {lt:g}",
+    "less_than_equal": "must be {le:g} or less",
+    "too_short": "must have {min_length} or more entries",
+    "too_long": "must have {max_length} entries or fewer",
+    "literal_error enum": "must be {expected}",
+    "dict_type model_type model_attributes_type": "must be a table",
+    "list_type tuple_type": "must be a list",
+    "string_pattern_mismatch": "must have the form {pattern}",
+    "string_too_short": "must have {min_length} or more characters",
+    "string_too_long": "must have {max_length} characters or fewer",
+}
+"""What a value must be, by the types of pydantic's errors."""
+
+
+def told(error: ErrorDetails) -> str:
+    """What a value must be, in our own words as far as there are any."""
+    for types, words in _MUST.items():
+        if error["type"] in types.split():
+            return words.format(**error.get("ctx", {}))
+    return f"is wrong: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _keys_at(kind: Any, location: Location) -> list[str]:
+    """The keys of the table at `location` below a model or another annotation."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        if not location:
+            return list(kind.model_fields)
+        field = kind.model_fields.get(str(location[0]))
+        return _keys_at(field.annotation, location[1:]) if field else []
+    # A mapping or a sequence is one level of the location, a union none.
+    step = int(get_origin(kind) in (dict, tuple, list))
+    return [key for inner in get_args(kind) for key in _keys_at(inner, location[step:])]
