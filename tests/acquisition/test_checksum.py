@@ -50,7 +50,7 @@ def test_an_error_that_is_not_the_disks_is_raised(tmp_path: Path) -> None:
 def test_a_permission_is_named_and_not_the_content() -> None:
     with pytest.raises(DataError, match=r"no permission to read a\.h5"), unreadable("a.h5", "damaged"):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    with pytest.raises(DataError, match="^damaged$"), unreadable("a.h5", "damaged"):
+    with pytest.raises(DataError, match=r"^damaged$"), unreadable("a.h5", "damaged"):
         raise ValueError
 
 

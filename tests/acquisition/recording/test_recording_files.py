@@ -246,7 +246,7 @@ def test_an_edited_press_is_refused(tmp_path):
         row["accepted"] = 1
         file["presses"][0] = row
     add_checksum(path, "recording")
-    with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
+    with pytest.raises(DataError, match=r"its content hash is \w{64}, but the file states \w{64}\. "):
         _ = Recording.open(path).verdicts
 
 
@@ -319,7 +319,7 @@ def test_a_header_without_sense_is_refused_under_a_hash_that_fits(change, tmp_pa
         assert read_header(file, tmp_path)[0].rate_hz == 0.5
     with h5py.File(tmp_path / "bad.h5", "w") as file:
         write_header(file, replace(header(), **change), "recording")
-        with pytest.raises(ValueError, match="rig|channels"):
+        with pytest.raises(ValueError, match=r"rig|channels"):
             read_header(file, tmp_path)
 
 
