@@ -144,8 +144,8 @@ KINDS: dict[str, Callable[[Demo, Run, Path], Made]] = {
 }
 NEVER_REFUSED = {"index", "part"}
 """Made again where they are damaged."""
-SLOW = {"plan", "point", "modes", "activations", "generation", "generation's button", "part", "index"}
-"""Their commands measure or compute, or need what does."""
+SLOW = {"mat", "plan", "point", "modes", "activations", "generation", "generation's button", "part", "index"}
+"""Their commands measure or compute, or start a process."""
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -150,8 +150,8 @@ def told(_path, _destination, allow):
         before = held()
         allow(count)
         sys.stderr.write(f"{resource.getrlimit(resource.RLIMIT_AS)[0] - before} ")
-real = recovery._allow_memory
-recovery._allow_memory = lambda count: (sys.stderr.write(f"{count} "), real(count))
+real = recovery.allow_memory
+recovery.allow_memory = lambda count: (sys.stderr.write(f"{count} "), real(count))
 recovery.recover_damaged = lambda path, destination, allow: told(path, destination, real)
 recovery._in_child()
 """
