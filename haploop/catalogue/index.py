@@ -83,6 +83,8 @@ def _asked(
     if path is not None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            # It says who pressed what: for its owner alone, and so are SQLite's files beside it.
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
         except OSError:
             path = None
     with closing(sqlite3.connect(path or ":memory:", timeout=10.0)) as database:
