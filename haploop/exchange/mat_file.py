@@ -67,8 +67,6 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     Raises DataError.
     """
     vectors, numbers, structures = _content(path)
-    longest = max((len(v) for v in vectors.values()), default=0)
-    vectors = {name: v for name, v in vectors.items() if len(v) == longest > 1}
     times = [vectors.pop(name) for name in _TIMES if name in vectors]
     stated = [numbers[name] for name in _RATES if name in numbers]
     if times and not stated:
@@ -94,7 +92,7 @@ _PACKED = 100
 
 
 def _content(path: Path) -> tuple[dict[str, FloatArray], dict[str, float], dict[str, dict[str, Any]]]:
-    """Vectors, numbers and structures of a file. Raises DataError.
+    """The longest vectors, numbers and structures of a file. Raises DataError.
 
     It is read in a process of its own with limited time and memory: scipy's reader crashes on some damaged
     files (2 of 1000 random changes, measured).
@@ -107,7 +105,7 @@ def _content(path: Path) -> tuple[dict[str, FloatArray], dict[str, float], dict[
         )
         with np.load(io.BytesIO(child.stdout), allow_pickle=False) as found:
             said = json.loads(str(found["said"]))
-            vectors = {name: found[f"v{number}"] for number, name in enumerate(said["vectors"])}
+            vectors = dict(zip(said["vectors"], found["values"], strict=True))
     except OSError as error:
         raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
     except (subprocess.TimeoutExpired, ValueError, LookupError, EOFError, zipfile.BadZipFile):
@@ -131,12 +129,14 @@ def _in_child() -> None:
                 said["numbers"][name] = float(value)
             elif isinstance(value, dict):
                 said["structures"][name] = {str(key): _plain(one) for key, one in value.items()}
+        longest = max((len(v) for v in vectors.values()), default=0)
+        vectors = {name: v for name, v in vectors.items() if len(v) == longest > 1}
         said["vectors"] = list(vectors)
     except Exception as error:  # of a damaged file nearly any: scipy's own have no common base
         said["error"] = f"{error or type(error).__name__}"[:200]
         said["hint"] = " Save it with `save -v7`." if isinstance(error, NotImplementedError) else ""
-    numbered = {f"v{number}": one for number, one in enumerate(vectors.values())}
-    np.savez(sys.stdout.buffer, said=np.array(json.dumps(said)), **numbered)
+    values = np.array([vectors[name] for name in said["vectors"]])
+    np.savez(sys.stdout.buffer, said=np.array(json.dumps(said)), values=values)
 
 
 def _plain(value: object) -> object:

@@ -18,8 +18,10 @@ from haploop.acquisition import Recording, recover
 from haploop.acquisition.recording import set_aside
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.rows import block_dtype
+from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer, _allocate
 from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
+from haploop.instruments.safety import marked
 from tests.acquisition.recording.pattern import CHANNELS, PRESS, block_of, header
 
 Usage = namedtuple("Usage", "total used free")
@@ -132,6 +134,26 @@ def test_what_holds_no_press_is_set_aside_and_nothing_else(tmp_path: Path) -> No
         writer.write(block_of(0), 0.0)
     path.write_bytes(b"no recording")
     assert set_aside(path) is None and path.exists()
+    recorded()
+    finish(path)  # a study of no presses, or another program's
+    assert set_aside(path) is None and path.exists()
+
+
+def test_what_cannot_be_renamed_or_is_being_recorded_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "P01-push.h5"
+    with Writer(path, header(), 250, 4) as writer:
+        writer.write(block_of(0), 0.0)
+    with marked(path), pytest.raises(ConfigurationError, match="is being recorded now"):
+        recover(path)
+
+    def refuse(*_: Path) -> None:
+        raise OSError(errno.EROFS, "")
+
+    monkeypatch.setattr("haploop.acquisition.recording.recovery.publish", refuse)
+    with pytest.raises(ConfigurationError, match=r"cannot be renamed \(Read-only file system\)"):
+        set_aside(path)
 
 
 def test_what_is_not_there_is_not_recovered(tmp_path: Path) -> None:
