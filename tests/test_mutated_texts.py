@@ -23,10 +23,12 @@ from haploop.calibration.map.folder import MapFolder, MapPlan
 from haploop.calibration.response import Response
 from haploop.calibration.response.uff import read_uff, write_uff
 from haploop.calibration.upkeep.history import History
+from haploop.console.worker.address import Address
 from haploop.experiments.analysis.power import load_power_plan
 from haploop.experiments.protocol import load_experiment
 from haploop.instruments import load_rig_file
 from haploop.instruments.config.ati_cal import read_ati_cal
+from haploop.instruments.live import watching
 from haploop.instruments.safety.duty import count_plays, plays_of
 from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
 from tests.calibration.upkeep.test_history import publish
@@ -191,3 +193,15 @@ def test_a_changed_lockout_locks_and_a_changed_count_of_plays_is_a_full_minute(
         path.write_bytes(changed)
         assert lockout_of(tmp_path, {"card"}) is not None
         assert plays_of(tmp_path, {"card"}, now) in (spans, [(now - 60, now)])
+
+
+@pytest.mark.parametrize("read", [watching._read, Address.read])
+@pytest.mark.parametrize(
+    "content", [b"", b"[" * 100_000, b'{"rig": "a", "port": 1e999, "token": "b"}', b"[1]", b'"a"', b"\xff"]
+)
+def test_an_address_of_a_running_program_that_cannot_be_one_is_none(
+    read: Callable[[Path], object], content: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "live-1.json"
+    path.write_bytes(content)
+    assert read(path) is None
