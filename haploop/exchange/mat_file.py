@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from haploop.acquisition.recording.recovery import allow_memory
+from haploop.acquisition.recording import allow_memory
 from haploop.exchange.views import Channel, Responses, Signals, even_rate
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
