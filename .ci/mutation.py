@@ -36,9 +36,12 @@ DRIVE = "tests/calibration/drive/test_"
 PLAYED = tuple(
     f"{SAFETY}{name}.py" for name in ("permit", "limiter", "duty", "foreign_volts", "nothing_beyond_a_limit")
 )
-FILES = tuple(
-    f"{RECORDING}{name}.py"
-    for name in ("rows", "writer", "recording_files", "unfinished_files", "disks", "refusing_disks")
+FILES = (
+    "tests/acquisition/test_checksum.py",
+    *(
+        f"{RECORDING}{name}.py"
+        for name in ("rows", "writer", "recording_files", "unfinished_files", "disks", "refusing_disks")
+    ),
 )
 TESTS: dict[str, tuple[str, ...]] = {
     "instruments/limits.py": ("tests/instruments/test_limits.py", *PLAYED),

@@ -45,7 +45,7 @@ from haploop.acquisition.json_files import read_json, write_json
 from haploop.exchange import COLUMNS, press_table, write_rows
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.extras import optional
-from haploop.instruments.files import check_destination, new_file
+from haploop.instruments.files import check_destination, new_file, private_files
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import marked
 
@@ -86,6 +86,7 @@ class Processed:
     """Buttons with a representative press, as BUTTON.h5."""
 
 
+@private_files()
 def process_study(
     study: Study,
     out: str | Path,
@@ -99,7 +100,7 @@ def process_study(
     Written are `presses.csv` (a row a press and attempt, as `haploop export`), `statistics.csv` (of the
     accepted presses, by participant and button), BUTTON.h5 (representative press of all participants, by the
     study's method), and in `parts/` the rows and the representative press of each participant and button.
-    The bytes do not depend on who computed them.
+    The bytes do not depend on who computed them. All files are readable by their owner only.
 
     `workers` is the number of processes, by default the number of cores; a script that uses more than one
     needs `if __name__ == "__main__":`. `dask` is the address of a Dask scheduler, whose workers see the

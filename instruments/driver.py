@@ -28,8 +28,8 @@ class Driver(Protocol):
 
     # Optional:
     # def hardware(self, settings: Any) -> Collection[str]
-    #     Names of the hardware that no other program may use meanwhile: a card, a port. Without it,
-    #     two rigs with this driver exclude each other.
+    #     Names of the hardware that no other program may use meanwhile: a card, a port. It may ask the
+    #     instrument for its serial number. Without it, two rigs with this driver exclude each other.
 
 
 def settings_of(driver: Driver, device: Device, role: str, rig: str) -> Any:

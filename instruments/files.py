@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 from haploop.instruments.errors import ConfigurationError, DataError
@@ -26,10 +27,24 @@ __all__ = [
     "existing",
     "new_file",
     "os_error_text",
+    "private_files",
     "publish",
     "sync_folder",
     "whole_file",
 ]
+
+
+_private: ContextVar[bool] = ContextVar("private", default=False)
+
+
+@contextmanager
+def private_files() -> Iterator[None]:
+    """All files and folders that are made within are of people: `private`, as in `whole_file`."""
+    token = _private.set(True)
+    try:
+        yield
+    finally:
+        _private.reset(token)
 
 
 def check_destination(path: Path, *, private: bool = False) -> None:
@@ -41,7 +56,7 @@ def check_destination(path: Path, *, private: bool = False) -> None:
     """
     try:
         path.parent.parent.mkdir(parents=True, exist_ok=True)
-        path.parent.mkdir(mode=0o700 if private else 0o777, exist_ok=True)
+        path.parent.mkdir(mode=0o700 if private or _private.get() else 0o777, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
@@ -83,7 +98,7 @@ def whole_file(path: Path, *, replace: bool = False, private: bool = False) -> I
     exception no file remains. Raises FileExistsError and OSError.
     """
     _clear_abandoned(path.parent)
-    part, descriptor = _new_part(path, 0o600 if private else 0o666)
+    part, descriptor = _new_part(path, 0o600 if private or _private.get() else 0o666)
     try:
         yield part
         os.fsync(descriptor)

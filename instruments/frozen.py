@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from haploop.instruments.errors import ConfigurationError
 
-__all__ = ["Frozen", "FrozenDict", "frozen", "frozen_fields"]
+__all__ = ["Frozen", "FrozenDict", "FrozenList", "FrozenSet", "frozen", "frozen_fields"]
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -43,13 +43,14 @@ class Frozen:
         super().__delattr__(name)
 
 
+def _refuse(*_given: object, **_named: object) -> NoReturn:
+    raise ConfigurationError(
+        "What a rig file says cannot be changed in the program: change the file, and open the rig again."
+    )
+
+
 class FrozenDict(dict[Key, Value]):
     """A dictionary of a rig file, which nobody changes after it was read. A copy of it is a plain one."""
-
-    def _refuse(self, *_given: object, **_named: object) -> NoReturn:
-        raise ConfigurationError(
-            "What a rig file says cannot be changed in the program: change the file, and open the rig again."
-        )
 
     __setitem__ = __delitem__ = __ior__ = _refuse
     update = clear = pop = popitem = setdefault = _refuse
@@ -59,14 +60,43 @@ class FrozenDict(dict[Key, Value]):
         return dict, (dict(self),)
 
 
+class FrozenList(list[Value]):
+    """A list of a rig file, as `FrozenDict`."""
+
+    __setitem__ = __delitem__ = __iadd__ = __imul__ = _refuse
+    append = extend = insert = remove = pop = clear = sort = reverse = _refuse
+
+    def __reduce__(self) -> tuple[type[list[Value]], tuple[list[Value]]]:
+        """Copies, deep ones and pickles are of a plain list."""
+        return list, (list(self),)
+
+
+class FrozenSet(set[Value]):
+    """A set of a driver's settings, as `FrozenDict`; what pydantic writes must be a set."""
+
+    __ior__ = __iand__ = __isub__ = __ixor__ = _refuse
+    add = discard = remove = pop = clear = update = _refuse
+    difference_update = intersection_update = symmetric_difference_update = _refuse
+
+    def __reduce__(self) -> tuple[type[set[Value]], tuple[set[Value]]]:
+        """Copies, deep ones and pickles are of a plain set."""
+        return set, (set(self),)
+
+
 def frozen(value: Any) -> Any:
-    """Return a value of a rig file with every dictionary in it frozen."""
+    """Return a value of a rig file with every dictionary, list and set in it frozen."""
     if isinstance(value, dict):
         return FrozenDict({key: frozen(one) for key, one in value.items()})
-    return [frozen(one) for one in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return FrozenList(map(frozen, value))
+    if isinstance(value, tuple) and type(value) is tuple:
+        return tuple(map(frozen, value))
+    if isinstance(value, BaseModel):
+        return frozen_fields(value)
+    return FrozenSet(value) if isinstance(value, set) else value
 
 
 def frozen_fields(model: Model) -> Model:
-    """Freeze every dictionary in the fields of settings, and return these."""
+    """Freeze every dictionary, list and set in the fields of settings, and return these."""
     vars(model).update({name: frozen(value) for name, value in vars(model).items()})
     return model

@@ -23,10 +23,14 @@ from haploop.calibration.map.folder import MapFolder, MapPlan
 from haploop.calibration.response import Response
 from haploop.calibration.response.uff import read_uff, write_uff
 from haploop.calibration.upkeep.history import History
+from haploop.console.worker.address import Address
 from haploop.experiments.analysis.power import load_power_plan
 from haploop.experiments.protocol import load_experiment
 from haploop.instruments import load_rig_file
 from haploop.instruments.config.ati_cal import read_ati_cal
+from haploop.instruments.live import watching
+from haploop.instruments.safety.duty import count_plays, plays_of
+from haploop.instruments.safety.lockout import Lockout, lockout_of, set_lockout
 from tests.calibration.upkeep.test_history import publish
 from tests.instruments.config.test_ati_cal import cal
 from tests.mutating import mutations, refused
@@ -174,3 +178,30 @@ def test_a_list_and_a_value_come_back_and_another_kind_is_said(tmp_path: Path) -
         read_json(path, "map", dict)
     with pytest.raises(Exception, match="already exists and is not overwritten"):
         write_json(path, "numbers", [])
+
+
+def test_a_changed_lockout_locks_and_a_changed_count_of_plays_is_a_full_minute(
+    tmp_path: Path, full: bool
+) -> None:
+    spans, now = [(1000.0, 1001.5), (1010.0, 1012.0)], 1020.0
+    lockout = Lockout("now", "why", "me", "samples.npz")
+    set_lockout(tmp_path, {"card"}, lockout)
+    count_plays(tmp_path, {"card"}, spans)
+    changes = {path: mutations(path.read_bytes(), 500 if full else 60, seed=3) for path in tmp_path.iterdir()}
+    assert len(changes) == 2 and plays_of(tmp_path, {"card"}, now) == spans
+    for path, changed in ((path, one) for path, some in changes.items() for one in some):
+        path.write_bytes(changed)
+        assert lockout_of(tmp_path, {"card"}) is not None
+        assert plays_of(tmp_path, {"card"}, now) in (spans, [(now - 60, now)])
+
+
+@pytest.mark.parametrize("read", [watching._read, Address.read])
+@pytest.mark.parametrize(
+    "content", [b"", b"[" * 100_000, b'{"rig": "a", "port": 1e999, "token": "b"}', b"[1]", b'"a"', b"\xff"]
+)
+def test_an_address_of_a_running_program_that_cannot_be_one_is_none(
+    read: Callable[[Path], object], content: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "live-1.json"
+    path.write_bytes(content)
+    assert read(path) is None

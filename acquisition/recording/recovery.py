@@ -27,7 +27,7 @@ from haploop.instruments.safety import is_marked, marked
 if sys.platform == "linux":
     import resource
 
-__all__ = ["recover", "set_aside"]
+__all__ = ["allow_memory", "recover", "set_aside"]
 
 
 def recover(path: str | Path) -> Path:
@@ -166,15 +166,15 @@ def _recover_elsewhere(path: Path, destination: Path) -> None:
 def _in_child() -> None:
     path, destination = map(Path, sys.argv[1:])
     error = text = ""
-    _allow_memory(0)
+    allow_memory(0)
     try:
-        recover_damaged(path, destination, _allow_memory)
+        recover_damaged(path, destination, allow_memory)
     except Exception as raised:
         error, text = type(raised).__name__, str(raised)
     sys.stdout.write(json.dumps({"error": error, "text": text}))
 
 
-def _allow_memory(count: int) -> None:
+def allow_memory(count: int) -> None:
     """Limit this process to what it has, `count` bytes and some to spare; nothing on Windows and macOS."""
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])

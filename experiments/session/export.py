@@ -12,7 +12,7 @@ from haploop.experiments.protocol import Answer, ExperimentFile, Step, session_l
 from haploop.experiments.session.log import Event
 from haploop.experiments.session.store import Store, StoredSession
 from haploop.instruments import DataError
-from haploop.instruments.files import new_file
+from haploop.instruments.files import new_file, private_files
 
 __all__ = ["export_answers", "sidecar_of"]
 
@@ -51,7 +51,7 @@ def export_answers(store: Store, path: str | Path, practice: bool = False) -> in
     lines = [line for stored in store.sessions() for line in _lines(file, stored, practice)]
     if not lines:
         raise DataError(f"{store.folder} holds no answer to {file.name!r} yet: run a session first.")
-    with new_file(path) as part, new_file(path.with_suffix(".json")) as sidecar:
+    with private_files(), new_file(path) as part, new_file(path.with_suffix(".json")) as sidecar:
         with part.open("w", encoding="utf-8", newline="") as table:
             writer = csv.DictWriter(table, columns, lineterminator="\n")
             writer.writeheader()

@@ -7,6 +7,8 @@ new or changed.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import multiprocessing
 import os
 import sqlite3
@@ -25,7 +27,7 @@ from haploop.instruments.progress import Progress, silent
 
 __all__ = ["list_files"]
 
-_VERSION = 1
+_VERSION = 2
 """Part of the index's name: to be raised when `Entry` changes."""
 _REJECTIONS = "rejections.json"
 _KEPT = 500
@@ -61,7 +63,7 @@ def list_files(
     path = Path(index) if index else user_cache_path("haploop") / f"catalogue-{_VERSION}.sqlite3"
     try:
         return _asked(path, seen, sql, values, rebuild, progress)
-    except sqlite3.DatabaseError as error:
+    except (sqlite3.DatabaseError, ValueError, TypeError, OverflowError) as error:  # it may be damaged anyhow
         if isinstance(error, sqlite3.OperationalError):
             # The cache cannot be written, or another command is writing it: do without.
             return _asked(None, seen, sql, values, True, progress)
@@ -83,36 +85,53 @@ def _asked(
     if path is not None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            # It says who pressed what: for its owner alone, and so are SQLite's files beside it.
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
         except OSError:
             path = None
     with closing(sqlite3.connect(path or ":memory:", timeout=10.0)) as database:
         columns = ", ".join(f"{name} TEXT NOT NULL" for name in _NAMES)
         made = [row[1] for row in database.execute("PRAGMA table_info(files)")]
-        if made and made != ["source", "mark", *_NAMES]:
+        if made and made != ["source", "mark", "hash", *_NAMES]:
             database.execute("DROP TABLE files")  # of another version of haploop
-        database.execute(f"CREATE TABLE IF NOT EXISTS files (source TEXT PRIMARY KEY, mark TEXT, {columns})")
+        database.execute(
+            f"CREATE TABLE IF NOT EXISTS files (source TEXT PRIMARY KEY, mark TEXT, hash TEXT, {columns})"
+        )
         known = dict(database.execute("SELECT source, mark FROM files")) if not rebuild else {}
         stale = [source for source, mark in seen.items() if known.get(source) != mark]
         if stale:
-            holes = ", ".join("?" for _ in range(len(_NAMES) + 2))
+            holes = ", ".join("?" for _ in range(len(_NAMES) + 3))
             with database:
                 for count, (source, entry) in enumerate(_read(stale, progress), 1):
                     # A file that is not ours is remembered too, without a kind.
                     kept = entry or Entry(source, "")
                     mark = seen[source] if kept.settled else ""
+                    row = (source, mark, *astuple(kept))
                     database.execute(
-                        f"INSERT OR REPLACE INTO files VALUES ({holes})", (source, mark, *astuple(kept))
+                        f"INSERT OR REPLACE INTO files VALUES ({holes})", (*row[:2], _hash(row), *row[2:])
                     )
                     if count % _KEPT == 0:
                         database.commit()
         database.execute("CREATE TEMP TABLE here (source TEXT PRIMARY KEY)")
         database.executemany("INSERT INTO here VALUES (?)", ((source,) for source in seen))
+        count = 0
+        for source, mark, stated, *own in database.execute("SELECT * FROM files NATURAL JOIN here"):
+            count += 1
+            if stated != _hash((source, mark, *own)):
+                raise sqlite3.DatabaseError("a row does not match its hash")
+        if count != len(seen):
+            raise sqlite3.DatabaseError("a row is missing")
         found = database.execute(
             f"SELECT {', '.join(_NAMES)} FROM files NATURAL JOIN here "
             f"WHERE kind != '' AND {sql} ORDER BY file",
             values,
         )
         return tuple(Entry(*row) for row in found)
+
+
+def _hash(row: tuple[object, ...]) -> str:
+    """Of all of a row: no damaged index is taken for what the files say."""
+    return hashlib.sha256(json.dumps(row).encode()).hexdigest()
 
 
 def _look(folder: Path) -> dict[str, str]:

@@ -13,7 +13,7 @@ import click
 import haploop
 from haploop import outputs
 from haploop import show as display
-from haploop.commands.options import JSON, PATH, SIMULATE, alone, opened_rig
+from haploop.commands.options import JSON, PATH, SIMULATE, FiniteRange, alone, opened_rig
 from haploop.exits import CommandState
 from haploop.progress import Steps, note, print_json, print_line
 
@@ -260,7 +260,7 @@ class _AtTerminal:
                 if again and click.confirm("Feel it once more?", default=False, err=True):
                     return haploop.AGAIN
                 low, high = step.values
-                kind = click.FloatRange(low, high)
+                kind = FiniteRange(low, high)
                 return {
                     pair: click.prompt(
                         f"{pair} ({low:g} to {high:g})", type=kind, default=(low + high) / 2, err=True

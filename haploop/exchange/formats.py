@@ -7,6 +7,7 @@ function in `FORMATS`. A function gets the path of the file to export and the pa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -27,7 +28,7 @@ from haploop.exchange import (
 )
 from haploop.exchange.views import About, Envelope, PressTable, Responses, Signals, sidecar
 from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.files import check_destination
+from haploop.instruments.files import check_destination, private_files
 
 __all__ = ["FORMATS", "Exported", "export_file"]
 
@@ -131,7 +132,8 @@ def export_file(files: str | Path | Sequence[str | Path], format: str, out: str 
     formats of each kind. A format without room for units or origin gets a sidecar, `OUT.json`.
 
     Raises ConfigurationError for a format that does not fit, a package that is not installed, or an `out`
-    that exists, and DataError for a file that cannot be read.
+    that exists, and DataError for a file that cannot be read. Of recordings and studies the new files are
+    readable by their owner only.
     """
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
     out = Path(out)
@@ -147,14 +149,16 @@ def export_file(files: str | Path | Sequence[str | Path], format: str, out: str 
             )
         )
     written = (out, sidecar(out)) if (kind, format) in _BESIDE else (out,)
-    for path in written:
-        check_destination(path)
-    if len(paths) > 1:
-        table = reading.recording_presses(paths)
-        _PRESSES[format](table, out)
-        about = table.about
-    else:
-        about = FORMATS[kind, format](paths[0], out)
+    # What people pressed is for its owner alone, as the recordings are.
+    with private_files() if kind in ("recording", "study") else nullcontext():
+        for path in written:
+            check_destination(path)
+        if len(paths) > 1:
+            table = reading.recording_presses(paths)
+            _PRESSES[format](table, out)
+            about = table.about
+        else:
+            about = FORMATS[kind, format](paths[0], out)
     return Exported(kind, format, written, bool(about["simulated"]))
 
 

@@ -72,14 +72,16 @@ def import_press(
         raise ConfigurationError(f"{path} has an unknown file type: haploop imports {', '.join(READERS)}.")
     if not path.is_file():
         raise DataError(f"There is no file {path}: check the name.")
-    signals = READERS[path.suffix.lower()](path, rate_hz)
+    with np.errstate(all="ignore"):  # what is not finite is refused below, and not warned of
+        signals = READERS[path.suffix.lower()](path, rate_hz)
     taken = _acceleration(path, signals, channel, scale)
     if not _SLOWEST <= signals.rate_hz <= _FASTEST:
         raise ConfigurationError(
             f"{path} would have {signals.rate_hz:g} samples/s: from {_SLOWEST:g} to {_FASTEST:g} are "
             "possible, so look at its time or at --rate."
         )
-    values = _per_unit(path, taken, scale) * taken.values
+    with np.errstate(all="ignore"):
+        values = _per_unit(path, taken, scale) * taken.values
     if not np.all(np.isfinite(values)) or not np.ptp(values):
         raise DataError(f"The channel {taken.name!r} of {path} is constant, or not finite.")
     cut, switched, after = _window(path, signals, values, activation)

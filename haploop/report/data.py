@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 from haploop.figures import encode
-from haploop.instruments.files import check_destination, new_file
+from haploop.instruments.files import check_destination, new_file, private_files
 from haploop.instruments.progress import Progress, silent
 from haploop.report.answers import answers_section
 from haploop.report.drawings import Drawing, drawings
@@ -31,6 +31,7 @@ class Report:
     verdicts: tuple[Verdict, ...]
 
 
+@private_files()
 def write_report(
     paths: Sequence[str | Path], out: str | Path, pdf: bool = False, progress: Progress = silent
 ) -> Report:
@@ -38,8 +39,10 @@ def write_report(
 
     `out` (HTML) holds facts, verdicts and figures, and needs no other file. Beside it, the folder
     `<out>-figures` holds each figure as PDF and SVG, and with `pdf` the file `<out>.pdf` the whole report.
-    The same data give the same bytes. Raises ConfigurationError when one of them exists or cannot be
-    written, and DataError for data that cannot be read.
+    The same data give the same bytes. All files are readable by their owner only.
+
+    Raises ConfigurationError when one of them exists or cannot be written, and DataError for data that cannot
+    be read.
     """
     out = Path(out)
     folder, printed = out.with_name(f"{out.stem}-figures"), out.with_suffix(".pdf")

@@ -16,6 +16,7 @@ __all__ = ["calibration_contents", "drive_contents", "waveforms_contents"]
 def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Table]:
     """Return the contents as JSON values and as a table."""
     response, model = calibration.response, calibration.model
+    radius = response.confidence()
     values: dict[str, Any] = {
         "kind": "calibration",
         "simulated": response.simulated,
@@ -27,7 +28,9 @@ def calibration_contents(calibration: Calibration) -> tuple[dict[str, Any], Tabl
         "repeats": response.repeats,
         "source": response.source,
         "excitation": response.excitation,
-        "confidence": json_number(np.median(response.confidence()) / np.abs(response.velocity).max()),
+        "confidence": json_number(np.median(radius) / np.abs(response.velocity).max())
+        if radius.size
+        else None,
         "coherence_min": json_number(response.coherence.min()) if response.coherence.size else None,
         "coherence_median": json_number(np.median(response.coherence)) if response.coherence.size else None,
         "resonance_hz": json_number(model.resonance_hz),

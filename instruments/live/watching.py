@@ -100,7 +100,7 @@ def _read(path: Path) -> _Address | None:
         found = _Address(str(content["rig"]), int(content["port"]), str(content["token"]).encode("ascii"))
     except PermissionError:
         raise
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
     return found if len(found.token) == TOKEN and 0 < found.port < 65536 else None
 

@@ -82,8 +82,18 @@ class Yocto(ChannelRelay):
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: the box."""
-        return (f"{one_name(settings.hub)} {settings.serial or 'its only box'}",)
+        """See `Driver.hardware`: the box by its serial number, whatever a rig file calls it and its hub.
+
+        Without `serial` the hub is asked. One that does not answer, or has no single box, is named by its
+        address: nothing can be switched there now.
+        """
+        if settings.serial:
+            return (_named(settings.serial),)
+        named = f"{one_name(settings.hub)} its only box"
+        try:
+            return named, _named(_only_box(_Hub(settings.hub, settings.timeout)))
+        except (ConfigurationError, InstrumentError):
+            return (named,)
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
@@ -118,9 +128,9 @@ class _Board:
         self.dead_man = settings.dead_man
         self.identity = f"The {_PRODUCT} at {settings.hub}"
         self._hub = _Hub(settings.hub, settings.timeout)
-        serial = settings.serial or self._only_one()
+        serial = settings.serial or _only_box(self._hub)
         self._root = f"/bySerial/{serial}"
-        module = self._checked(_Module, self._tree().get("module"))
+        module = _checked(self.identity, _Module, self._tree().get("module"))
         if module.serial != serial:
             raise InstrumentError(
                 f"The hub {settings.hub} answered for {module.serial} when asked for {serial}: restart it."
@@ -166,19 +176,6 @@ class _Board:
     def release(self) -> None:
         """Do nothing: each request has its own connection."""
 
-    def _only_one(self) -> str:
-        tree = self._hub.json("/api.json")
-        listed = self._checked(_Listing, tree.get("services")).modules
-        boxes = [m for m in listed if m.product.startswith(_PRODUCT)]
-        if len(boxes) == 1:
-            return boxes[0].serial
-        found = ", ".join(f"{m.product} {m.serial}" for m in listed) or "nothing"
-        raise ConfigurationError(
-            f"The hub {self._hub.url} has {len(boxes) or 'no'} {_PRODUCT}{'s' * (len(boxes) > 1)} "
-            f"(it lists {found}): "
-            + ("name one by 'serial' in [relay]." if boxes else "plug it in, or correct 'hub' in [relay].")
-        )
-
     def _set(self, channel: int, attribute: str, value: int) -> None:
         query = urlencode({"scr": "", "ctx": f"relay{channel}", attribute: value})
         self._hub.get(f"{self._root}/api?{query}")
@@ -186,21 +183,12 @@ class _Board:
     def _relays(self) -> dict[int, _Function]:
         tree = self._tree()
         names = {channel: f"relay{channel}" for channel in range(1, CHANNELS + 1)}
-        return {c: self._checked(_Function, tree[name]) for c, name in names.items() if name in tree}
+        return {
+            c: _checked(self.identity, _Function, tree[name]) for c, name in names.items() if name in tree
+        }
 
     def _tree(self) -> dict[str, Any]:
         return self._hub.json(f"{self._root}/api.json")
-
-    def _checked(self, kind: type[_Reply], value: object) -> _Reply:
-        try:
-            return kind.model_validate(value, strict=True)
-        except ValidationError as error:
-            first = error.errors()[0]
-            key = ".".join(map(str, first["loc"])) or "its answer"
-            raise InstrumentError(
-                f"{self.identity} sent an answer that cannot be right: {key} {told(first)} "
-                f"(found {str(first['input'])[:60]!r})."
-            ) from None
 
 
 def _ms(seconds: float) -> int:
@@ -226,6 +214,18 @@ class _Function(BaseModel):
 
 
 _Reply = TypeVar("_Reply", bound=BaseModel)
+
+
+def _checked(identity: str, kind: type[_Reply], value: object) -> _Reply:
+    try:
+        return kind.model_validate(value, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or "its answer"
+        raise InstrumentError(
+            f"{identity} sent an answer that cannot be right: {key} {told(first)} "
+            f"(found {str(first['input'])[:60]!r})."
+        ) from None
 
 
 class _Hub:
@@ -306,3 +306,22 @@ class _Deadlined(RawIOBase):
     def makefile(self, mode: str) -> BufferedReader:
         """Return a reader: the only method of a socket that HTTPResponse calls."""
         return BufferedReader(self)
+
+
+def _named(serial: str) -> str:
+    return f"{_PRODUCT} {serial.upper()}"
+
+
+def _only_box(hub: _Hub) -> str:
+    """Serial number of a hub's only box. Raises ConfigurationError for none or several, InstrumentError."""
+    tree = hub.json("/api.json")
+    listed = _checked(f"The {_PRODUCT} at {hub.url}", _Listing, tree.get("services")).modules
+    boxes = [m for m in listed if m.product.startswith(_PRODUCT)]
+    if len(boxes) == 1:
+        return boxes[0].serial
+    found = ", ".join(f"{m.product} {m.serial}" for m in listed) or "nothing"
+    raise ConfigurationError(
+        f"The hub {hub.url} has {len(boxes) or 'no'} {_PRODUCT}{'s' * (len(boxes) > 1)} "
+        f"(it lists {found}): "
+        + ("name one by 'serial' in [relay]." if boxes else "plug it in, or correct 'hub' in [relay].")
+    )

@@ -74,11 +74,12 @@ def hardware(file: RigFile, mode: Mode | None) -> frozenset[str]:
         alike = file.model_copy(update={"simulation": SimulationSettings()})
         return frozenset({f"the simulated rig {file.name}, {alike.digest}"})
     return frozenset().union(
-        *(
-            hardware_of(device.driver, driver, settings_of(driver, device, role, file.name))
-            for role, device, driver in _drivers(file)
-        )
+        *(_pieces(role, device, driver, file.name) for role, device, driver in _drivers(file))
     )
+
+
+def _pieces(role: str, device: Device, driver: Driver, rig: str) -> frozenset[str]:
+    return hardware_of(device.driver, driver, settings_of(driver, device, role, rig))
 
 
 def simulated_file(file: RigFile, changes: Mapping[str, Any], plant: object = None) -> RigFile:
@@ -140,6 +141,11 @@ def _connect(rig: Rig) -> None:
                 f"{type(instrument).__name__}: ask the author of the driver, or of its twin."
             )
         rig.adopt(role, instrument)
+        if not rig.simulation and not _pieces(role, device, driver, rig.name) <= rig.hardware:
+            raise InstrumentError(
+                f"The {role} of the rig {rig.name!r} is another one than a moment ago, or answers only now: "
+                "open the rig again."
+            )
         if isinstance(instrument, Daq) and not rig.simulation:
             # The lock proves that no running program on this computer uses it.
             instrument.clear_left()

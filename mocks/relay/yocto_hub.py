@@ -23,7 +23,6 @@ from haploop.mocks.transport import Loopback, ReplyFault
 
 __all__ = ["YoctoHub", "wire"]
 
-_SERIAL = "MXCOUPL1-1A2B3"  # The form is known; the first part is an estimate.
 _HUB_SERIAL = "VIRTHUB0-0000000001"
 _FIRMWARE = "60000"
 _INDEX = 1
@@ -37,13 +36,18 @@ class YoctoHub(Loopback):
     """A hub with one module, served on loopback while its context lasts."""
 
     def __init__(self, box: SimulatedBox, serial: str | None = None, port: int = 0) -> None:
-        self.serial = serial or _SERIAL
         self.faults: list[ReplyFault] = []
         self.at_power_on: dict[int, int] = {}
         """`stateAtPowerOn` of channels whose own is not 1, open."""
         self._box = box
+        self._serial = serial
         super().__init__(self._serve, port)
         self.url = f"http://{self.address}"
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the module: no two have one. The form is known; the first part is an estimate."""
+        return self._serial or f"MXCOUPL1-{self.port:05}"
 
     def _serve(self, link: socket.socket) -> None:
         target = _target(link)

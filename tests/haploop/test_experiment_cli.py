@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from haploop.cli import cli
+from haploop.commands.experiment import _AtTerminal
+from haploop.experiments.protocol.steps import Step
 from tests.haploop.conftest import Run
 
 SHORT = """
@@ -100,3 +103,9 @@ def test_a_wrong_request_is_one_sentence(
     result = run("experiment", *args)
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1, result.stderr
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
+    monkeypatch.setattr("sys.stdin", io.StringIO("nan\n51\n7.5\n"))
+    assert _AtTerminal(None).answer(step) == {"soft": 7.5}

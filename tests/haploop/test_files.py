@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import h5py
@@ -13,6 +14,7 @@ from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from tests.acquisition.recording.pattern import block_of, header
+from tests.haploop.conftest import Run
 
 
 @pytest.fixture
@@ -92,3 +94,21 @@ def test_what_crashes_the_library_is_recovered_in_a_process_of_its_own(run, file
     result = run("recover", files["whole"])
     assert (result.exit_code, result.stdout) == (2, "")
     assert "so nothing can be recovered: copy it again from its source." in result.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows gives a file the rights of its folder")
+def test_what_is_made_of_peoples_recordings_is_for_its_owner_only(
+    files: dict[str, Path], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    out = tmp_path / "out"
+    ready = [
+        run("export", files["whole"], "--to", "csv", "--out", out / "press.csv"),
+        run("report", files["whole"], "--out", out / "report.html"),
+        run("list", "--in", tmp_path),
+    ]
+    assert [result.exit_code for result in ready] == [0, 0, 0], ready
+    made = [path for folder in (out, tmp_path / "cache" / "haploop") for path in folder.rglob("*")]
+    assert len(made) > 5
+    for path in (out, *made):
+        assert path.stat().st_mode & 0o077 == 0, path

@@ -36,7 +36,7 @@ class Address:
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
             found = cls(**values)
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, RecursionError):
             return None
         numbers = isinstance(found.pid, int) and isinstance(found.port, int) and 0 < found.port < 65536
         words = all(isinstance(word, str) and word for word in (found.token, found.stop_token, found.data))

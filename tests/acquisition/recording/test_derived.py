@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording
+from haploop.acquisition import Recording, content_hash
+from haploop.acquisition.recording import recording as recording_module
 from haploop.acquisition.recording.file_format import Header, from_codes
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
-from haploop.instruments import Block, DataError
-from tests.acquisition.recording.pattern import CHANNELS, PRESS, RIG, header
+from haploop.instruments import AnalogChannel, Block, DataError
+from tests.acquisition.recording.pattern import CHANNELS, PRESS, RIG, header, unfinished
 
 COUNT, REST_END = 1000, 400
 FULL = np.array([10.0] * 6 + [5.0] * 3 + [10.0] * (CHANNELS - 9))
@@ -65,6 +66,39 @@ def test_every_quantity_is_the_sensors_own_of_the_volts(tmp_path: Path, codes: n
     assert [press.attempt for press in found.accepted] == [2]
     assert (found.button, found.participant, found.rig, found.rate_hz) == ("push", "P01", "simulated", 5000.0)
     assert found.simulated and found.channels == found.header.channels
+    assert found.content_hash == content_hash(found.path)
+
+
+def test_an_extra_channel_is_in_its_own_unit(tmp_path: Path, codes: np.ndarray) -> None:
+    one = AnalogChannel(channel=header().channels[12], unit="mm", scale=0.5)
+    more = SENSORS.model_copy(update={"extra": {"depth": one}})
+    found = written(tmp_path, codes, rig=RIG.model_copy(update={"sensors": more}).model_dump_json())
+    np.testing.assert_allclose(found.extra["depth"], codes[12] * (10.0 / 32768) / 2.0)
+    assert list(found.extra) == ["depth"] and found.delay("depth") == pytest.approx(12e-5)
+
+
+def test_what_was_forgotten_is_read_again(tmp_path: Path, codes: np.ndarray) -> None:
+    found = written(tmp_path, codes)
+    before, sha256 = found.volts, found.content_hash
+    assert found.volts is before
+    found.forget()
+    assert "volts" not in vars(found) and "_checked" not in vars(found)
+    assert vars(found)["content_hash"] == sha256 and found.path.name == "P01-push.h5"
+    np.testing.assert_array_equal(found.volts, before)
+
+
+def test_a_recording_that_ends_while_it_is_opened_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = unfinished(tmp_path / "P01-push.h5")
+
+    def marked(_path: Path) -> bool:
+        """Not any more: its program has ended between the header and this question."""
+        finish(path)
+        return False
+
+    monkeypatch.setattr(recording_module, "is_marked", marked)
+    assert Recording.open(path).state == "finished"
 
 
 @pytest.mark.parametrize(

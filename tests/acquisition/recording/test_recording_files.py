@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -14,7 +15,13 @@ import pytest
 
 from haploop.acquisition import Recording, record, verify
 from haploop.acquisition.checksum import add_checksum
-from haploop.acquisition.recording.file_format import file_name, from_codes, to_codes
+from haploop.acquisition.recording.file_format import (
+    file_name,
+    from_codes,
+    read_header,
+    to_codes,
+    write_header,
+)
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from haploop.instruments import ConfigurationError, DataError, load_rig_file
@@ -92,6 +99,7 @@ def test_a_finished_file_says_who_what_and_how(finished):
     kinds = [event.kind for event in recording.events]
     assert kinds == ["rest", "prompt", "pressed", "prompt", "pressed"]
     with h5py.File(recording.path) as file:
+        assert (file.attrs["format"], file.attrs["format_version"]) == ("haploop recording", 3)
         assert file.attrs["software"].startswith("haploop ")
         assert "T" in file.attrs["started"]
 
@@ -238,7 +246,7 @@ def test_an_edited_press_is_refused(tmp_path):
         row["accepted"] = 1
         file["presses"][0] = row
     add_checksum(path, "recording")
-    with pytest.raises(DataError, match=r"its content hash is .*, but the file states"):
+    with pytest.raises(DataError, match=r"its content hash is \w{64}, but the file states \w{64}\. "):
         _ = Recording.open(path).verdicts
 
 
@@ -293,6 +301,26 @@ def test_other_files_are_refused(tmp_path):
         Recording.open(other)
     with pytest.raises(DataError):
         Recording.open(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"full_scale": np.ones(2)},
+        {"delays": np.zeros(2)},
+        {"rate_hz": 0.0},
+        {"rate_hz": np.nan},
+        {"rig": "[]"},
+    ],
+)
+def test_a_header_without_sense_is_refused_under_a_hash_that_fits(change, tmp_path):
+    with h5py.File(tmp_path / "good.h5", "w") as file:
+        write_header(file, replace(header(), rate_hz=0.5), "recording")
+        assert read_header(file, tmp_path)[0].rate_hz == 0.5
+    with h5py.File(tmp_path / "bad.h5", "w") as file:
+        write_header(file, replace(header(), **change), "recording")
+        with pytest.raises(ValueError, match=r"rig|channels"):
+            read_header(file, tmp_path)
 
 
 def test_a_newer_format_is_refused(finished, tmp_path):

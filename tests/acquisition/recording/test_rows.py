@@ -52,6 +52,8 @@ def test_an_event_comes_back_and_a_long_text_is_cut_between_characters() -> None
     assert events_in(np.frombuffer(raw, EVENT)) == (Event(-5, "note", "µ" * 114),)
     (odd,) = events_in(np.frombuffer(event_row(Event(0, "x" * 20, "a" + "µ" * 200)), EVENT))
     assert odd == Event(0, "x" * 16, "a" + "µ" * 113)
+    (cut,) = events_in(np.frombuffer(event_row(Event(0, "x" * 15 + "µ", "")), EVENT))
+    assert cut.kind == "x" * 15
 
 
 def test_a_verdict_comes_back_with_every_flag() -> None:
@@ -83,6 +85,8 @@ def test_the_last_verdict_on_an_attempt_counts_and_they_are_sorted() -> None:
 def test_a_verdict_without_sense_is_refused(change: dict[str, object]) -> None:
     with pytest.raises(DataError):
         verdict_row(PRESS._replace(**change))  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="no press flag 'nothing'"):
+        verdict_row(PRESS._replace(flags=("double", "nothing", "never")))
     verdict_row(PRESS._replace(number=1, attempt=1, first=0, end=0))
     verdict_row(PRESS._replace(first=250))
 

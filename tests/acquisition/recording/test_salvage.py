@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, recover, verify
+from haploop.acquisition import Recording, content_hash, recover, verify
+from haploop.acquisition.checksum import add_checksum
 from haploop.acquisition.recording.file_format import from_codes, read_header
 from haploop.acquisition.recording.rows import EVENT, VERDICT, block_dtype
-from haploop.acquisition.recording.salvage import finish, intact_part, later_rows, read_blocks
+from haploop.acquisition.recording.salvage import (
+    codes_between,
+    finish,
+    intact_part,
+    later_rows,
+    read_blocks,
+    read_contents,
+)
 from haploop.acquisition.recording.writer import Writer
+from haploop.instruments import DataError
+from haploop.instruments.json_text import as_line
+from haploop.instruments.safety import marked
 from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, PRESS, block_of, codes_of, header
 
 BLOCKS = 12
@@ -102,6 +114,56 @@ def test_a_finished_recording_that_is_whole_is_kept_whole(path: Path) -> None:
     np.testing.assert_array_equal(contents.codes, codes_of(0, 2850))
     assert len(contents.events) == len(contents.presses) == len(contents.blocks) == BLOCKS
     assert contents.blocks["count"].tolist() == [250] * 11 + [100]
+
+
+@pytest.mark.parametrize("state", ["recording", "finished"])
+def test_codes_between_two_samples(state: str, path: Path) -> None:
+    if state == "finished":
+        finish(path)
+    with h5py.File(path, "r", locking=False) as file:
+        head, found = read_header(file, path)
+        assert found == state
+        for first, end in ((0, 1), (0, 250), (249, 251), (700, 1300), (2500, 2850)):
+            np.testing.assert_array_equal(codes_between(file, head, first, end), codes_of(first, end - first))
+
+
+@pytest.mark.parametrize("change", ["shorter", "longer", "wider", "type", "chunks", "missing"])
+def test_samples_that_do_not_fit_their_blocks_are_not_read(change: str, path: Path) -> None:
+    finish(path)
+    with h5py.File(path, "r+", locking=False) as file:
+        shape, dtype = [CHANNELS, 2850], "<i4" if change == "type" else "<i2"
+        shape[1] += {"shorter": -1, "longer": 1}.get(change, 0)
+        shape[0] += change == "wider"
+        chunks = [shape[0], 100] if change == "chunks" else shape
+        del file["codes"]
+        codes = file.create_dataset(
+            "codes", shape, "<i4" if change == "type" else dtype, chunks=tuple(chunks)
+        )
+        if change != "missing":
+            codes[:] = 0
+    add_checksum(path, "recording")
+    with pytest.raises(DataError, match="was not written by haploop"):
+        read_contents(path)
+
+
+def test_blocks_of_other_channels_are_not_read(path: Path) -> None:
+    with h5py.File(path, "r", locking=False) as file, pytest.raises(ValueError, match="blocks"):
+        read_blocks(file, header(CHANNELS - 1))
+
+
+def test_logs_recordings_in_progress_and_hashes(path: Path, tmp_path: Path) -> None:
+    log = tmp_path / "session-1.jsonl"
+    log.write_text(as_line({"number": 1}), encoding="utf-8")
+    assert verify(log) == () and content_hash(log) == hashlib.sha256(log.read_bytes()).hexdigest()
+    log.write_text(as_line({"number": 1})[:-5], encoding="utf-8")
+    with pytest.raises(DataError, match="no line that was written completely"):
+        verify(log)
+    with marked(path):
+        assert verify(path) == (f"{path} is being recorded now: verify it when the session has ended.",)
+    finish(path)
+    assert content_hash(path) == Recording.open(path).content_hash
+    with marked(path):  # by a program that exports it, say
+        assert verify(path) == ()
 
 
 def test_what_does_not_fit_together_is_told(path: Path, tmp_path: Path) -> None:

@@ -6,12 +6,21 @@ its corners to 4/9 and 1/9.
 
 from __future__ import annotations
 
+from dataclasses import FrozenInstanceError
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from haploop.experiments.contact.area import Background, Contact, ContactMeter, calibrate_meter
+from haploop.experiments.contact.area import (
+    Background,
+    Contact,
+    ContactMeter,
+    calibrate_meter,
+    drop_old_frames,
+    learn_background,
+)
 from haploop.instruments import DataError, Frame
 
 SHAPE = (120, 160)
@@ -38,13 +47,13 @@ def test_the_area_is_what_lies_above_half_of_the_brightness() -> None:
     found = seen((40, 50, 20, 100.0))
     assert found == Contact(7, 0.5, 396 * 2e-9, 396, 0, 0.0, "")
     # It depends neither on the brightness nor on the light around it.
-    assert seen((40, 50, 20, 30.0)).pixels == seen((40, 50, 20, 100.0), light=5.0).pixels == 396
+    assert seen((40, 50, 20, 30.0)).pixels == seen((40, 50, 20, 100.0), light=9.0).pixels == 396
     assert seen() == Contact(7, 0.5, 0.0, 0, 0, 0.0, "")
 
 
 @pytest.mark.parametrize(
     ("noise", "level", "there"),
-    [(0.3, 11.9, False), (0.3, 12.1, True), (6.0, 12.1, True), (9.0, 17.9, False), (9.0, 18.1, True)],
+    [(0.3, 12.0, False), (0.3, 12.1, True), (6.0, 12.1, True), (9.0, 17.9, False), (9.0, 18.1, True)],
 )
 def test_a_finger_is_twelve_grey_levels_bright_or_six_times_the_smoothed_noise(
     noise: float, level: float, there: bool
@@ -61,7 +70,7 @@ def test_a_finger_is_sixty_pixels_or_more() -> None:
 def test_the_largest_is_the_finger_and_the_others_are_told() -> None:
     found = seen((40, 50, 20, 50.0), (80, 100, 12, 100.0), (20, 100, 4, 100.0))
     assert (found.pixels, found.others) == (396, 1) and "more than one finger" in found.problem
-    assert seen((40, 50, 20, 239.0)).problem == ""
+    assert seen((40, 50, 20, 240.0)).problem == ""
     assert "saturated" in seen((40, 50, 20, 241.0)).problem
 
 
@@ -96,3 +105,73 @@ def test_a_target_tells_the_area_of_a_pixel_and_is_sharp() -> None:
     soft[:20] = soft[100:] = 10.0
     with pytest.raises(DataError, match="blurred over"):
         calibrate_meter([taken(soft)] * 2, background, 1e-6)
+
+
+# What a camera sees without a finger
+
+
+def learnt(*images: np.ndarray) -> Background:
+    camera: Any = SimpleNamespace(read=map(taken, images).__next__)
+    return learn_background(camera, len(images))
+
+
+def test_the_noise_is_that_from_frame_to_frame() -> None:
+    chess = 10.0 + 2.0 * (-1.0) ** np.add.outer(np.arange(SHAPE[0]), np.arange(SHAPE[1]))
+    found = learnt(chess, 20.0 - chess, chess)
+    # A pixel differs by 4 from one frame to the next: half of a Gaussian's differences are below 0.954.
+    assert found.noise == pytest.approx(4 / 0.954)
+    np.testing.assert_allclose(found.mean, (20.0 + chess) / 3)
+    quiet = learnt(*3 * [np.full(SHAPE, 10.0)])
+    assert quiet.noise == 0.3 and quiet.mean.min() == quiet.mean.max() == 10.0
+    with pytest.raises(FrozenInstanceError):
+        quiet.noise = 1.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("share", "level", "refused"), [(0.015, 255.0, True), (0.015, 200.0, False), (0.005, 255.0, False)]
+)
+def test_a_background_is_too_bright_where_a_hundredth_of_it_is(
+    share: float, level: float, refused: bool
+) -> None:
+    image = np.full(SHAPE, 10.0)
+    image.flat[: round(share * image.size)] = level
+    if refused:
+        with pytest.raises(DataError, match="too bright"):
+            learnt(image, image)
+    else:
+        assert learnt(image, image).noise == 0.3
+
+
+def test_a_black_image_is_a_closed_lens_and_a_dark_one_is_not() -> None:
+    black, flicker = np.zeros(SHAPE), np.zeros(SHAPE)
+    with pytest.raises(DataError, match="is black"):
+        learnt(black, black)
+    flicker[0, 0] = 1.0
+    assert learnt(flicker, flicker).mean.max() == 1.0
+
+
+@pytest.mark.parametrize(("change", "refused"), [(4.0, False), (-4.0, False), (4.5, True), (-4.5, True)])
+def test_what_moves_is_no_background(change: float, refused: bool) -> None:
+    still, moved = np.full(SHAPE, 20.0), np.full(SHAPE, 20.0)
+    moved[40:60, 50:70] += change
+    if refused:
+        with pytest.raises(DataError, match="Something moved"):
+            learnt(still, still, moved)
+    else:
+        assert learnt(still, still, moved).noise == 0.3
+
+
+@pytest.mark.parametrize(("kept", "took", "read"), [(0, 0.6, 1), (3, 0.6, 4), (100, 0.6, 30), (0, 0.5, 30)])
+def test_frames_are_dropped_until_one_takes_its_time(kept: int, took: float, read: int) -> None:
+    """`took` is in times between two frames, an eighth of a second."""
+    times, now = [], 0.0
+
+    def one() -> None:
+        nonlocal now
+        now += 0.0 if len(times) < kept else took * 0.125
+        times.append(now)
+
+    camera: Any = SimpleNamespace(read=one, rate_hz=8.0)
+    clock: Any = SimpleNamespace(now=lambda: now)
+    drop_old_frames(camera, clock)
+    assert len(times) == read

@@ -234,6 +234,7 @@ def test_answers_leave_as_a_tidy_table(tmp_path: Path) -> None:
     assert export_answers(where, out) == 120
     rows = read_rows(out)
     assert rows.simulated and set(rows.text("confirmation")) == {"none", "given"}
+    assert os.name == "nt" or not (out.stat().st_mode | (tmp_path / "out.json").stat().st_mode) & 0o077
     sidecar = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
     assert set(rows.columns) <= set(sidecar)
     assert sidecar["presented"]["Levels"] == ["latch", "toggle", "push"]

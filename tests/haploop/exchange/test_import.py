@@ -168,3 +168,18 @@ def test_a_heading_of_many_spaces_takes_no_time(tmp_path: Path) -> None:
     path.write_text("a" + " " * 50_000 + "[x\n1\n2\n")
     with pytest.raises(haploop.ConfigurationError, match="state how"):
         haploop.import_press(path, "b", rate_hz=5000.0)
+
+
+def test_a_matlab_file_that_crashes_its_reader_is_one_sentence(
+    files: Files, run: Run, tmp_path: Path
+) -> None:
+    """scipy's reader dies of a segmentation fault on it."""
+    path = tmp_path / "press.mat"
+    assert run("export", files.representative, "--to", "mat", "-o", path).exit_code == 0
+    raw = bytearray(path.read_bytes())
+    place = raw.index(b"time") + 4
+    assert raw[place] == 9  # the tag of double precision; 32 is no type
+    raw[place] = 32
+    path.write_bytes(raw)
+    result = run("import", path, "--channel", "acceleration", "-o", tmp_path / "back.h5")
+    assert result.exit_code == 2 and "is no MATLAB file of level 5" in result.stderr, result.output

@@ -22,6 +22,7 @@ from haploop.instruments import InstrumentError, RealClock, Rig, load_rig_file, 
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.errors import HaploopError
 from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lock import hold, reserve
 from haploop.instruments.signals import at_console_close, ending_in_order
@@ -310,6 +311,15 @@ def test_another_program_is_refused_and_one_that_is_killed_leaves_an_open_relay(
             owner = rf"The rig 'other' is in use \(.*\) by process {child.pid} \(-c .*\) of .* on .*: wait"
             with pytest.raises(InstrumentError, match=owner):
                 open_rig(other)
+            # One names the box by its number, and the other does not; their cards are others.
+            (box,) = (piece for piece in hardware(load_rig_file(path), None) if "MXCOUPL" in piece)
+            named = f'[relay]\nserial = "{box.split()[-1].lower()}"\n'
+            elsewhere = '[daq]\nserver = "127.0.0.1:1"\n'
+            hub = path.read_text().partition("[relay]\n")[2]
+            other.write_text(f'base = "haptable"\nname = "other"\n{elsewhere}{named}{hub}')
+            with pytest.raises(InstrumentError, match=rf"in use \({box}\) by process {child.pid} "):
+                open_rig(other)
+            other.write_text(path.read_text().replace('name = "lab"', 'name = "other"'))
             time.sleep(1.5)
             assert world.truth.closed == {"A"}  # renewed while the program is healthy
         finally:

@@ -1,0 +1,69 @@
+"""What stands between HDF5's library and a disk, by hand."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from haploop.acquisition.checksum import bounded, created, unreadable
+from haploop.instruments import DataError
+
+LONG = np.arange(200_000.0)
+"""More than the library keeps in memory."""
+
+
+def empty(folder: Path) -> Path:
+    path = folder / "file.h5"
+    path.touch()
+    return path
+
+
+def test_what_was_written_is_read_back_before_the_file_is_closed(tmp_path: Path) -> None:
+    with created(empty(tmp_path)) as file:
+        written = file.create_dataset("x", data=LONG)
+        file.flush()
+        np.testing.assert_array_equal(written[:], LONG)
+
+
+def test_what_was_not_written_is_zeros(tmp_path: Path) -> None:
+    found = np.full(LONG.shape, 7.0)
+    with created(empty(tmp_path)) as file:
+        plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+        plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+        space = h5py.h5s.create_simple(LONG.shape)
+        made = h5py.Dataset(h5py.h5d.create(file.id, b"x", h5py.h5t.NATIVE_DOUBLE, space, plan))
+        made.read_direct(found)
+    assert not found.any()
+
+
+def test_an_error_that_is_not_the_disks_is_raised(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="ours"), created(empty(tmp_path)):
+        raise ValueError("ours")
+
+
+def test_a_permission_is_named_and_not_the_content() -> None:
+    with pytest.raises(DataError, match=r"no permission to read a\.h5"), unreadable("a.h5", "damaged"):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    with pytest.raises(DataError, match=r"^damaged$"), unreadable("a.h5", "damaged"):
+        raise ValueError
+
+
+def test_a_dataset_is_in_its_file_and_not_larger(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "file.h5", "w") as file:
+        whole = file.create_dataset("whole", data=np.zeros(100))
+        assert bounded(whole, 800) is whole
+        with pytest.raises(ValueError, match="larger than its file"):
+            bounded(whole, 799)
+        nothing = file.create_dataset("nothing", data=np.zeros(0))
+        assert bounded(nothing, 0) is nothing
+        packed = file.create_dataset("packed", data=np.zeros(100), chunks=(10,))
+        elsewhere = file.create_dataset("elsewhere", (100,), "f8", external=[(tmp_path / "raw", 0, 800)])
+        for one in (packed, elsewhere):
+            with pytest.raises(ValueError, match="not contiguous"):
+                bounded(one, 10_000)
