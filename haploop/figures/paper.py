@@ -276,7 +276,9 @@ def _together(axes: Axes, everyone: Mapping[str, FloatArray], truth: Mapping[str
         if button in truth:
             axes.plot([index - 0.3, index + 0.3], [truth[button]] * 2, color=INK, linewidth=0.8, label=label)
             label = ""
-    axes.set_ylim(bottom=0)
+    # From zero, and with room above: presses that agree would lie on the frame.
+    highest = max((float(np.max(values)) for values in everyone.values() if len(values)), default=1.0)
+    axes.set_ylim(0, 1.1 * max(highest, *truth.values(), 1e-3))
     if truth:
         legend_under(axes, 1)
 
