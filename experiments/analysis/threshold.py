@@ -43,16 +43,13 @@ def analyse_thresholds(rows: Rows, by: tuple[str, ...] = ()) -> tuple[Threshold,
     columns = tuple(name for name in ("participant", *by) if name in rows.columns)
     rows.require(*by)
     psignifit = optional("psignifit", "psychometrics", "An analysis of thresholds")
-    values, right = rows.numbers("comparison"), rows.text("correct")
+    values, right = rows.numbers("comparison"), rows.truths("correct")
     keys: list[tuple[str, ...]] = [()] * len(values)
     if columns:
         keys = list(zip(*(rows.text(column) for column in columns), strict=True))
-    for (number, _), word in zip(rows.lines, right, strict=True):
-        if word not in ("true", "false"):
-            raise DataError(f"{rows.name}, line {number}: correct is {word!r}, and must be true or false.")
     found = []
     for key in dict.fromkeys(keys):
-        chosen = [(v, r == "true") for v, r, k in zip(values, right, keys, strict=True) if k == key]
+        chosen = [(v, r) for v, r, k in zip(values, right, keys, strict=True) if k == key]
         found.append(_fit(psignifit, key, chosen, rows.name))
     return tuple(found)
 

@@ -100,3 +100,15 @@ def test_a_wrong_request_is_one_sentence(
     result = run("experiment", *args)
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1, result.stderr
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
+    for people, said in ((3, True), (6, False)):
+        result = run(
+            "experiment", "simulate", "matching", "-n", people, "--session", 1, "--data", tmp_path / "a"
+        )
+        assert result.exit_code == 0, result.output
+        words = " ".join(result.stdout.split())
+        assert ("not balanced with 3 participants" in words and "at a multiple of 6." in words) is said
+    values = json.loads(run("experiment", "status", "matching", "--data", tmp_path / "a", "--json").stdout)
+    assert values["design"] == {"groups": {"I": 3, "II": 3}, "balanced": True, "multiple_of": 6}
