@@ -56,9 +56,8 @@ class Rows:
         commas = self.decimal_commas and any("," in cell for cell in cells)
         for (number, _), cell in zip(self.lines, cells, strict=True):
             try:
-                value = (
-                    math.nan if commas and "." in cell else float(cell.replace(",", "." if commas else ","))
-                )
+                point = cell.replace(",", ".") if commas else cell
+                value = math.nan if commas and "." in cell else float(point)
             except ValueError:
                 value = math.nan
             if not math.isfinite(value):
