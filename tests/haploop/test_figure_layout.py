@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
@@ -30,7 +31,8 @@ from tests.haploop.figure_checks import alike, drawn_texts, overlaps
 
 BUTTONS = ("latch", "toggle", "push")
 NAMES = (
-    "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives", "drive",
+    "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives",
+    "drive of a long name", "drive",
     "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button", "map",
     "map of a row", "before and after", "responses", "ratings", "ratings of seven", "confusion",
     "confusion of many", "trend",
@@ -121,6 +123,9 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         "forces of twelve": lambda c: figures.activation_forces(twelve, {"latch": 7.0, "push": 4.0}, c),
         "forces of one": lambda c: figures.activation_forces({"a $x_1$": {"P01": np.array([7.0])}}, None, c),
         "drives": lambda c: figures.drives([check.drive for check in checks], (-50, 50), c),
+        "drive of a long name": lambda c: figures.drives(
+            [replace(checks[0].drive, button="the doorbell of the oldest house")], None, c
+        ),
         "drive": lambda c: figures.drives([checks[0].drive], None, c),
         "comparison": lambda c: figures.comparison(rows, c),
         "comparison of one": lambda c: figures.comparison(rows[:1], c),
