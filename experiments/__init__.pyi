@@ -57,10 +57,12 @@ from .presentation import new_experiment as new_experiment
 from .presentation import prepare_surface as prepare_surface
 from .protocol import Answer as Answer
 from .protocol import Assignment as Assignment
+from .protocol import Balance as Balance
 from .protocol import Course as Course
 from .protocol import Experiment as Experiment
 from .protocol import ExperimentFile as ExperimentFile
 from .protocol import Step as Step
+from .protocol import balance_of as balance_of
 from .protocol import digital_button as digital_button
 from .protocol import example_names as example_names
 from .protocol import group_of_slot as group_of_slot

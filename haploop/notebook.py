@@ -52,7 +52,10 @@ def _picture(draw: Callable[..., Figure], simulated: bool) -> str:
 
 def _rig(rig: Rig) -> str:
     """A rig: its instruments, in the order in which a signal passes them."""
-    instruments = [(role, str(getattr(one, "identity", ""))) for role, one in rig.instruments.items()]
+    instruments = [
+        (role, str(getattr(one, "identity", "")) or type(one).__name__)
+        for role, one in rig.instruments.items()
+    ]
     kind = f"simulated by its {rig.mode}" if rig.simulated else "not simulated"
     rows = [("State", f"{'closed' if rig.is_closed else 'open'}, {kind}"), *instruments]
     return _table(f"Rig {rig.name}", rows) + _chain([role for role, _ in instruments], rig.simulated)

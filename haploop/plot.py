@@ -24,6 +24,8 @@ from haploop.show import forces_in, simulated
 
 _One = TypeVar("_One")
 
+_PIXELS_PER_INCH = 100
+
 __all__ = [
     "button",
     "check",
@@ -139,4 +141,9 @@ def _let_notebooks_show_figures() -> None:
         return
     formatter = shell.display_formatter.formatters["image/png"]
     if Figure not in formatter.type_printers:
-        formatter.for_type(Figure, figures.png)
+        formatter.for_type(Figure, _picture)
+
+
+def _picture(figure: Figure) -> tuple[bytes, dict[str, int]]:
+    """A figure as PNG, and its width in a notebook: in proportion to its columns."""
+    return figures.png(figure), {"width": round(_PIXELS_PER_INCH * figure.get_figwidth())}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from haploop.experiments.analysis.table import Rows
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 
-__all__ = ["Cells", "cells_of"]
+__all__ = ["Cells", "cells_of", "uneven_groups"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,18 @@ def cells_of(rows: Rows, factors: Sequence[str], variables: Sequence[str], betwe
         group_names,
         tuple(person for person in people if person not in whole),
     )
+
+
+def uneven_groups(between: str, of_people: Sequence[str], names: Sequence[str]) -> list[str]:
+    """A note when groups differ in size: what they counterbalance is not balanced over people then."""
+    counts = Counter(of_people)
+    if len(set(counts.values())) < 2:
+        return []
+    said = ", ".join(f"{name} {counts[name]}" for name in names)
+    return [
+        f"The {between}s differ in size ({said} participants): what they counterbalance, such as the order "
+        "of conditions, is not balanced over people."
+    ]
 
 
 def _groups(rows: Rows, between: str, people: Sequence[str]) -> tuple[tuple[str, ...], tuple[int, ...]]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from haploop.experiments.analysis.anova import Effect, anova
+from haploop.experiments.analysis.cells import uneven_groups
 from haploop.experiments.analysis.confusion import METRICS, Confusion, Metric, confusion_of, confusions_by
 from haploop.experiments.analysis.pairs import Comparison, compare_levels
 from haploop.experiments.analysis.table import Rows
@@ -52,7 +53,8 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
     `day`) and `group`, where the file has such a column. Raises DataError.
     """
     by = tuple(column for column in ("group", "day") if column in rows.columns)
-    pooled, matrices, notes = confusion_of(rows), confusions_by(rows, *by), []
+    pooled, matrices = confusion_of(rows), confusions_by(rows, *by)
+    notes = list(_undefined(by, matrices or {(): pooled}))
     within = within or next((name for name in ("confirmation", "day") if name in rows.columns), "")
     between = between or ("group" if "group" in rows.columns else "")
     rows.require(*(name for name in (within, between) if name))
@@ -70,7 +72,20 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
                 performance.append(_performance(rows, metric, pooled.classes, within, between))
             except DataError as error:
                 notes.append(f"Effects on {metric} are not tested: {error}")
+        if between:
+            pairs = set(zip(rows.text("participant"), rows.text(between), strict=True))
+            notes += uneven_groups(between, [group for _, group in pairs], rows.levels(between))
     return Identification(pooled, by, matrices, within, between, tuple(performance), tuple(notes))
+
+
+def _undefined(by: tuple[str, ...], matrices: Mapping[tuple[str, ...], Confusion]) -> Iterator[str]:
+    """Say which metrics have no value, and why."""
+    for key, confusion in matrices.items():
+        where = "".join(f", {column} {value}" for column, value in zip(by, key, strict=True))
+        for metric, never in (("precision", "answered"), ("sensitivity", "presented")):
+            for name in confusion.classes:
+                if confusion.value(metric, name) is None:
+                    yield f"Not defined{where}: the {metric} of {name}, which was never {never}."
 
 
 def _performance(

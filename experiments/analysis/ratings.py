@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haploop.experiments.analysis.anova import Effect, anova
-from haploop.experiments.analysis.cells import cells_of
+from haploop.experiments.analysis.cells import cells_of, uneven_groups
 from haploop.experiments.analysis.manova import MultivariateEffect, manova_independent, manova_repeated
 from haploop.experiments.analysis.pairs import Comparison, bonferroni, compare_levels, paired
 from haploop.experiments.analysis.table import Rows
@@ -87,6 +87,8 @@ def analyse_ratings(
     ]
     repeated = manova_repeated(values, factors, groups, between) if len(pairs) > 1 else ()
     independent = manova_independent(values, factors) if len(pairs) > 1 else ()
+    if between:
+        notes += uneven_groups(between, [cells.group_names[one] for one in groups], cells.group_names)
     if None in repeated:
         notes.append(
             "An effect on all pairs together has as many contrasts as pairs times degrees of freedom, and "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,6 +26,8 @@ class Rows:
     """Number of the line in the file, and its cells."""
     orders: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Order of the values of a column, where the file beside the table states it."""
+    decimal_commas: bool = False
+    """True when numbers may have a decimal comma, because cells are not separated by commas."""
 
     def require(self, *columns: str) -> None:
         """Raise DataError when a column is missing."""
@@ -43,22 +46,45 @@ class Rows:
         return [line[column] for _, line in self.lines]
 
     def numbers(self, column: str) -> list[float]:
-        """Cells of a column as finite numbers. Raises DataError, with the line, for another cell."""
+        """Cells of a column as finite numbers, with a point or, where that is certain, a decimal comma.
+
+        Raises DataError, with the line, for another cell.
+        """
         found = []
-        for (number, _), cell in zip(self.lines, self.text(column), strict=True):
+        cells = self.text(column)
+        # 1.500 beside 2,5 may be a thousand and a half, or one and a half.
+        commas = self.decimal_commas and any("," in cell for cell in cells)
+        for (number, _), cell in zip(self.lines, cells, strict=True):
             try:
-                value = float(cell)
+                point = cell.replace(",", ".") if commas else cell
+                value = math.nan if commas and "." in cell else float(point)
             except ValueError:
                 value = math.nan
             if not math.isfinite(value):
-                raise DataError(f"{self.name}, line {number}: {column} is {cell!r}, which is not a number.")
+                why = ": write all numbers with a decimal point" if "," in cell or commas else ""
+                raise DataError(
+                    f"{self.name}, line {number}: {column} is {cell!r}, which is not a number{why}."
+                )
             found.append(value)
+        return found
+
+    def truths(self, column: str) -> list[bool]:
+        """Cells of a column as true or false, also as a spreadsheet writes them. Raises DataError."""
+        found = []
+        for (number, _), cell in zip(self.lines, self.text(column), strict=True):
+            if cell.casefold() not in _YES | _NO:
+                raise DataError(
+                    f"{self.name}, line {number}: {column} is {cell!r}, and must be true or false."
+                )
+            found.append(cell.casefold() in _YES)
         return found
 
     @property
     def simulated(self) -> bool:
         """True when a column `simulated` says of any line that no person answered."""
-        return "simulated" in self.columns and any(line["simulated"] == "true" for _, line in self.lines)
+        # Whatever does not say no is taken as simulated.
+        cells = {line.get("simulated", "").casefold() for _, line in self.lines}
+        return not cells <= {"", *_NO}
 
     def only(self, column: str, value: str) -> Rows:
         """The lines with one value in a column."""
@@ -71,9 +97,16 @@ class Rows:
         return (*(value for value in stated if value in found), *(v for v in found if v not in stated))
 
 
+_YES = {"1", "yes", "true", "wahr", "vrai", "vero", "verdadero", "verdadeiro", "waar"}
+_NO = {"0", "no", "false", "falsch", "faux", "falso", "onwaar"}
+"""What spreadsheets make of true and false when they save a table."""
+
+
 def read_rows(path: str | Path) -> Rows:
     """Read a CSV file with a header line; a line that starts with # is a comment.
 
+    Cells may be separated by commas, semicolons or tabs (also stated by a first line `sep=;`); unless by
+    commas, numbers may have a decimal comma.
     `NAME.json` beside it, as `export_answers` writes it, gives the order of a column's values (`Levels`).
     Raises DataError: no file, no text in UTF-8, no line of data, a line with too many or too few cells.
     """
@@ -105,9 +138,12 @@ def _rows(name: str, lines: Iterable[str]) -> Rows:
     kept = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if not kept:
         raise DataError(f"{name} is empty: the first line names the columns, each further line is one row.")
+    stated = re.fullmatch(r'"?sep=([,;\t])"?', kept[0][1].rstrip(" \r"), re.IGNORECASE)
+    if stated and len(kept) > 1:
+        del kept[0]
     header = kept[0][1]
     # A spreadsheet in a country with a decimal comma separates the cells of a CSV by semicolons.
-    separator = max(",;\t", key=header.count)
+    separator = stated[1] if stated else max(",;\t", key=header.count)
     columns = tuple(cell.strip() for cell in next(csv.reader([header], delimiter=separator)))
     if len(set(columns)) < len(columns) or "" in columns:
         raise DataError(f"{name}: the first line must name each column once, and is {header.strip()!r}.")
@@ -122,4 +158,4 @@ def _rows(name: str, lines: Iterable[str]) -> Rows:
         rows.append((number, {column: cell.strip() for column, cell in zip(columns, cells, strict=True)}))
     if not rows:
         raise DataError(f"{name} has no line below its header.")
-    return Rows(name, columns, tuple(rows))
+    return Rows(name, columns, tuple(rows), decimal_commas=separator != ",")

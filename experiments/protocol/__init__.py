@@ -1,5 +1,6 @@
 """Experiments as files, and what comes next in a session."""
 
+from haploop.experiments.protocol.design import Balance, balance_of
 from haploop.experiments.protocol.experiment_file import (
     Experiment,
     ExperimentFile,
@@ -22,10 +23,12 @@ from haploop.experiments.protocol.steps import (
 __all__ = [
     "Answer",
     "Assignment",
+    "Balance",
     "Course",
     "Experiment",
     "ExperimentFile",
     "Step",
+    "balance_of",
     "digital_button",
     "example_names",
     "group_of_slot",

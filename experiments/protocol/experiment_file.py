@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from dataclasses import dataclass
 from importlib import resources
@@ -149,6 +150,7 @@ class ExperimentFile(_Section):
         for name in names:
             if name in _RESERVED:
                 raise ValueError(f"a factor cannot be called {name!r}, because a column of the results is")
+        self._square_is_even()
         self._question_fits()
         self._buttons_fit()
         for block in self.block:
@@ -161,6 +163,28 @@ class ExperimentFile(_Section):
         if not any(block.kind == "trials" for block in self.block):
             raise ValueError("there is no block with trials")
         return self
+
+    def _square_is_even(self) -> None:
+        """Each level as often in each session and, over several sessions, for each participant."""
+        for factor in self.session_factors:
+            count = len(factor.levels)
+            if len(self.groups) % count or (self.sessions > 1 and self.sessions % count):
+                raise ValueError(
+                    f"the factor {factor.name!r} varies by session and has {count} levels, which "
+                    f"groups = {len(self.groups)} and sessions = {self.sessions} cannot balance: the "
+                    f"number of groups must be a multiple of {count}, and that of several sessions too"
+                )
+        cells = [
+            tuple(factor.levels[(row + session) % len(factor.levels)] for factor in self.session_factors)
+            for row in range(len(self.groups))
+            for session in range(self.sessions)
+        ]
+        if len(set(cells)) < math.prod(len(factor.levels) for factor in self.session_factors):
+            names = ", ".join(repr(factor.name) for factor in self.session_factors)
+            raise ValueError(
+                f"the factors {names} vary by session, and change together, so that their effects cannot be "
+                "told apart: let one vary by trial, or make an experiment for each"
+            )
 
     def _question_fits(self) -> None:
         match self.kind:

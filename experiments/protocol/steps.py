@@ -7,6 +7,7 @@ and its log suffices to repeat every decision.
 from __future__ import annotations
 
 import itertools
+import math
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +24,7 @@ __all__ = [
     "Assignment",
     "Course",
     "Step",
+    "counterbalanced_count",
     "digital_button",
     "group_of_slot",
     "played_by_rig",
@@ -173,9 +175,7 @@ def valid(step: Step, answer: Any) -> Answer:
 def _steps(file: ExperimentFile, block: Block, index: int, assignment: Assignment) -> tuple[Step, ...]:
     match block.kind:
         case "presses":
-            names = file.trial_factors[-1].levels if file.trial_factors else ()
-            if file.kind == "identification":
-                names = file.levels_of(file.question.identify, "trial")
+            names = _pressed(file)
             order = _order(file, block, index, assignment, len(names))
             factor = file.question.identify or (file.trial_factors[-1].name if names else "")
             stimuli = [{factor: names[place]} for place in order]
@@ -194,6 +194,24 @@ def _steps(file: ExperimentFile, block: Block, index: int, assignment: Assignmen
             )
         case "trials":
             return tuple(_trials(file, block, index, assignment))
+
+
+def counterbalanced_count(file: ExperimentFile, block: Block) -> int:
+    """Number of things that a block presents in a counterbalanced order; 0 without such an order."""
+    if block.order != "counterbalanced" or block.kind == "finger":
+        return 0
+    if block.kind == "presses":
+        return len(_pressed(file))
+    count = math.prod(len(factor.levels) for factor in file.trial_factors)
+    levels = file.comparison.levels if file.kind == "two-interval" and file.comparison else ()
+    return count * max(1, len(levels))
+
+
+def _pressed(file: ExperimentFile) -> tuple[str, ...]:
+    """Names of the physical buttons of a block of presses."""
+    if file.kind == "identification":
+        return file.levels_of(file.question.identify, "trial")
+    return file.trial_factors[-1].levels if file.trial_factors else ()
 
 
 def _trials(file: ExperimentFile, block: Block, index: int, assignment: Assignment) -> list[Step]:

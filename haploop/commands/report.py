@@ -26,9 +26,9 @@ def report(paths: Sequence[Path], out: Path, pdf: bool, as_json: bool) -> int:
     """Write a report with verdicts, figures and captions.
 
     PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, the
-    folder of a vibration map, a study (its study.toml or its folder), or a table of `haploop experiment
-    export` (CSV). OUT is one HTML file that needs no
-    other file; the folder OUT-figures beside it holds each figure as PDF and SVG.
+    folder of a vibration map, a study (its study.toml or its folder), a folder of such files, or a table of
+    `haploop experiment export` (CSV). OUT is one HTML file that needs no other file; the folder OUT-figures
+    beside it holds each figure as PDF and SVG.
     """
     if out.suffix.lower() not in (".html", ".htm"):
         raise haploop.ConfigurationError(f"{out} has the wrong file type: use a name that ends with .html.")

@@ -97,8 +97,8 @@ _CAPTION_WORDS = 118
 """Characters on a line of a caption."""
 
 
-def on_page(figure: Figure, title: str, caption: str) -> Figure:
-    """Put a figure onto an A4 page, with its title above and its caption below."""
+def on_page(figure: Figure, title: str, caption: str, simulated: bool = False) -> Figure:
+    """Put a figure onto an A4 page, with its title above, and below it its caption, and what is simulated."""
     width, height = _PAGE
     lines = textwrap.wrap(caption, _CAPTION_WORDS, break_on_hyphens=False)
     room = height - 2 * _MARGIN - _TITLE - 0.3 - 0.15 * len(lines)
@@ -111,6 +111,9 @@ def on_page(figure: Figure, title: str, caption: str) -> Figure:
         engine.set(rect=(_MARGIN / width, bottom / height, across / width, own / height))  # type: ignore[call-arg]
     with style():
         _line(figure, height - _MARGIN, title, 10, "bold")
+        if simulated:
+            x, y = (_MARGIN + across) / width, bottom / height
+            figure.text(x, y, "simulated", ha="right", va="top", fontsize=7, color=SOFT)
         for number, line in enumerate(lines):
             _line(figure, bottom - 0.15 - 0.15 * number, line, 8)
     return figure

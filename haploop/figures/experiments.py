@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,6 +12,15 @@ from haploop.experiments import Confusion, Identification, Ratings
 from haploop.figures.plotting import INK, Columns, colour, hatch, legend_under, letter, panels, style
 
 __all__ = ["confusion_figure", "ratings_figure"]
+
+_PAIR_SIZE, _CLASS_SIZE = 6.5, 8.0
+"""Sizes of labels (points)."""
+_WIDE = 0.6
+"""Width of a character over its size, on the safe side."""
+_ROOM = {1: 200.0, 2: 450.0}
+"""Width of one panel across a figure of so many columns (points)."""
+_MATRIX = 160.0
+"""Width of a confusion matrix (points), however many columns wide the figure is."""
 
 
 def confusion_figure(result: Identification, columns: Columns = 2) -> Figure:
@@ -34,7 +44,8 @@ def confusion_figure(result: Identification, columns: Columns = 2) -> Figure:
                 text = f"{value:.0f}" if presented[row, 0] else "-"
                 axes.text(place, row, text, ha="center", va="center", color="white" if value > 60 else INK)
             places = range(len(confusion.classes))
-            axes.set_xticks(places, confusion.classes)
+            turned = _turned(confusion.classes, _CLASS_SIZE, _MATRIX)
+            axes.set_xticks(places, confusion.classes, rotation=90 if turned else 0)
             axes.set_yticks(places, confusion.classes)
             axes.set_xlabel("Answered")
             axes.set_ylabel("Presented (%)")
@@ -47,6 +58,8 @@ def ratings_figure(result: Ratings, columns: Columns = 2) -> Figure:
     first, second = result.levels
     places = np.arange(len(result.pairs))
     width = 0.8 / len(first)
+    names = [pair.pair.replace("-", "-\n", 1) for pair in result.pairs]
+    turned = _turned(names, _PAIR_SIZE, _ROOM[columns])
     with style():
         figure, grid = panels(len(second), 1, 2.2, columns)
         for panel, axes in enumerate(grid[:, 0]):
@@ -64,9 +77,17 @@ def ratings_figure(result: Ratings, columns: Columns = 2) -> Figure:
                     capsize=2,
                     error_kw={"linewidth": 0.8},
                 )
-            axes.set_xticks(places, [pair.pair.replace("-", "-\n", 1) for pair in result.pairs])
-            axes.tick_params(axis="x", labelsize=6.5)
+            axes.set_xticks(places, names, rotation=90 if turned else 0)
+            # Turned labels are high: below the last panel they serve all.
+            below = not turned or panel == len(second) - 1
+            axes.tick_params(axis="x", labelsize=_PAIR_SIZE, labelbottom=below)
             axes.set_ylabel("Normalised rating" if result.normalised else "Rating")
             letter(axes, panel, second[panel].capitalize(), 1 if panel == 0 else 0)
         legend_under(grid[0, 0], len(first))
         return figure
+
+
+def _turned(names: Sequence[str], size: float, room: float) -> bool:
+    """Whether labels side by side (`size` points) would not fit into `room` points."""
+    longest = max(len(line) for name in names for line in name.split("\n"))
+    return _WIDE * size * (longest + 1) * len(names) > room

@@ -54,6 +54,8 @@ __all__ = [
 ]
 
 
+_TITLE = 48
+"""Characters of a title that fit above a panel one column wide."""
 _NAMES = 40
 """Most characters of names side by side below a panel."""
 
@@ -161,7 +163,10 @@ def drives(
             axes.set_xlim(0, 1e3 * end)
             axes.set_ylabel("Voltage (V)")
             peak_to_peak = float(np.ptp(drive.volts))
-            title = f"{drive.button.capitalize()}, patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
+            told = f", patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
+            name = drive.button.capitalize()
+            room = _TITLE * columns - len(told)
+            title = (name if len(name) <= room else f"{name[: room - 1]}…") + told
             letter(axes, row, title, legend_rows=1 if limits and row == 0 else 0)
             if row:
                 axes.sharey(grid[0, 0])
@@ -276,7 +281,9 @@ def _together(axes: Axes, everyone: Mapping[str, FloatArray], truth: Mapping[str
         if button in truth:
             axes.plot([index - 0.3, index + 0.3], [truth[button]] * 2, color=INK, linewidth=0.8, label=label)
             label = ""
-    axes.set_ylim(bottom=0)
+    # From zero, and with room above: presses that agree would lie on the frame.
+    highest = max((float(np.max(values)) for values in everyone.values() if len(values)), default=1.0)
+    axes.set_ylim(0, 1.1 * max(highest, *truth.values(), 1e-3))
     if truth:
         legend_under(axes, 1)
 

@@ -15,6 +15,7 @@ from haploop.report.drawings import Drawing, drawings
 from haploop.report.html import CaptionedFigure, render
 from haploop.report.pages import pdf_pages
 from haploop.report.sections import Section, Verdict, section
+from haploop.show import files_of
 
 __all__ = ["Report", "write_report"]
 
@@ -37,6 +38,7 @@ def write_report(
 ) -> Report:
     """Write a report of recordings, studies, calibrations, maps, buttons and answers into new files.
 
+    Of a folder that is neither a study nor a map, every file in it is read.
     `out` (HTML) holds facts, verdicts and figures, and needs no other file. Beside it, the folder
     `<out>-figures` holds each figure as PDF and SVG, and with `pdf` the file `<out>.pdf` the whole report.
     The same data give the same bytes. All files are readable by their owner only.
@@ -49,11 +51,12 @@ def write_report(
     for path in (out, folder, *((printed,) if pdf else ())):
         check_destination(path)
     sections: list[Section] = []
-    for number, path in enumerate(paths):
-        progress("Read the data", number, len(paths), "files")
-        read = answers_section if Path(path).suffix.lower() == ".csv" else section
-        sections.append(read(Path(path)))
-    progress("Read the data", len(paths), len(paths), "files")
+    files = [file for path in paths for file in files_of(Path(path))]
+    for number, path in enumerate(files):
+        progress("Read the data", number, len(files), "files")
+        read = answers_section if path.suffix.lower() == ".csv" else section
+        sections.append(read(path))
+    progress("Read the data", len(files), len(files), "files")
     planned = list(drawings(sections))
     captioned: list[CaptionedFigure] = []
     written: list[Path] = []

@@ -30,7 +30,7 @@ def _pages(summary: Mapping[str, Any], planned: Sequence[Drawing]) -> Iterator[F
     for first in range(0, len(lines), _LINES):
         yield text_page(lines[first : first + _LINES])
     for number, one in enumerate(planned, 1):
-        yield on_page(one.draw(), f"Figure {number}. {one.title}.", one.caption)
+        yield on_page(one.draw(), f"Figure {number}. {one.title}.", one.caption, one.simulated)
 
 
 def _text(summary: Mapping[str, Any]) -> Iterator[tuple[str, bool]]:

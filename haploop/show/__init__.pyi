@@ -13,6 +13,7 @@ from .file import FileContents as FileContents
 from .file import contents_of as contents_of
 from .file import file_contents as file_contents
 from .file import show_file as show_file
+from .folders import files_of as files_of
 from .forces import Forces as Forces
 from .forces import forces_in as forces_in
 from .forces import show_forces as show_forces

@@ -125,19 +125,24 @@ def show_thresholds(
                 "width": one.width,
                 "lapse": one.lapse,
                 "trials": one.trials,
+                "standard": one.standard,
+                "difference": one.difference,
             }
             for one in found
         ]
         print_json({"simulated": simulated, "thresholds": values})
         return
     title = "Thresholds (75 % right, but for lapses)"
-    table = _table(title, *columns, "Threshold", "95 %", "Width", "Lapse", "Trials")
+    table = _table(title, *columns, "Threshold", "95 %", "Difference", "Width", "Lapse", "Trials")
     for one in found:
         low, high = one.interval
         edges = f"{low:.4g} to {high:.4g}"
-        numbers = (f"{one.threshold:.4g}", edges, f"{one.width:.3g}", f"{one.lapse:.3f}")
+        difference = "-" if one.difference is None else f"{one.difference:.4g}"
+        numbers = (f"{one.threshold:.4g}", edges, difference, f"{one.width:.3g}", f"{one.lapse:.3f}")
         table.add_row(*one.who, *numbers, str(one.trials))
     print_table(table)
+    if any(one.standard is not None for one in found):
+        print_line("Difference: from the standard to the threshold, the just noticeable difference.")
     if simulated:
         print_line(ANSWERS_SIMULATED)
 

@@ -8,7 +8,7 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.experiments import Store, latency_of
+from haploop.experiments import Store, balance_of, latency_of
 from haploop.progress import print_json, print_line, print_table
 from haploop.show.formatting import ANSWERS_SIMULATED
 
@@ -19,6 +19,7 @@ def experiment_values(store: Store) -> dict[str, Any]:
     """Return each session that was begun, and each withdrawal, as JSON values. Raises DataError."""
     sessions = store.sessions()
     latencies = [e.values["latency"] for one in sessions for e in one.events if e.kind == "activation"]
+    slots = [int(head["slot"]) for head in store.heads().values()]
     return {
         "experiment": store.experiment.file.name,
         "folder": str(store.folder),
@@ -37,6 +38,7 @@ def experiment_values(store: Store) -> dict[str, Any]:
             }
             for one in sessions
         ],
+        "design": asdict(balance_of(store.experiment.file, slots)),
         "latency": asdict(latency_of(latencies)) if latencies else None,
         "withdrawn": [{"participant": one.participant, "time": one.time} for one in store.withdrawals()],
     }
@@ -59,6 +61,8 @@ def show_experiment(store: Store, as_json: bool) -> None:
     print_table(table)
     for gone in found["withdrawn"]:
         print_line(f"{gone['participant']} withdrew at {gone['time']}.")
+    if not found["design"]["balanced"]:
+        print_line(_unbalanced(found["design"]))
     if told := found["latency"]:
         over = "within" if told["worst"] <= told["budget"] else "beyond"
         print_line(
@@ -68,6 +72,16 @@ def show_experiment(store: Store, as_json: bool) -> None:
         )
     if found["simulated"]:
         print_line(ANSWERS_SIMULATED)
+
+
+def _unbalanced(design: dict[str, Any]) -> str:
+    people = sum(design["groups"].values())
+    several = ", ".join(f"{name} {count}" for name, count in design["groups"].items())
+    inside = f" ({several})" if len(design["groups"]) > 1 else ""
+    return (
+        f"The design is not balanced with {people} participant{'s' * (people != 1)}{inside}: groups are "
+        f"equally large, and each order is used equally often, at a multiple of {design['multiple_of']}."
+    )
 
 
 def _ms(seconds: float) -> str:

@@ -11,10 +11,11 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop import figures, outputs
-from haploop.acquisition import Recording, accepted_presses, load_study
+from haploop.acquisition import Recording, accepted_presses, hdf5, load_study
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.progress import SIMULATED, print_json, print_line, print_table
+from haploop.show.folders import files_of
 
 if TYPE_CHECKING:
     from haploop.figures import Columns
@@ -45,8 +46,8 @@ def forces_in(recordings: Sequence[Recording]) -> Forces:
 def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None, columns: Columns = 2) -> None:
     """Print and plot (the paper's figure 7) the force at activation by participant and button.
 
-    `paths` are recordings, or studies with all their recordings. Raises DataError when they hold no
-    accepted press, and ConfigurationError when `plot` cannot be written.
+    `paths` are recordings, folders of them, or studies with all their recordings. Raises DataError when they
+    hold no accepted press, and ConfigurationError when `plot` cannot be written.
     """
     if plot is not None:
         outputs.check_new_picture(plot)
@@ -92,11 +93,21 @@ def show_forces(paths: Sequence[Path], as_json: bool, plot: Path | None, columns
 
 
 def _recordings(path: Path) -> list[Recording]:
-    """Open a recording, or all recordings of a study."""
-    if not path.is_dir() and path.suffix != ".toml":
-        return [Recording.open(path)]
-    study = load_study(path)
-    return [recording for button in study.file.buttons for recording in study.recordings(button)]
+    """Open a recording, or all recordings of a study or in a folder."""
+    found: list[Recording] = []
+    for one in files_of(path):
+        if one.is_dir() or one.suffix == ".toml":
+            study = load_study(one)
+            found += (recording for button in study.file.buttons for recording in study.recordings(button))
+            continue
+        kind = hdf5.kind_of(one)
+        if kind != "recording":
+            raise DataError(
+                f"{one} holds a {kind}, and several files are shown together only when all are recordings: "
+                "show it alone, or name all of them to `haploop report`."
+            )
+        found.append(Recording.open(one))
+    return found
 
 
 def _summary(mine: FloatArray) -> dict[str, Any]:

@@ -42,6 +42,61 @@ class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
         return continuation(details._replace(timeout=_SILENCE), request)
 
 
+class _Version(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
+    """Asks for the driver's version once: nidaqmx asks in three calls for each task."""
+
+    def __init__(self) -> None:
+        self._known: dict[bytes, Any] = {}
+
+    def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+        if not str(details.method).endswith("/GetSystemInfoAttributeUInt32"):
+            return continuation(details, request)
+        key = request.SerializeToString()
+        if key not in self._known:
+            outcome = continuation(details, request)
+            if outcome.code() is not grpc.StatusCode.OK:
+                return outcome
+            self._known[key] = outcome
+        return self._known[key]
+
+
+class _Calls(grpc.Channel):  # type: ignore[misc]
+    """A channel that makes the callable of each method once: nidaqmx makes all 448 again for each task."""
+
+    def __init__(self, channel: grpc.Channel) -> None:
+        self._channel = channel
+        self._made: dict[str, Any] = {}
+
+    def unary_unary(self, method: str, *how: Any, **more: Any) -> Any:
+        if method not in self._made:
+            self._made[method] = self._channel.unary_unary(method, *how, **more)
+        return self._made[method]
+
+    def unary_stream(self, *how: Any, **more: Any) -> Any:
+        return self._channel.unary_stream(*how, **more)
+
+    def stream_unary(self, *how: Any, **more: Any) -> Any:
+        return self._channel.stream_unary(*how, **more)
+
+    def stream_stream(self, *how: Any, **more: Any) -> Any:
+        return self._channel.stream_stream(*how, **more)
+
+    def subscribe(self, *how: Any, **more: Any) -> None:
+        self._channel.subscribe(*how, **more)
+
+    def unsubscribe(self, *how: Any, **more: Any) -> None:
+        self._channel.unsubscribe(*how, **more)
+
+    def close(self) -> None:
+        self._channel.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
 class Sessions:
     """Makes tasks on the device server at the other end of `channel`, or here when it is None."""
 
@@ -56,7 +111,7 @@ class Sessions:
         plain = grpc.insecure_channel(
             server, options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
         )
-        channel = grpc.intercept_channel(plain, _Deadline())
+        channel = _Calls(grpc.intercept_channel(plain, _Version(), _Deadline()))
         try:
             grpc.channel_ready_future(plain).result(timeout=_CONNECT)
         except grpc.FutureTimeoutError:

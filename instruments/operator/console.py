@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from haploop.instruments.clock import Clock
 from haploop.instruments.errors import InstrumentError
-from haploop.instruments.operator.role import Operator, Request
+from haploop.instruments.operator.role import Consent, Operator, Request
 
 __all__ = ["Console"]
 
@@ -43,19 +43,29 @@ class Console(Operator):
         return "r" in _typed().strip().lower().split()
 
     def confirm(self, request: Request) -> bool:
-        """See `Operator.confirm`. Raises InstrumentError when standard input has ended."""
-        return _answer(request).strip().lower() in ("", "y", "yes")
+        """See `Operator.confirm`. Raises InstrumentError when standard input has ended.
+
+        Enter alone is yes, but for consent, which is asked until somebody says yes or no.
+        """
+        if not isinstance(request, Consent):
+            return _answer(request, "[Y/n]") in ("", *_YES)
+        while (answer := _answer(request, "[y/n]")) not in (*_YES, *_NO):
+            pass
+        return answer in _YES
 
 
-def _answer(request: Request) -> str:
+_YES, _NO = ("y", "yes"), ("n", "no")
+
+
+def _answer(request: Request, choice: str) -> str:
     if _in_notebook():
         # Standard input of a notebook's process is empty; `input` asks in the cell.
-        return input(f"{request} [Y/n] ")
-    print(_lines(f"{request} [Y/n]"), end=" ", file=sys.stderr, flush=True)
+        return input(f"{request} {choice} ").strip().lower()
+    print(_lines(f"{request} {choice}"), end=" ", file=sys.stderr, flush=True)
     answer = sys.stdin.readline()
     if not answer:
         raise InstrumentError(f"Nobody is at the console to answer: {request}")
-    return answer
+    return answer.strip().lower()
 
 
 def _in_notebook() -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
@@ -74,6 +75,24 @@ def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
     one = json.loads(result.stdout)["thresholds"][0]
     assert one["participant"] == "P01" and one["trials"] == 120
     assert one["interval"][0] < 0.667 < one["interval"][1] and 0.55 < one["threshold"] < 0.8
+    assert one["standard"] == 0.5 and one["difference"] == pytest.approx(one["threshold"] - 0.5)
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    for row in rows:
+        row.update(
+            {name: str(1 - float(row[name])) for name in ("first_value", "second_value", "comparison")}
+        )
+    below = table.with_name("below.csv")
+    with below.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    mirrored = json.loads(run("analyse", "thresholds", below, "--json").stdout)["thresholds"][0]
+    assert mirrored["threshold"] == pytest.approx(1 - one["threshold"], abs=0.02)
+    assert mirrored["difference"] == pytest.approx(one["difference"], abs=0.02)
+    _, *lines = below.read_text(encoding="utf-8").splitlines()
+    both = table.with_name("both.csv")
+    both.write_text("\n".join([*table.read_text(encoding="utf-8").splitlines(), *lines]), encoding="utf-8")
+    assert "on both sides of the standard, 0.5" in run("analyse", "thresholds", both).stderr
     short = table.with_name("short.csv")
     short.write_text("\n".join(table.read_text(encoding="utf-8").splitlines()[:15]), encoding="utf-8")
     assert "a threshold needs 20 trials" in run("analyse", "thresholds", short).stderr

@@ -109,3 +109,15 @@ def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch: pytest.Monke
     step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
     monkeypatch.setattr("sys.stdin", io.StringIO("nan\n51\n7.5\n"))
     assert _AtTerminal(None).answer(step) == {"soft": 7.5}
+
+
+def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
+    for people, said in ((3, True), (6, False)):
+        result = run(
+            "experiment", "simulate", "matching", "-n", people, "--session", 1, "--data", tmp_path / "a"
+        )
+        assert result.exit_code == 0, result.output
+        words = " ".join(result.stdout.split())
+        assert ("not balanced with 3 participants" in words and "at a multiple of 6." in words) is said
+    values = json.loads(run("experiment", "status", "matching", "--data", tmp_path / "a", "--json").stdout)
+    assert values["design"] == {"groups": {"I": 3, "II": 3}, "balanced": True, "multiple_of": 6}

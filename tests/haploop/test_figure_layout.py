@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
@@ -20,6 +21,7 @@ from haploop.acquisition import Recording, Representative, accepted_presses
 from haploop.calibration import Calibration, Check, VibrationMap, check_feeling, map_plan
 from haploop.calibration.response.modes import Modes, columns_of
 from haploop.console import server
+from haploop.experiments import load_experiment
 from haploop.figures.plotting import colour, legend_under, letter, new_figure, style
 from haploop.instruments import ConfigurationError, open_rig
 from haploop.show import forces_in
@@ -29,9 +31,11 @@ from tests.haploop.figure_checks import alike, drawn_texts, overlaps
 
 BUTTONS = ("latch", "toggle", "push")
 NAMES = (
-    "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives", "drive",
+    "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives",
+    "drive of a long name", "drive",
     "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button", "map",
-    "map of a row", "before and after", "responses", "ratings", "confusion", "trend",
+    "map of a row", "before and after", "responses", "ratings", "ratings of seven", "confusion",
+    "confusion of many", "trend",
 )  # fmt: skip
 Draw = Callable[..., Figure]
 
@@ -56,19 +60,19 @@ def vibration_map(points: range) -> VibrationMap:
     )  # fmt: skip
 
 
-def rated() -> Any:
+def rated(names: Sequence[str] = ("Rough-Smooth", "Unclear-Clear", "Weak-Strong")) -> Any:
     pairs = [
         SimpleNamespace(pair=name, mean=np.full((3, 2), 50.0), deviation=np.full((3, 2), 9.0))
-        for name in ("Rough-Smooth", "Unclear-Clear", "Weak-Strong")
+        for name in names
     ]
     return SimpleNamespace(
         levels=(("none", "given", "both"), ("latch", "push")), pairs=pairs, normalised=True
     )
 
 
-def confused() -> Any:
-    counts = np.array([[9, 1, 0], [2, 7, 1], [0, 3, 7]])
-    one = SimpleNamespace(counts=counts, classes=("latch", "toggle", "push"))
+def confused(classes: Sequence[str] = BUTTONS) -> Any:
+    counts = 1 + 9 * np.eye(len(classes), dtype=int)
+    one = SimpleNamespace(counts=counts, classes=tuple(classes))
     return SimpleNamespace(matrices={("I", "1"): one, ("II", "1"): one}, by=("group", "day"), pooled=one)
 
 
@@ -119,6 +123,9 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         "forces of twelve": lambda c: figures.activation_forces(twelve, {"latch": 7.0, "push": 4.0}, c),
         "forces of one": lambda c: figures.activation_forces({"a $x_1$": {"P01": np.array([7.0])}}, None, c),
         "drives": lambda c: figures.drives([check.drive for check in checks], (-50, 50), c),
+        "drive of a long name": lambda c: figures.drives(
+            [replace(checks[0].drive, button="the doorbell of the oldest house")], None, c
+        ),
         "drive": lambda c: figures.drives([checks[0].drive], None, c),
         "comparison": lambda c: figures.comparison(rows, c),
         "comparison of one": lambda c: figures.comparison(rows[:1], c),
@@ -132,7 +139,13 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         "before and after": lambda _: figures.before_and_after(by_name, {"latch": checks[0]}),
         "responses": lambda _: figures.responses([table], [table]),
         "ratings": lambda c: figures.ratings_figure(rated(), c),
+        "ratings of seven": lambda c: figures.ratings_figure(
+            rated(load_experiment("rating").file.pair_names), c
+        ),
         "confusion": lambda c: figures.confusion_figure(confused(), c),
+        "confusion of many": lambda c: figures.confusion_figure(
+            confused([f"a long name {k}" for k in range(6)]), c
+        ),
         "trend": trend_of_four,
     }
 
@@ -150,6 +163,12 @@ def test_no_text_overlaps_another_or_leaves_the_canvas(gallery: Mapping[str, Dra
 
 def test_every_figure_is_among_them(gallery: Mapping[str, Draw]) -> None:
     assert tuple(gallery) == NAMES
+
+
+def test_a_figure_on_a_page_is_marked_without_touching_its_caption(gallery: Mapping[str, Draw]) -> None:
+    page = figures.on_page(gallery["drive"](2), "Figure 1. A title.", 20 * "words of a caption ", True)
+    texts = drawn_texts(page)
+    assert overlaps(page, texts) == [] and "simulated" in [text for text, *_ in texts]
 
 
 def test_a_text_over_another_and_off_the_canvas_is_found() -> None:

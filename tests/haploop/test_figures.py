@@ -134,3 +134,11 @@ def test_a_report_is_the_same_when_it_is_made_again() -> None:
         return render(summary(), [CaptionedFigure(profiles([profile()]), "A press", "A caption.", True)])
 
     assert page() == page()
+
+
+def test_presses_that_agree_lie_within_the_panel_of_all_buttons() -> None:
+    values = np.array([7.48, 7.5, 7.55])
+    for force in (values, 1e-3 * values):
+        together = activation_forces({"latch": {"P01": force}}).axes[1]
+        low, high = together.get_ylim()
+        assert low == 0 and force.max() < 0.95 * high

@@ -91,5 +91,5 @@ def test_a_question_is_asked_below_the_cell(tmp_path: Path) -> None:
         client.stop_channels()
         manager.shutdown_kernel(now=True)
     assert reply["content"]["status"] == "ok", reply["content"]
-    assert asked == ["Has P01 read and signed the consent form? [Y/n] "]
+    assert asked == ["Has P01 read and signed the consent form? [y/n] "]
     assert "".join(said).strip() == "False"

@@ -77,6 +77,28 @@ def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
     assert shown["participant_columns"] == {"age": 20, "sex": "<b>f"}
     taken = run("report", study, "-o", tmp_path / "a.html")
     assert taken.exit_code == 2 and "exists" in taken.stderr
+    within = run("report", tmp_path / "recordings", "-o", tmp_path / "within.html")
+    assert within.exit_code == 0, within.output
+    assert (tmp_path / "within.html").read_bytes() == (tmp_path / "a.html").read_bytes()
+
+
+def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(
+    demo: Demo, run: Run, tmp_path: Path
+) -> None:
+    result = run("report", demo.folder / "presses", "-o", tmp_path / "presses.html", "--json")
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "presses.html").read_text(encoding="utf-8")
+    assert all(f"{name}.h5" in page for name in ("latch", "push", "toggle"))
+    assert "P01" in run("show", demo.folder / "recordings").stdout
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "experiment.toml").touch()
+    (tmp_path / "empty").mkdir()
+    for said, path in (("experiment export", "mine"), ("neither a study", "empty")):
+        for command in (("report", "-o", tmp_path / "x.html"), ("show",)):
+            refused = run(*command, tmp_path / path)
+            assert refused.exit_code == 2 and said in refused.stderr, refused.output
+    mixed = run("show", *sorted((demo.folder / "presses").glob("*.h5")))
+    assert mixed.exit_code == 2 and "holds a representative" in mixed.stderr
 
 
 def test_what_cannot_be_reported_is_one_sentence(run: Run, demo: Demo, tmp_path: Path) -> None:

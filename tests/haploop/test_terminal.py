@@ -134,7 +134,7 @@ def test_a_question_is_asked_in_a_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))  # type: ignore[arg-type]
     monkeypatch.setattr(builtins, "input", lambda prompt: asked.append(prompt) or "n")
     assert not operator.confirm(Consent("P01"))
-    assert asked == ["Has P01 read and signed the consent form? [Y/n] "]
+    assert asked == ["Has P01 read and signed the consent form? [y/n] "]
 
 
 def test_values_are_short_and_a_notebook_shows_a_picture(demo: Demo) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from haploop.experiments.analysis.confusion import METRICS, confusion_of, confusions_by
+from haploop.experiments.analysis.identification import analyse_identification
 from haploop.experiments.analysis.proportions import clustered_interval, wilson_interval
 from haploop.experiments.analysis.table import read_rows
 from haploop.instruments import DataError
@@ -123,6 +124,34 @@ def test_classes_are_in_the_order_that_the_sidecar_states(
 def test_a_semicolon_and_a_mark_of_order_are_read(tmp_path: Path) -> None:
     text = "\ufeffpresented;answered;count\nlatch;latch;3\n# a remark\nlatch;push;1\n"
     assert confusion_of(read_rows(written(tmp_path, text))).overall == 0.75
+
+
+def test_a_table_that_a_spreadsheet_with_decimal_commas_saved_is_read(tmp_path: Path) -> None:
+    text = "\ufeffsep=;\r\nvalue;correct;simulated\r\n1,5;WAHR;FALSCH\r\n2;FALSCH;FALSCH\r\n"
+    rows = read_rows(written(tmp_path, text))
+    assert rows.numbers("value") == [1.5, 2.0]
+    assert rows.truths("correct") == [True, False]
+    assert not rows.simulated
+    assert read_rows(written(tmp_path, text.replace("2;FALSCH;FALSCH", "2;FALSCH;WAHR"))).simulated
+    assert read_rows(written(tmp_path, "simulated,x\nTRUE,1\n")).simulated
+
+
+@pytest.mark.parametrize(
+    "text", ["value;x\n1.500;a\n2,5;a\n", 'value,x\n"1,5",a\n', "value;x\n1.500,5;a\n", "value;x\n1,2,3;a\n"]
+)
+def test_a_number_that_may_be_two_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(DataError, match="write all numbers with a decimal point"):
+        read_rows(written(tmp_path, text)).numbers("value")
+
+
+def test_what_is_not_defined_and_groups_that_differ_are_said(tmp_path: Path) -> None:
+    people = [f"P{k},{'I' if k < 4 else 'II'},1" for k in range(1, 6)]
+    lines = [f"{who},{p},{a}" for who in people for p, a in (("a", "a"), ("b", "a"), ("a", "a"), ("b", "a"))]
+    text = "\n".join(["participant,group,day,presented,answered", *lines])
+    result = analyse_identification(read_rows(written(tmp_path, text)))
+    notes = " ".join(result.notes)
+    assert "Not defined, group I, day 1: the precision of b, which was never answered." in notes
+    assert "The groups differ in size (I 3, II 2 participants)" in notes
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from haploop.experiments.protocol import (
     Course,
     Experiment,
     Step,
+    balance_of,
     example_names,
     group_of_slot,
     load_experiment,
@@ -68,6 +69,46 @@ def test_groups_are_random_and_balanced() -> None:
     assert Counter(groups) == {"I": 10, "II": 10}
     assert groups != ["I", "II"] * 10
     assert all(set(groups[n : n + 2]) == {"I", "II"} for n in range(0, 20, 2))
+
+
+def test_a_design_says_when_it_is_balanced() -> None:
+    """Two groups, and six orders of three buttons in familiarisation."""
+    file = load_experiment("matching").file
+    balanced = [n for n in range(14) if balance_of(file, range(n)).balanced]
+    assert balanced == [0, 6, 12]
+    seven = balance_of(file, range(7))
+    assert seven.multiple_of == 6 and sorted(seven.groups.values()) == [3, 4]
+    assert not balance_of(file, [0, 1, 2, 3, 4, 6]).balanced, "one place is empty, one order is used twice"
+    assert balance_of(load_experiment("rating").file, range(7)).balanced
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('groups = ["I", "II"]', 'groups = ["I", "II", "III"]'), "number of groups must be a multiple of 2"),
+        (('groups = ["I", "II"]', ""), "groups = 1 and sessions = 2 cannot balance"),
+        (("sessions = 2", "sessions = 3"), "groups = 2 and sessions = 3 cannot balance"),
+        (
+            ('[[factor]]\nname = "button"', '[[factor]]\nname = "noise"\nlevels = ["a", "b"]\n'
+             'varies = "session"\n[[factor]]\nname = "button"'),
+            "'confirmation', 'noise' vary by session, and change together",
+        ),
+    ],
+)  # fmt: skip
+def test_an_uneven_latin_square_is_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+    text = load_experiment("matching").path.read_text(encoding="utf-8")
+    assert change[0] in text
+    path = tmp_path / "experiment.toml"
+    path.write_text(text.replace(*change), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=said):
+        load_experiment(path)
+
+
+def test_a_factor_between_groups_needs_one_session_only(tmp_path: Path) -> None:
+    text = load_experiment("matching").path.read_text(encoding="utf-8")
+    path = tmp_path / "experiment.toml"
+    path.write_text(text.replace("sessions = 2", "sessions = 1"), encoding="utf-8")
+    assert load_experiment(path).file.sessions == 1
 
 
 def test_an_order_is_stored_by_its_seed() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+import grpc
 import nidaqmx
 import numpy as np
 import pytest
@@ -276,6 +278,29 @@ def test_opening_and_zeroing(server: NiServer, bench: Bench) -> None:
         daq.zero()
         daq.zero()
         assert server.output("Dev2/ao0") == 0
+
+
+def test_the_driver_s_version_is_asked_for_once_and_not_for_each_task(
+    server: NiServer, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """nidaqmx asks for each task, which makes a drive late that begins with a press."""
+    asked: Counter[str] = Counter()
+    connect = grpc.insecure_channel
+
+    class Asked(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
+        def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+            asked[details.method.rpartition("/")[2]] += 1
+            return continuation(details, request)
+
+    def watched(*where: Any, **how: Any) -> Any:
+        return grpc.intercept_channel(connect(*where, **how), Asked())
+
+    monkeypatch.setattr(grpc, "insecure_channel", watched)
+    with opened(server, bench) as daq:
+        daq.zero()
+        daq.zero()
+    assert asked["CreateTask"] >= 2
+    assert asked["GetSystemInfoAttributeUInt32"] <= 3, "three numbers, once each"
 
 
 def test_zero_while_a_waveform_plays(daq: NiDaq, server: NiServer) -> None:

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from haploop.instruments import Consent, InstrumentError, Press
+from haploop.instruments import Consent, InstrumentError, Press, Ready
 from haploop.instruments.clock import RealClock
 from haploop.instruments.operator.console import Console
 
@@ -23,8 +23,17 @@ def console() -> Console:
 )
 def test_an_answer(console: Console, monkeypatch, capsys, typed: str, answer: bool) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
+    assert console.confirm(Ready("P01", "latch", 10)) is answer
+    assert capsys.readouterr().err.endswith("Ready? [Y/n] ")
+
+
+@pytest.mark.parametrize(("typed", "answer", "times"), [("\n\nYes\n", True, 3), ("what?\nn\n", False, 2)])
+def test_consent_is_never_given_by_enter_alone(
+    console: Console, monkeypatch, capsys, typed: str, answer: bool, times: int
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
     assert console.confirm(Consent("P01")) is answer
-    assert capsys.readouterr().err == "Has P01 read and signed the consent form? [Y/n] "
+    assert capsys.readouterr().err == times * "Has P01 read and signed the consent form? [y/n] "
 
 
 def test_nobody_there(console: Console, monkeypatch) -> None:

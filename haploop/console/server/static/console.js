@@ -221,13 +221,14 @@ addEventListener("keydown", (event) => {
 let audio = null;
 for (const kind of ["pointerdown", "keydown"]) addEventListener(kind, () => { audio ??= new AudioContext(); audio.resume(); }, { capture: true });
 const tones = { now: [[880, 0, 0.12]], good: [[660, 0, 0.09], [990, 0.1, 0.14]], bad: [[220, 0, 0.16], [180, 0.18, 0.28]] };
-export const sounds = [];
+// One behind the other: a verdict and the next "press now" often come with one state.
+let quietAt = 0;
 export function sound(kind) {
-  sounds.push(kind);
-  document.body.dataset.sound = kind;
+  document.body.dataset.sounds = `${document.body.dataset.sounds || ""} ${kind}`.split(" ").slice(-20).join(" ").trim();
   if (!audio || localStorage.getItem("haploop-sounds") === "off") return;
+  const first = Math.max(audio.currentTime, quietAt);
   for (const [frequency, begin, length] of tones[kind]) {
-    const tone = audio.createOscillator(), volume = audio.createGain(), at = audio.currentTime + begin;
+    const tone = audio.createOscillator(), volume = audio.createGain(), at = first + begin;
     tone.frequency.value = frequency;
     volume.gain.setValueAtTime(0, at);
     volume.gain.linearRampToValueAtTime(0.25, at + 0.01);
@@ -235,6 +236,7 @@ export function sound(kind) {
     tone.connect(volume).connect(audio.destination);
     tone.start(at);
     tone.stop(at + length);
+    quietAt = at + length + 0.1;
   }
 }
 

@@ -19,9 +19,11 @@ async function show(anew) {
   const name = $("experiment").value;
   if (!name) return;
   let found;
-  try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { say(error.message, "error"); return; }
+  try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { $("about").textContent = ""; fill($("entries")); say(error.message, "error"); return; }
   if (!found) return;
-  $("about").textContent = `${found.title} (groups: ${found.groups.join(", ")}; days: ${found.days})`;
+  const { groups, balanced, multiple_of } = found.design;
+  const sizes = Object.entries(groups).map(([name, count]) => `${name} ${count}`).join(", ");
+  $("about").textContent = `${found.title} (days: ${found.days}; participants so far: ${sizes}${balanced ? "" : `, not balanced: that is at a multiple of ${multiple_of}`})`;
   $("surface").classList.toggle("hidden", !found.buttons.length);
   $("consent-label").classList.toggle("hidden", !found.consent);
   if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));

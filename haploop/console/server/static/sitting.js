@@ -1,14 +1,15 @@
 // A sitting at the table, the same on the pages Record and Study: prompt, keys, verdicts, last press, scope.
-import { $, busy, command, el, fill, key, newest, on, remembered, sound, state } from "./console.js";
+import { $, busy, command, el, fill, key, newest, on, remembered, say, sound, state } from "./console.js";
 import { colours, legend, line, plot } from "./plots.js";
 import { frames, received } from "./scope.js";
 
 export function sitting(place) {
-  const button = (id, text, shortcut, action, main) => {
+  const button = (id, text, shortcut, action, main, typed = action) => {
     const made = el("button", { id, type: "button", class: main ? "main" : "", "aria-keyshortcuts": shortcut.toUpperCase(), onclick: action }, text, el("kbd", {}, shortcut));
-    key(shortcut, () => { if (!made.disabled && !made.closest(".hidden")) action(); });
+    key(shortcut, () => { if (!made.disabled && !made.closest(".hidden")) typed(); });
     return made;
   };
+  key("y", () => answer(true));
   const right = el("div", { class: "stack" },
     el("section", { "aria-labelledby": "prompt-title" },
       el("h2", { id: "prompt-title" }, "Now"),
@@ -16,7 +17,7 @@ export function sitting(place) {
       el("p", { class: "prompt waiting", id: "prompt", "aria-live": "assertive" }, "Nothing is being recorded."),
       el("p", { id: "last", class: "count" }, ""),
       el("div", { class: "row" },
-        button("next", "Next / yes", "n", next, true), button("no", "No", "x", () => answer(false)),
+        button("next", "Next / yes", "n", next, true, nextTyped), button("no", "No", "x", () => answer(false)),
         button("reject", "Reject and redo", "r", reject), button("pause", "Pause", "p", pause), button("noting", "Note", "t", () => $("note").focus()),
         button("finger", "Let the simulated finger press", "f", () => command("press"))),
       el("form", { class: "row beside", id: "note-form" }, el("label", { for: "note" }, "Note (Enter writes it into the recording)"), el("input", { id: "note", maxlength: "180", autocomplete: "off" })),
@@ -36,7 +37,7 @@ export function sitting(place) {
       el("label", { class: "check" }, el("input", { type: "checkbox", id: "step" }), "Wait for Next before each press"),
       el("label", { class: "check", id: "auto-label" }, el("input", { type: "checkbox", id: "auto" }), "The simulated person presses by itself"),
       el("label", { class: "check" }, el("input", { type: "checkbox", id: "sounds" }), "Sounds"),
-      el("label", { class: "check" }, el("input", { type: "checkbox", id: "keys" }), "Single-letter keys (n x r p t f)"),
+      el("label", { class: "check" }, el("input", { type: "checkbox", id: "keys" }), "Single-letter keys (n y x r p t f)"),
       el("p", { class: "row" }, el("a", { id: "participant", href: "#", target: "_blank" }, "Open the participant's page"))),
     el("section", {}, el("h2", {}, "Presses"), el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Verdicts on the presses" },
       el("table", {}, el("thead", {}, el("tr", {}, ...["Press", "Try", "N", "Verdict"].map((name) => el("th", { scope: "col" }, name)))), el("tbody", { id: "verdicts" })))));
@@ -58,6 +59,11 @@ const answer = (yes) => state.request && state.request.asks && command("answer",
 function next() {
   if (state.request && state.request.asks) return answer(true);
   return state.paused ? command("pause", { on: false }) : null;
+}
+// The n of a hurried "next", or of a "no", is no consent.
+function nextTyped() {
+  if (state.request && state.request.asks && state.request.kind === "Consent") return say("Consent is asked for: press y for yes or x for no, or click.", "info");
+  return next();
 }
 const pause = () => command("pause", { on: !state.paused });
 function reject() {
@@ -93,7 +99,7 @@ function draw(now) {
   if (heard === null) { heard = request ? request.number : 0; pressed = last ? `${last.number} ${last.attempt} ${last.accepted}` : ""; }
   const mark = last ? `${last.number} ${last.attempt} ${last.accepted}` : "";
   if (mark && mark !== pressed) sound(last.accepted ? "good" : "bad");
-  else if (request && request.number !== heard && request.kind === "Press" && !now.paused) sound("now");
+  if (request && request.number !== heard && request.kind === "Press" && !now.paused) sound("now");
   if (request) heard = request.number;
   const path = now.run && now.run.doing === "record" ? now.run.about : file;
   // Once more at the end: what came behind the last press is on the disk too.

@@ -45,7 +45,7 @@ def a_study(page: Any) -> None:
     page.get_by_role("button", name="Record what is due").click()
     for asked in ("read and signed", "Ready?"):
         expect(page.locator("#prompt")).to_contain_text(asked, timeout=WAIT)
-        page.keyboard.press("n")
+        page.keyboard.press("y")
 
 
 def a_calibration(page: Any) -> None:
