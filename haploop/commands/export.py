@@ -58,7 +58,14 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 @click.command("import")
 @click.argument("file", type=PATH)
 @click.option("--out", "-o", required=True, type=PATH, metavar="FILE.h5", help="File to write.")
-@click.option("--button", default="imported", show_default=True, help="Name of the button that was pressed.")
+@click.option(
+    "--from",
+    "format",
+    type=click.Choice(("wav", "csv", "mat", "uff", "sep005")),
+    help="Format of FILE.  [default: as its name ends]",
+    metavar="FORMAT",
+)
+@click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
 @click.option("--channel", help="Name of the vertical acceleration.  [default: the only one]")
 @click.option(
     "--scale", type=float, metavar="NUMBER", help="m/s^2 per unit of the file.  [default: as the file states]"
@@ -85,7 +92,8 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 def import_(
     file: Path,
     out: Path,
-    button: str,
+    format: str | None,
+    button: str | None,
     channel: str | None,
     scale: float | None,
     rate: float | None,
@@ -97,18 +105,24 @@ def import_(
 ) -> int:
     """Import a press, or a response, that another program measured.
 
-    A signal (.wav, .csv, .mat, .uff, .unv, or SEP-005 as .json) becomes a representative press, which
-    `haploop button make` turns into a digital button. Responses (.uff with frequency response functions, for
-    example the export of a scanning vibrometer) become a calibration of --rig; --patch and --point select
-    one of several.
+    A signal (.wav, .csv, .mat, .uff, .unv, or SEP-005 as .sep005 or .json) becomes a representative press,
+    which `haploop button make` turns into a digital button. Responses (.uff with frequency response
+    functions, for example the export of a scanning vibrometer) become a calibration of --rig; --patch and
+    --point select one of several.
     """
     outputs.check_new_file(out)
-    if haploop.is_response_file(file):
+    if haploop.is_response_file(file, format):
         response = haploop.import_response(file, haploop.load_rig_file(rig), patch, point)
         haploop.Calibration.of(response).save(out)
     else:
         haploop.import_press(
-            file, button, channel=channel, scale=scale, rate_hz=rate, activation=activation
+            file,
+            button,
+            format=format,
+            channel=channel,
+            scale=scale,
+            rate_hz=rate,
+            activation=activation,
         ).save(out)
     display.show_file(out, as_json)
     return 0

@@ -73,6 +73,8 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
         if not name.startswith("__") and isinstance(value, np.ndarray) and value.ndim == 1
         and value.dtype.kind in "iufb"
     }  # fmt: skip
+    if "frequency" in vectors:
+        raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
     longest = max((len(v) for v in vectors.values()), default=0)
     vectors = {name: v for name, v in vectors.items() if len(v) == longest > 1}
     times = [vectors.pop(name) for name in _TIMES if name in vectors]
