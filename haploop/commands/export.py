@@ -23,7 +23,9 @@ _FORMATS = (
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@click.option("--to", "format", required=True, type=click.Choice(_FORMATS), help="Format.", metavar="FORMAT")
+@click.option(
+    "--to", "format", required=True, type=click.Choice(_FORMATS), help="Format, see above.", metavar="FORMAT"
+)
 @click.option("--out", "-o", required=True, type=PATH, metavar="PATH", help="File to write.")
 @JSON
 def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
@@ -62,7 +64,7 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
     "--from",
     "format",
     type=click.Choice(("wav", "csv", "mat", "uff", "sep005")),
-    help="Format of FILE.  [default: as its name ends]",
+    help="Format of FILE: wav, csv, mat, uff or sep005.  [default: as its name ends]",
     metavar="FORMAT",
 )
 @click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
@@ -72,15 +74,16 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 )
 @click.option(
     "--rate",
-    type=FiniteRange(1, 1e9),
+    type=FiniteRange(min=1),
     metavar="HZ",
     help="Sample rate of the file.  [default: as the file states]",
 )
 @click.option(
     "--activation",
-    type=FiniteRange(0, 1e6),
+    type=FiniteRange(min=0),
     metavar="SECONDS",
-    help="When the button switched.  [default: as the file states, or at the largest acceleration]",
+    help="When the button switched.  [default: as the file states, where its channel activation rises, or at "
+    "the largest acceleration]",
 )
 @click.option("--patch", help="Response: patch that was driven.  [default: as the file states]")
 @click.option(
