@@ -55,7 +55,7 @@ EXAMPLES = {
     "twin ni": "haploop twin ni --rig haptable",
     "twin ofv": "haploop twin ofv --rig bench",
     "twin scpi": "haploop twin scpi --rig bench",
-    "twin serial": "haploop twin serial --rig bench",
+    "twin serial": "haploop twin serial --rig lab.toml",
     "twin yocto": "haploop twin yocto --rig haptable",
     "verify": "haploop verify recordings/*.h5 calibration.h5",
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,9 +165,9 @@ def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
             due, number = due + _EVERY, number + 1
 
 
-def _command(kind: str, help_text: str) -> None:
+def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
     @twin.command(kind, help=help_text)
-    @_rig
+    @rig
     @_as_json
     def serve(rig: str, as_json: bool) -> None:
         _serve(kind, rig, as_json)
@@ -187,6 +187,16 @@ def serve_all(rig: str, press: str | None, as_json: bool) -> None:
 
 
 _command("yocto", "Serve a Yoctopuce hub with a relay box over HTTP.")
-_command("serial", "Serve a relay board on a serial line.")
+_command(
+    "serial",
+    "Serve a relay board on a serial line.",
+    click.option(
+        "--rig",
+        "-r",
+        required=True,
+        metavar="FILE",
+        help='Rig file whose [relay] has driver = "serial-relay".',
+    ),
+)
 _command("ofv", "Serve an OFV-5000 vibrometer on a serial line.")
 _command("scpi", "Serve a function generator on a SCPI socket.")
