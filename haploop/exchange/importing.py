@@ -39,6 +39,8 @@ _ACCELERATIONS = {
 }  # fmt: skip
 """m/s^2 per unit."""
 _LONGEST = Window().longest
+_MOST = 1e6
+"""m/s^2: ten times what the hardest shock sensors take."""
 _BOUNCE = 0.01
 """s: a contact that closes again within this time bounced."""
 _SLOWEST, _FASTEST = 100.0, 1e8
@@ -80,6 +82,8 @@ def import_press(
     read = READERS[_format(path, format)]
     if not path.is_file():
         raise DataError(f"There is no file {path}: check the name.")
+    if scale is not None and not (np.isfinite(scale) and scale):
+        raise ConfigurationError(f"--scale is {scale:g}: state how many m/s^2 one unit of {path.name} is.")
     signals = read(path, rate_hz)
     if button is None:
         button = str(signals.about.get("button", "imported"))
@@ -93,6 +97,11 @@ def import_press(
     values = _per_unit(path, taken, scale) * taken.values
     if not np.all(np.isfinite(values)) or not np.ptp(values):
         raise DataError(f"The channel {taken.name!r} of {path} is constant, or not finite.")
+    if (largest := float(np.abs(values).max())) > _MOST:
+        raise ConfigurationError(
+            f"The channel {taken.name!r} of {path} would reach {largest:g} m/s^2: look at its unit, or at "
+            "--scale."
+        )
     cut, switched, after = _window(path, signals, values, activation)
     acceleration = _taper(high_pass(_resampled(values[cut], signals.rate_hz), RATE_HZ))
     length = len(acceleration)
@@ -138,6 +147,8 @@ def import_response(
 
 
 def _format(path: Path, format: str | None) -> str:
+    if path.is_dir():
+        raise ConfigurationError(f"{path} is a folder: name a file in it.")
     found = _SUFFIXES.get(path.suffix.lower()) if format is None else format
     if found not in READERS:
         problem = (

@@ -260,6 +260,20 @@ def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path: Path, beside: dict
         haploop.import_press(path, "b", scale=1.0)
 
 
+@pytest.mark.parametrize("scale", [0.0, np.nan, np.inf, 1e300])
+def test_a_scale_that_no_sensor_has_is_one_sentence(tmp_path: Path, run: Run, scale: float) -> None:
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.sin(np.arange(5000.0)), header="a", comments="")
+    result = run("import", path, "--rate", 5000, "--scale", scale, "--out", tmp_path / "out.h5")
+    assert result.exit_code == 2 and "--scale" in result.stderr and result.stderr.count("\n") == 1
+    assert not (tmp_path / "out.h5").exists()
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(haploop.ConfigurationError, match="is a folder"):
+        haploop.import_press(tmp_path)
+
+
 @pytest.mark.parametrize("rate_hz", [0.0, -5.0, 1e-9, 1e12, np.inf, np.nan])
 def test_a_rate_that_no_press_has_is_one_sentence(tmp_path: Path, rate_hz: float) -> None:
     path = tmp_path / "a.csv"
