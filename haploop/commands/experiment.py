@@ -30,7 +30,7 @@ DATA = click.option(
     "--data",
     "-d",
     type=PATH,
-    metavar="FOLDER",
+    metavar="DIR",
     help="Folder with the participants' answers.  [default: 'answers' beside the experiment's file]",
 )
 MODEL = click.option(
@@ -84,7 +84,7 @@ def new(folder: Path, example: str, buttons: Sequence[Path]) -> int:
 
 @experiment.command()
 @FILE
-@click.option("--participant", "-p", required=True, help="Pseudonym, such as P01.")
+@click.option("--participant", "-p", required=True, help="Pseudonym of the participant, for example P01.")
 @click.option("--session", type=click.IntRange(min=1), help="Session that is expected to be due.")
 @click.option("--simulated", is_flag=True, help="A simulated participant answers.")
 @MODEL
