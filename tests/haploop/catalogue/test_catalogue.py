@@ -210,6 +210,10 @@ def test_the_command(folder: Path, index: Path, run: Run, monkeypatch: pytest.Mo
     assert listed.exit_code == 0 and "4 files." in listed.stdout and "P01" in listed.stdout
     values = json.loads(run("list", "kind=check", "--in", folder, "--json").stdout)
     assert [entry["verdict"] for entry in values["files"]] == ["pass"]
+    monkeypatch.setattr("haploop.show.catalogue._MANY", 3)
+    plain = run("list", "--in", folder).stdout.splitlines()
+    assert len(plain) == 6 and plain[0].startswith("Kind") and "P01-push.h5" in plain[4]
+    assert plain[-1] == "4 files."
     refused = run("list", "colour=red", "--in", folder)
     assert refused.exit_code == 2 and "colour=red" in refused.stderr
     assert run("list", "--in", folder / "nowhere").exit_code == 2
