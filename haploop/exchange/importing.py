@@ -149,7 +149,7 @@ def import_response(
 def _format(path: Path, format: str | None) -> str:
     if path.is_dir():
         raise ConfigurationError(f"{path} is a folder: name a file in it.")
-    found = _SUFFIXES.get(path.suffix.lower()) if format is None else format
+    found = _SUFFIXES.get(path.suffix.lower(), "") if format is None else format
     if found not in READERS:
         problem = (
             f"has an unknown file type {path.suffix!r}" if format is None else f"cannot be read as {format!r}"
