@@ -29,3 +29,4 @@ from .session import open_part as open_part
 from .session import record as record
 from .session import run_study as run_study
 from .session import williams_row as williams_row
+from .session import with_presses as with_presses

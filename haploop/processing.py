@@ -40,6 +40,7 @@ from haploop.acquisition import (
     content_hash,
     open_part,
     representative,
+    with_presses,
 )
 from haploop.acquisition.json_files import read_json, write_json
 from haploop.exchange import COLUMNS, press_table, write_rows
@@ -218,7 +219,7 @@ def _work(study: str, paths: tuple[Path, ...], method: AverageMethod, rows: bool
     recordings = [open_part(path, study) for path in paths]
     table = [dict(row) for row in press_table("", recordings, {}).rows] if rows else []
     try:
-        return table, representative([one for one in recordings if one.accepted], method=method), ""
+        return table, representative(list(with_presses(recordings)), method=method), ""
     except (ConfigurationError, DataError) as error:
         return table, None, str(error)
 

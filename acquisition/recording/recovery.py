@@ -39,6 +39,8 @@ def recover(path: str | Path) -> Path:
     file's metadata are damaged.
     """
     path = Path(path)
+    if path.is_dir():
+        raise DataError(f"{path} is a folder: name a recording in it.")
     destination = path.with_name(f"{path.stem}.recovered.h5")
     if destination.exists():
         raise ConfigurationError(existing(destination))

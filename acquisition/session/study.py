@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -41,7 +41,7 @@ from haploop.instruments import (
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import hold
 
-__all__ = ["Study", "StudyProgress", "load_study", "open_part", "run_study"]
+__all__ = ["Study", "StudyProgress", "load_study", "open_part", "run_study", "with_presses"]
 
 CONSENT = "consent"
 """Kind of the event that states in each recording that consent was confirmed."""
@@ -58,10 +58,21 @@ class StudyProgress:
     recordings: tuple[Recording, ...]
     """One recording for each session, in order."""
 
-    @cached_property
+    @property
     def verdicts(self) -> tuple[PressVerdict, ...]:
         """Verdict on every attempt at every press."""
-        return tuple(press for recording in self.recordings for press in recording.verdicts)
+        return self._said[0]
+
+    @cached_property
+    def _said(self) -> tuple[tuple[PressVerdict, ...], bool]:
+        """Verdicts, and whether consent was confirmed. No recording keeps its samples in memory for them."""
+        verdicts: list[PressVerdict] = []
+        consented = False
+        for recording in self.recordings:
+            verdicts += recording.verdicts
+            consented |= any(event.kind == CONSENT for event in recording.events)
+            recording.forget()
+        return tuple(verdicts), consented
 
     @cached_property
     def accepted(self) -> tuple[int, ...]:
@@ -107,7 +118,7 @@ class StudyProgress:
     @property
     def consented(self) -> bool:
         """True when consent was confirmed in one of these sessions."""
-        return any(event.kind == CONSENT for recording in self.recordings for event in recording.events)
+        return self._said[1]
 
 
 class Study:
@@ -145,8 +156,7 @@ class Study:
         return tuple(
             recording
             for participant in self.file.participants
-            for recording in self.progress_of(participant, button).recordings
-            if recording.accepted
+            for recording in with_presses(self.progress_of(participant, button).recordings)
         )
 
     def representative(self, button: str, method: AverageMethod | None = None) -> Representative:
@@ -261,6 +271,18 @@ def open_part(path: Path, study: str) -> Recording:
             f"{header.participant}), not to {study!r}: move it away."
         )
     return recording
+
+
+def with_presses(recordings: Iterable[Recording]) -> Iterator[Recording]:
+    """Those that hold an accepted press; none keeps the samples in memory that were read to see that.
+
+    A study's hundred recordings would take gigabytes.
+    """
+    for recording in recordings:
+        accepted = recording.accepted
+        recording.forget()
+        if accepted:
+            yield recording
 
 
 def load_study(path: str | Path) -> Study:

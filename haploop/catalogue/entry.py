@@ -60,6 +60,9 @@ def entry_of(path: str) -> Entry | None:
         return _hdf5(found)
     except HaploopError as error:
         return Entry(path, "damaged", problem=" ".join(str(error).split()))
+    except FileNotFoundError:
+        said = "it has gone, is a link that leads nowhere, or has a name that is not UTF-8"
+        return Entry(path, "unreadable", problem=f"{path} cannot be read: {said}.")
     except OSError as error:
         return Entry(path, "unreadable", problem=f"{path} cannot be read: {error.strerror}.")
 
@@ -79,11 +82,11 @@ def _hdf5(path: Path) -> Entry | None:
         if "not written by this version of haploop" in str(error):
             return None
         raise
+    if kind == "recording":
+        return _recording(Recording.open(path))
     own = {"file": str(path), "kind": kind, "content_hash": content_hash(path)}
     entry = Entry(**own)
-    if kind == "recording":
-        entry = _recording(Recording.open(path))
-    elif kind == "representative":
+    if kind == "representative":
         press = Representative.load(path)
         entry = Entry(**own, button=press.button, simulated=_yes(press.simulated))
     elif kind == "calibration":
@@ -128,7 +131,9 @@ def _played(path: Path, own: dict[str, str]) -> Entry:
 
 def _recording(recording: Recording) -> Entry:
     header = recording.header
-    numbers = {press.number for press in recording.accepted}
+    # Samples would be unpacked for nothing: their bytes have a checksum.
+    verdicts, content = recording.outline()
+    numbers = {press.number for press in verdicts if press.accepted}
     return Entry(
         file=str(recording.path),
         kind="recording",
@@ -140,7 +145,7 @@ def _recording(recording: Recording) -> Entry:
         rig=recording.rig,
         simulated=_yes(recording.simulated),
         study=header.study,
-        content_hash=recording.content_hash,
+        content_hash=content,
     )
 
 

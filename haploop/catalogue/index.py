@@ -12,6 +12,7 @@ import json
 import multiprocessing
 import os
 import sqlite3
+import stat
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
@@ -139,7 +140,8 @@ def _look(folder: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     for inside, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        rejections = _mark(os.path.join(inside, _REJECTIONS)) if _REJECTIONS in names else ""  # noqa: PTH118
+        beside = os.path.join(inside, _REJECTIONS)  # noqa: PTH118
+        rejections = (_REJECTIONS in names and _mark(beside)) or ""
         is_map = "map.json" in names
         if is_map:
             folders.clear()
@@ -147,15 +149,21 @@ def _look(folder: Path) -> dict[str, str]:
         for name in ["map.json"] if is_map else names:
             if name in ("map.json", "study.toml") or (name.endswith(".h5") and not name.startswith(".")):
                 path = os.path.join(inside, name)  # noqa: PTH118
-                found[path] = _mark(path) + rejections
+                mark = _mark(path)
+                if mark is not None:
+                    # SQLite takes no name that is not UTF-8.
+                    found[path.encode(errors="backslashreplace").decode()] = mark + rejections
     return found
 
 
-def _mark(path: str) -> str:
+def _mark(path: str) -> str | None:
+    """Size and time; empty for what cannot be looked at, None for no file: a pipe would block."""
     try:
         status = os.stat(path)  # noqa: PTH116
     except OSError:
         return ""
+    if not stat.S_ISREG(status.st_mode):
+        return None
     return f"{status.st_size}:{status.st_mtime_ns};"
 
 

@@ -35,5 +35,6 @@ def condition(where: Sequence[str]) -> tuple[str, list[str]]:
         # `date<=2026-11` includes that month, as `date=2026-11*` does.
         column = f"substr({name}, 1, {len(value)})" if operator == "<=" else name
         terms.append(f"{column} {_SQL[operator]} ?")
-        values.append(value)
+        # A bracket is a bracket: GLOB would take it for a set of characters.
+        values.append(value.replace("[", "[[]") if operator in ("=", "!=") else value)
     return " AND ".join(terms), values

@@ -22,7 +22,7 @@ PLOT = click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a fi
 
 @click.group(no_args_is_help=True)
 def analyse() -> None:
-    """Analyse answers or ratings of an experiment, or the power of a planned one."""
+    """Analyse answers and ratings, or the power of a planned study."""
 
 
 @analyse.command()
@@ -37,11 +37,11 @@ def analyse() -> None:
 def confusion(
     file: Path, within: str, between: str, plot: Path | None, columns: Columns, as_json: bool
 ) -> int:
-    """Confusion matrices with accuracy, precision and sensitivity of each class.
+    """Confusion matrices, and how well each class was told.
 
-    FILE is a CSV with the columns presented, answered and count (without count, each line is one trial).
-    With group and day there is a matrix for each; with participant, effects are tested by a mixed analysis
-    of variance, and intervals are over participants.
+    For each class accuracy, precision and sensitivity. FILE is a CSV with the columns presented, answered and
+    count (without count, each line is one trial). With group and day there is a matrix for each; with
+    participant, effects are tested by a mixed analysis of variance, and intervals are over participants.
     """
     if plot:
         outputs.check_new_picture(plot)
@@ -96,9 +96,10 @@ def ratings(
 @click.option("--by", multiple=True, metavar="COLUMN", help="Further column that tells functions apart.")
 @JSON
 def thresholds(file: Path, by: Sequence[str], as_json: bool) -> int:
-    """Psychometric functions of two-interval forced choice or staircases, one for each participant.
+    """Psychometric function of each participant.
 
-    FILE is a CSV with the columns comparison and correct (and participant). Needs psignifit.
+    Of two-interval forced choice or staircases. FILE is a CSV with the columns comparison and correct (and
+    participant). Needs psignifit (pip install "haploop[psychometrics]").
     """
     rows = haploop.read_rows(file)
     found = haploop.analyse_thresholds(rows, tuple(by))

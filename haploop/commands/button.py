@@ -134,9 +134,9 @@ def check(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Play the digital button FILE on the rig that it was made on, measure it, and compare.
+    """Play a digital button, measure it, and compare.
 
-    FILE is not changed; every play is kept in a check's file.
+    The rig must be the one that FILE was made on. FILE is not changed; every play is kept in a check's file.
 
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """

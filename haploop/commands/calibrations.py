@@ -23,7 +23,7 @@ CALIBRATIONS = click.option(
     "--calibrations",
     type=PATH,
     metavar="DIR",
-    help="Folder of the calibration history.  [default: RIG-calibrations, beside the rig file]",
+    help="Folder of the history.  [default: RIG-calibrations, beside the rig file]",
 )
 REASON = click.option("--reason", required=True, help="Reason; stored in the history.")
 
@@ -130,7 +130,10 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
 @RIG
 @JSON
 def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str, as_json: bool) -> int:
-    """Plot resonance, damping, gain and coherence over time, as .png, .pdf or .svg."""
+    """Plot resonance, damping, gain and coherence over time.
+
+    OUT ends with .png, .pdf or .svg.
+    """
     outputs.check_new_picture(out)
     history = history_of(rig, calibrations)
     figure = haploop.trend(history, columns)

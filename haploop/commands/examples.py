@@ -1,10 +1,10 @@
-"""One example of each command, shown at the end of its help; tests run those that need no person."""
+"""One example of each command, and a short course of each group, shown at the end of its help."""
 
 from __future__ import annotations
 
 import click
 
-__all__ = ["EXAMPLES", "show_examples"]
+__all__ = ["COURSES", "EXAMPLES", "show_examples"]
 
 EXAMPLES = {
     "analyse confusion": "haploop analyse confusion answers.csv --plot confusion.pdf",
@@ -15,12 +15,12 @@ EXAMPLES = {
     "button make": "haploop button make recordings/P01-latch.h5 -c calibration.h5 -o latch.h5",
     "calibrate": "haploop calibrate --patch A --point button --out calibration.h5",
     "calibrations activate": 'haploop calibrations activate 2 --rig lab.toml --reason "back in room 3"',
-    "calibrations adopt": 'haploop calibrations adopt latch.h5 push.h5 --rig lab.toml --reason "installed"',
+    "calibrations adopt": 'haploop calibrations adopt latch.h5 --rig lab.toml --reason "new plate"',
     "calibrations diff": "haploop calibrations diff 1 2 --rig lab.toml",
     "calibrations list": "haploop calibrations list --rig lab.toml",
     "calibrations plot": "haploop calibrations plot trend.pdf --rig lab.toml",
     "calibrations show": "haploop calibrations show 2 --rig lab.toml",
-    "check": "haploop check recordings/P01-latch.h5 --calibration calibration.h5 --out checked",
+    "check": "haploop check recordings/P01-latch.h5 -c calibration.h5 --out checked",
     "demo": "haploop demo --seed 7 --out demo",
     "doctor": "haploop doctor --rig lab.toml --simulate wire",
     "experiment export": "haploop experiment export matching answers.csv",
@@ -39,7 +39,7 @@ EXAMPLES = {
     "record": "haploop record latch --participant P01 --presses 5",
     "recover": "haploop recover recordings/P01-latch.h5",
     "report": "haploop report pilot calibration.h5 latch.h5 --out report.html --pdf",
-    "represent": "haploop represent recordings/P01-latch.h5 recordings/P02-latch.h5 --out press.h5",
+    "represent": "haploop represent P01-latch.h5 P02-latch.h5 --out press.h5",
     "reset": 'haploop reset --rig lab.toml --reason "gain set back to 50"',
     "schema": "haploop schema > rig.json_schema.json",
     "serve": "haploop serve --rig lab.toml --data study-2026",
@@ -55,17 +55,64 @@ EXAMPLES = {
     "twin ni": "haploop twin ni --rig haptable",
     "twin ofv": "haploop twin ofv --rig bench",
     "twin scpi": "haploop twin scpi --rig bench",
-    "twin serial": "haploop twin serial --rig bench",
+    "twin serial": "haploop twin serial --rig lab.toml",
     "twin yocto": "haploop twin yocto --rig haptable",
     "verify": "haploop verify recordings/*.h5 calibration.h5",
 }
 
 
+COURSES = {
+    "": (
+        "haploop demo",
+        "haploop record latch --participant P01",
+        "haploop calibrate",
+        "haploop button make recordings/P01-latch.h5 -c calibration.h5 -o latch.h5",
+        "haploop button check latch.h5",
+    ),
+    "analyse": (
+        "haploop experiment export matching answers.csv",
+        "haploop analyse confusion answers.csv --plot confusion.pdf",
+    ),
+    "button": (
+        "haploop button make recordings/P01-latch.h5 -c calibration.h5 -o latch.h5",
+        "haploop button check latch.h5",
+    ),
+    "calibrations": (
+        'haploop calibrations adopt latch.h5 --rig lab.toml --reason "new plate"',
+        "haploop recalibrate --rig lab.toml",
+        "haploop calibrations list --rig lab.toml",
+    ),
+    "experiment": (
+        "haploop experiment new matching",
+        "haploop experiment run matching --participant P01",
+        "haploop experiment export matching answers.csv",
+    ),
+    "study": (
+        "haploop study new pilot",
+        "haploop study run --study pilot --participant P01",
+        "haploop study status --study pilot",
+        "haploop study process --study pilot --out processed",
+    ),
+    "twin": ("haploop twin all --rig haptable --press latch",),
+}
+"""Commands of a group in the order in which they are given; "" is `haploop` itself."""
+
+
 def show_examples(group: click.Group, path: str = "") -> None:
-    """Put the examples below the help of the commands of a group."""
+    """Put the examples below the help of a group and of its commands."""
+    group.epilog = _block("Examples" if len(COURSES[path]) > 1 else "Example", *COURSES[path])
     for name, command in group.commands.items():
         whole = f"{path} {name}".strip()
         if isinstance(command, click.Group):
             show_examples(command, whole)
-        elif whole in EXAMPLES:
-            command.epilog = f"\b\nExample:\n  {EXAMPLES[whole]}"
+            continue
+        for option in command.params:
+            if isinstance(option, click.Option) and isinstance(option.type, click.IntRange):
+                option.metavar = option.metavar or "N"
+        if whole in EXAMPLES:
+            command.epilog = _block("Example", EXAMPLES[whole])
+
+
+def _block(title: str, *lines: str) -> str:
+    # \b keeps click from joining the lines.
+    return "\n  ".join([f"\b\n{title}:", *lines])

@@ -30,7 +30,7 @@ DATA = click.option(
     "--data",
     "-d",
     type=PATH,
-    metavar="FOLDER",
+    metavar="DIR",
     help="Folder with the participants' answers.  [default: 'answers' beside the experiment's file]",
 )
 MODEL = click.option(
@@ -53,7 +53,7 @@ RIG = click.option(
 
 @click.group(no_args_is_help=True)
 def experiment() -> None:
-    """Run an experiment: matching, rating, two-interval forced choice, staircase.
+    """Run an experiment with people, from a file.
 
     EXPERIMENT is a TOML file, the folder of an experiment.toml, or the name of an example: matching, rating,
     two-interval, staircase.
@@ -84,7 +84,7 @@ def new(folder: Path, example: str, buttons: Sequence[Path]) -> int:
 
 @experiment.command()
 @FILE
-@click.option("--participant", "-p", required=True, help="Pseudonym, such as P01.")
+@click.option("--participant", "-p", required=True, help="Pseudonym of the participant, for example P01.")
 @click.option("--session", type=click.IntRange(min=1), help="Session that is expected to be due.")
 @click.option("--simulated", is_flag=True, help="A simulated participant answers.")
 @MODEL
@@ -158,7 +158,9 @@ def simulate(
     simulate: Mode | None,
     as_json: bool,
 ) -> int:
-    """Run the sessions of simulated participants, P01 and so on, that are not complete.
+    """Run the sessions of simulated participants.
+
+    They are P01 and so on; sessions that are complete stay as they are.
 
     If the experiment names digital [buttons], they press the simulated rig's surface, which plays them.
     """
@@ -195,7 +197,10 @@ def status(file: str, data: Path | None, as_json: bool) -> int:
 @DATA
 @JSON
 def export(file: str, out: Path, practice: bool, data: Path | None, as_json: bool) -> int:
-    """Write all answers as a tidy table for `haploop analyse`, and OUT.json about its columns."""
+    """Write all answers as a table for `haploop analyse`.
+
+    OUT.csv gets a row an answer, OUT.json what its columns are.
+    """
     for path in (out, out.with_suffix(".json")):
         outputs.check_new_file(path)
     if out.suffix == ".json":
@@ -215,10 +220,10 @@ def export(file: str, out: Path, practice: bool, data: Path | None, as_json: boo
 @DATA
 @JSON
 def withdraw(file: str, participant: str, yes: bool, data: Path | None, as_json: bool) -> int:
-    """Delete everything in this experiment's folder that belongs to PARTICIPANT.
+    """Delete everything that belongs to PARTICIPANT.
 
-    It is noted that this was done, with the pseudonym and the names of the files. Tables that were exported
-    before, recordings of presses, and backups are not touched.
+    Nothing outside the experiment's folder is touched: tables that were exported before, recordings of
+    presses, backups. It is noted that this was done, with the pseudonym and the names of the files.
     """
     store = _store(file, data)
     if not yes:

@@ -23,7 +23,9 @@ _FORMATS = (
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@click.option("--to", "format", required=True, type=click.Choice(_FORMATS), help="Format.", metavar="FORMAT")
+@click.option(
+    "--to", "format", required=True, type=click.Choice(_FORMATS), help="Format, see above.", metavar="FORMAT"
+)
 @click.option("--out", "-o", required=True, type=PATH, metavar="PATH", help="File to write.")
 @JSON
 def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
@@ -58,22 +60,30 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 @click.command("import")
 @click.argument("file", type=PATH)
 @click.option("--out", "-o", required=True, type=PATH, metavar="FILE.h5", help="File to write.")
-@click.option("--button", default="imported", show_default=True, help="Name of the button that was pressed.")
+@click.option(
+    "--from",
+    "format",
+    type=click.Choice(("wav", "csv", "mat", "uff", "sep005")),
+    help="Format of FILE: wav, csv, mat, uff or sep005.  [default: as its name ends]",
+    metavar="FORMAT",
+)
+@click.option("--button", help="Name of the button that was pressed.  [default: as the file states]")
 @click.option("--channel", help="Name of the vertical acceleration.  [default: the only one]")
 @click.option(
     "--scale", type=float, metavar="NUMBER", help="m/s^2 per unit of the file.  [default: as the file states]"
 )
 @click.option(
     "--rate",
-    type=FiniteRange(1, 1e9),
+    type=FiniteRange(min=1),
     metavar="HZ",
     help="Sample rate of the file.  [default: as the file states]",
 )
 @click.option(
     "--activation",
-    type=FiniteRange(0, 1e6),
+    type=FiniteRange(min=0),
     metavar="SECONDS",
-    help="When the button switched.  [default: as the file states, or at the largest acceleration]",
+    help="When the button switched.  [default: as the file states, where its channel activation rises, or at "
+    "the largest acceleration]",
 )
 @click.option("--patch", help="Response: patch that was driven.  [default: as the file states]")
 @click.option(
@@ -85,7 +95,8 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 def import_(
     file: Path,
     out: Path,
-    button: str,
+    format: str | None,
+    button: str | None,
     channel: str | None,
     scale: float | None,
     rate: float | None,
@@ -97,18 +108,24 @@ def import_(
 ) -> int:
     """Import a press, or a response, that another program measured.
 
-    A signal (.wav, .csv, .mat, .uff, .unv, or SEP-005 as .json) becomes a representative press, which
-    `haploop button make` turns into a digital button. Responses (.uff with frequency response functions, for
-    example the export of a scanning vibrometer) become a calibration of --rig; --patch and --point select
-    one of several.
+    A signal (.wav, .csv, .mat, .uff, .unv, or SEP-005 as .sep005 or .json) becomes a representative press,
+    which `haploop button make` turns into a digital button. Responses (.uff with frequency response
+    functions, for example the export of a scanning vibrometer) become a calibration of --rig; --patch and
+    --point select one of several.
     """
     outputs.check_new_file(out)
-    if haploop.is_response_file(file):
+    if haploop.is_response_file(file, format):
         response = haploop.import_response(file, haploop.load_rig_file(rig), patch, point)
         haploop.Calibration.of(response).save(out)
     else:
         haploop.import_press(
-            file, button, channel=channel, scale=scale, rate_hz=rate, activation=activation
+            file,
+            button,
+            format=format,
+            channel=channel,
+            scale=scale,
+            rate_hz=rate,
+            activation=activation,
         ).save(out)
     display.show_file(out, as_json)
     return 0

@@ -29,9 +29,9 @@ __all__ = ["recover", "show", "verify"]
 def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_json: bool) -> int:
     """Show the contents of a file.
 
-    FILE is a recording, a representative press, a calibration, a drive, a digital button, or the folder of
-    a vibration map. For several recordings, or a study (its study.toml or its folder), show the force at
-    activation by participant and button.
+    FILE is a recording, a representative press, a calibration, a drive, a check, a digital button, or the
+    folder of a vibration map. For several recordings, or a study (its study.toml or its folder), show the
+    force at activation by participant and button.
     """
     a_map = (files[0] / "map.json").is_file()
     if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
@@ -63,8 +63,8 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
     """Verify files.
 
     FILE is a recording, or any other file that haploop writes: a representative press, a calibration, a
-    drive, a check, a digital button, a point of a map. Checks the content hash of each, and the continuity
-    and the structure of a recording.
+    drive, a check, a digital button, a point of a map, a session of an experiment, a part of a processed
+    study. Checks the content hash of each, and the continuity and the structure of a recording.
 
     Exit codes: 0 all files are intact, 1 a readable recording has problems, 2 a file cannot be read.
     """

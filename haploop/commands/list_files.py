@@ -18,7 +18,12 @@ __all__ = ["list_command"]
 @click.command("list")
 @click.argument("where", nargs=-1, metavar="[WHERE...]")
 @click.option(
-    "--in", "folders", multiple=True, type=PATH, metavar="DIR", help="Folder to search.  [default: this one]"
+    "--in",
+    "folders",
+    multiple=True,
+    type=PATH,
+    metavar="DIR",
+    help="Folder to search; repeatable.  [default: this folder]",
 )
 @click.option("--rebuild", is_flag=True, help="Read every file again, instead of the new and changed ones.")
 @JSON

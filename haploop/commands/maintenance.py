@@ -79,7 +79,10 @@ def log(last: int, rig: str, simulate: Mode | None, as_json: bool) -> None:
 @RIG
 @SIMULATE
 def reset(reason: str, rig: str, simulate: Mode | None) -> None:
-    """Clear the lockout after a limit trip, once someone has inspected the rig."""
+    """Clear the lockout after a limit trip.
+
+    Do so once someone has inspected the rig: it plays again.
+    """
     file = haploop.load_rig_file(rig)
     haploop.reset_lockout(file, reason, simulate)
     note(f"The rig {file.name} plays again.")

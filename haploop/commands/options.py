@@ -107,10 +107,10 @@ def press_method(*names: str, default: str | None = "automatic") -> Callable[[_C
         "press_method",
         type=click.Choice(_AVERAGES),
         default=default,
-        show_default=default or "the study file's",
         help="Average of the presses. barycentre: the paper's dynamic time warping, per participant and then "
         "over participants. registration: smooth warps. mean: aligned at the activation only. automatic: "
-        "the one that explains presses it was not made from best.",
+        "the one that explains presses it was not made from best.  "
+        f"[default: {default or 'as the study says'}]",
     )
 
 

@@ -33,10 +33,10 @@ __all__ = ["represent"]
 @press_method("--method", "-m")
 @JSON
 def represent(recordings: Sequence[Path], out: Path, press_method: AverageMethod, as_json: bool) -> int:
-    """Compute the representative press of RECORDINGS of one button, and write it to a file.
+    """Compute the representative press of recordings.
 
-    The result states the method, the reason for it, and the residual of each method that was compared. For a
-    study, use `haploop study represent`.
+    RECORDINGS are of one button, by any number of participants. The result states the method, the reason for
+    it, and the residual of each method that was compared. For a study, use `haploop study represent`.
     """
     outputs.check_new_file(out)
     press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=press_method)

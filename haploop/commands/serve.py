@@ -26,9 +26,9 @@ __all__ = ["serve"]
     "--data",
     type=PATH,
     default=Path(),
-    show_default="this folder",
     metavar="DIR",
-    help="Folder for recordings, studies, maps and buttons; the pages reach no other file.",
+    help="Folder for recordings, studies, maps and buttons; the pages reach no other file.  [default: this "
+    "folder]",
 )
 @click.option(
     "--port",

@@ -39,9 +39,8 @@ STUDY = click.option(
     "path",
     type=PATH,
     default=Path(),
-    show_default="this folder",
     metavar="PATH",
-    help="Study file, or the folder with its study.toml.",
+    help="Study file, or the folder with its study.toml.  [default: this folder]",
 )
 REASON = click.option("--reason", default="", help="Reason; stored with the rejection.")
 
@@ -153,7 +152,10 @@ def run(
 @STUDY
 @JSON
 def status_(path: Path, as_json: bool) -> int:
-    """Show progress: accepted, bad and rejected presses, sessions interrupted or in progress, consent."""
+    """Show progress: presses, sessions and consents.
+
+    Presses are accepted, bad, or rejected; sessions interrupted, or in progress.
+    """
     opened = haploop.load_study(path)
     display.status(opened, opened.progress(), as_json)
     return 0
@@ -174,7 +176,7 @@ def status_(path: Path, as_json: bool) -> int:
 def represent(
     button: str, out: Path | None, press_method: AverageMethod | None, path: Path, as_json: bool
 ) -> int:
-    """Compute the representative press of BUTTON from the study's accepted presses.
+    """Compute the representative press of BUTTON.
 
     Only a press that passed its quality check counts.
     """
@@ -193,7 +195,7 @@ def represent(
 @STUDY
 @JSON
 def process(out: Path, workers: int | None, dask: str | None, path: Path, as_json: bool) -> int:
-    """Compute rows of all presses, representative presses and statistics.
+    """Process all presses: rows, representatives, statistics.
 
     OUT gets presses.csv (a row a press), statistics.csv, BUTTON.h5 (the representative press of each button)
     and parts/, from which an interrupted run continues. Run it again after a session: only what is new or

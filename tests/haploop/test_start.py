@@ -11,9 +11,10 @@ from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 
 from haploop.cli import cli
-from haploop.commands.examples import EXAMPLES
+from haploop.commands.examples import COURSES, EXAMPLES
 from tests.haploop.exchange.conftest import Files, files
 
 __all__ = ["files"]
@@ -109,15 +110,42 @@ def test_the_help_of_each_command_shows_an_example() -> None:
     assert sorted(EXAMPLES) == sorted(" ".join(path) for path in leaves())
 
 
-@pytest.mark.parametrize("path", leaves(), ids=" ".join)
-def test_an_example_is_a_command_that_can_be_given(path: tuple[str, ...]) -> None:
-    """Click takes its arguments and options; what they name is in the examples' own world."""
-    name = " ".join(path)
-    words = shlex.split(EXAMPLES[name].partition(" > ")[0])
-    assert words[: len(path) + 1] == ["haploop", *path]
+def test_the_help_of_each_group_shows_a_course() -> None:
+    every = {" ".join(path) for path in commands()} - {" ".join(path) for path in leaves()} | {""}
+    assert sorted(COURSES) == sorted(every)
+
+
+@pytest.mark.parametrize("path", [(), *commands()], ids=" ".join)
+def test_the_help_of_each_command_reads_well_at_80_columns(path: tuple[str, ...]) -> None:
+    result = CliRunner().invoke(cli, [*path, "--help"], terminal_width=80)
+    lines = result.output.splitlines()[1:]
+    assert result.exit_code == 0 and max(map(len, lines)) <= 80
+    assert not [line for line in lines if line.endswith(("...", "-")) or "RANGE" in line or "(this " in line]
     command: click.Command = cli
     for word in path:
         assert isinstance(command, click.Group)
         command = command.commands[word]
-    with command.make_context(name, words[len(path) + 1 :]) as context:
-        assert command.epilog and EXAMPLES[name] in command.get_help(context)
+    options = [option for option in command.params if isinstance(option, click.Option)]
+    assert all(option.hidden or option.help for option in options)
+
+
+@pytest.mark.parametrize(
+    ("path", "example"),
+    [(path, EXAMPLES[" ".join(path)]) for path in leaves()]
+    + [(tuple(group.split()), line) for group, course in COURSES.items() for line in course],
+    ids=lambda value: value if isinstance(value, str) else " ".join(value),
+)
+def test_an_example_is_a_command_that_can_be_given(path: tuple[str, ...], example: str) -> None:
+    """Click takes its arguments and options; what they name is in the examples' own world."""
+    words = shlex.split(example.partition(" > ")[0])
+    command: click.Command = cli
+    for word in path:
+        assert isinstance(command, click.Group)
+        command = command.commands[word]
+    assert example in command.get_help(click.Context(command))
+    assert words.pop(0) == "haploop"
+    command = cli
+    while isinstance(command, click.Group):
+        command = command.commands[words.pop(0)]
+    with command.make_context("haploop", words):
+        pass

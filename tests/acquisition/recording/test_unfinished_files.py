@@ -72,6 +72,9 @@ def test_recovering_makes_it_whole_and_leaves_the_original_alone(tmp_path):
         recover(path)
     with pytest.raises(ConfigurationError, match="nothing to recover"):
         recover(whole)
+    for folder in (tmp_path, ""):
+        with pytest.raises(DataError, match="is a folder"):
+            recover(folder)
 
 
 def test_of_one_attempt_the_last_judgement_counts(tmp_path):

@@ -11,7 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haploop.acquisition import Recording, accepted_presses, load_study, representative, run_study, verify
+from haploop.acquisition import (
+    Recording,
+    accepted_presses,
+    load_study,
+    open_part,
+    representative,
+    run_study,
+    verify,
+    with_presses,
+)
 from haploop.acquisition.session.session_run import SessionRun
 from haploop.instruments import (
     ConfigurationError,
@@ -75,6 +84,17 @@ def small(tmp_path_factory):
         requests = told_of(rig)
         assert run_study(rig, study, ["P01"])
     return study, requests
+
+
+def test_no_recording_of_a_study_keeps_its_samples_in_memory(small):
+    """Of 36,000 presses they are gigabytes."""
+    study, _ = small
+    read = [
+        one for entry in study.progress() if entry.accepted and entry.consented for one in entry.recordings
+    ]
+    read += study.recordings("latch")
+    read += with_presses([open_part(one.path, "trial") for one in read])
+    assert len(read) == 6 and not any("_checked" in vars(one) for one in read)
 
 
 def test_columns_of_a_participant_are_kept_and_never_told(tmp_path):

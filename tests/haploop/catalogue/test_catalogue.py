@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -108,10 +109,30 @@ def test_a_file_that_cannot_be_read_is_listed_until_it_can(tmp_path: Path, folde
     link.parent.mkdir()
     link.symlink_to(tmp_path / "press.h5")
     (entry,) = haploop.list_files([link.parent], index=index)
-    assert (entry.kind, entry.problem) == ("unreadable", f"{link} cannot be read: No such file or directory.")
+    assert entry.kind == "unreadable" and f"{link} cannot be read: it has gone, is a link" in entry.problem
     shutil.copy(folder / "press.h5", tmp_path / "press.h5")
     (entry,) = haploop.list_files([link.parent], index=index)
     assert entry.kind == "representative"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names that are not UTF-8, pipes")
+def test_a_folder_may_hold_anything(tmp_path: Path, folder: Path, index: Path, run: Run) -> None:
+    own = (folder / "press.h5").read_bytes()
+    odd = tmp_path / "ünï [1]"
+    (odd / "folder.h5").mkdir(parents=True)
+    (odd / "loop").symlink_to(odd)
+    (odd / "zero.h5").touch()
+    (odd / "préss [2].h5").write_bytes(own)
+    Path(os.fsdecode(os.fsencode(odd) + b"/\xff.h5")).write_bytes(own)
+    os.mkfifo(odd / "pipe.h5")  # opening it would wait for ever
+    found = haploop.list_files([odd], index=index)
+    assert {entry.file.rpartition("/")[2]: entry.kind for entry in found} == {
+        "\\udcff.h5": "unreadable", "préss [2].h5": "representative", "zero.h5": "damaged",
+    }  # fmt: skip
+    assert names(haploop.list_files([odd], ["file=*[2]*"], index=index)) == ["préss [2].h5"]
+    assert not haploop.list_files([odd], ["file=*pr[e-z]ss*"], index=index)
+    shown = run("list", "--in", odd)
+    assert shown.exit_code == 0 and "zero.h5" in shown.stdout
 
 
 def test_an_index_that_is_thrown_away_or_damaged_is_made_again(folder: Path, index: Path) -> None:
@@ -189,6 +210,10 @@ def test_the_command(folder: Path, index: Path, run: Run, monkeypatch: pytest.Mo
     assert listed.exit_code == 0 and "4 files." in listed.stdout and "P01" in listed.stdout
     values = json.loads(run("list", "kind=check", "--in", folder, "--json").stdout)
     assert [entry["verdict"] for entry in values["files"]] == ["pass"]
+    monkeypatch.setattr("haploop.show.catalogue._MANY", 3)
+    plain = run("list", "--in", folder).stdout.splitlines()
+    assert len(plain) == 6 and plain[0].startswith("Kind") and "P01-push.h5" in plain[4]
+    assert plain[-1] == "4 files."
     refused = run("list", "colour=red", "--in", folder)
     assert refused.exit_code == 2 and "colour=red" in refused.stderr
     assert run("list", "--in", folder / "nowhere").exit_code == 2

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +19,8 @@ from tests.haploop.exchange.conftest import Files
 
 
 def like(found: Representative, press: Representative, most: float = 0.02) -> None:
-    assert found.rate_hz == 5000 and found.activation_index == press.activation_index
+    # The contact of this press closes one sample after its activation.
+    assert found.rate_hz == 5000 and 0 <= found.activation_index - press.activation_index <= 1
     own = haploop.high_pass(press.acceleration, 5000)  # the press made for tests is not high-passed
     error = np.linalg.norm(found.acceleration - own) / np.linalg.norm(own)
     assert len(found.acceleration) == len(own) and error < most
@@ -24,15 +28,114 @@ def like(found: Representative, press: Representative, most: float = 0.02) -> No
 
 @pytest.mark.parametrize(
     ("format", "suffix"),
-    [("csv", ".csv"), ("wav", ".wav"), ("wav48", ".wav"), ("mat", ".mat"), ("sep005", ".json")],
-)
+    [
+        ("csv", ".csv"), ("wav", ".wav"), ("wav48", ".wav"), ("mat", ".mat"), ("uff", ".uff"),
+        ("sep005", ".json"), ("sep005", ".sep005"), ("sep005", ".signals"),
+    ],
+)  # fmt: skip
 def test_a_press_goes_out_and_comes_back(files: Files, tmp_path: Path, format: str, suffix: str) -> None:
+    """With no word on channel, unit, rate, button or activation: the file has them."""
     out = tmp_path / f"press{suffix}"
     haploop.export_file(files.representative, format, out)
-    channel = None if format == "wav48" else "acceleration"
-    found = haploop.import_press(out, "push", channel=channel)
-    like(found, files.press, 0.04)
+    found = haploop.import_press(out, format=format if suffix == ".signals" else None)
+    like(found, files.press, 0.04 if format == "wav48" else 0.02)
     assert found.simulated and found.sources[0][0] == out.name
+    assert found.button == ("imported" if format == "uff" else "push")
+
+
+@pytest.mark.parametrize("format", ["csv", "wav", "mat", "uff", "sep005"])
+def test_one_press_of_an_exported_recording_is_imported(files: Files, tmp_path: Path, format: str) -> None:
+    """The contact of the press with the largest acceleration, at its first touch."""
+    out = tmp_path / f"presses.{format}"
+    haploop.export_file(files.recording, format, out)
+    found = haploop.import_press(out)
+    assert "where its contact closed" in found.reason
+    closed = files.presses.activation
+    middle = files.presses.acceleration[2] - np.median(files.presses.acceleration[2])
+    largest = int(np.argmax(np.abs(middle)))
+    rises = np.flatnonzero(np.diff(closed) > 0.5) + 1
+    nearest = rises[np.argmin(np.abs(rises - largest))]
+    first = rises[rises >= nearest - 50][0]
+    cut = slice(first - 750, first - 750 + len(found.acceleration))
+    assert found.activation_index == 750
+    np.testing.assert_allclose(found.force, files.presses.force[cut], rtol=1e-6, atol=1e-6)
+
+
+def test_an_imported_press_can_be_driven(files: Files, tmp_path: Path) -> None:
+    """As `haploop button make` begins: of each format the drive is that of the press itself."""
+    table = haploop.Calibration.load(files.calibration)
+    limits = haploop.load_rig_file("simulated").limits.limits()
+    own = haploop.drive_for(files.press, table, limits=limits)
+    for format in ("csv", "wav", "mat", "uff", "sep005"):
+        haploop.export_file(files.representative, format, tmp_path / f"press.{format}")
+        press = haploop.import_press(tmp_path / f"press.{format}")
+        found = haploop.drive_for(press, table, limits=limits)
+        assert len(found.volts) == len(own.volts), format
+        assert np.linalg.norm(found.volts - own.volts) < 0.05 * np.linalg.norm(own.volts), format
+
+
+def click_of(rate: int = 10_000) -> np.ndarray:
+    """0.5 s, switched at 0.15 s, of which the largest acceleration is 2 m/s^2."""
+    since = np.maximum(np.arange(rate // 2) / rate - 0.15, 0)
+    wave = np.exp(-since / 0.01) * np.sin(2 * np.pi * 235 * since)
+    return np.asarray(2 * wave / np.abs(wave).max())
+
+
+def by_soundfile(path: Path, values: np.ndarray) -> None:
+    pytest.importorskip("soundfile").write(path, values / 4, 10_000, subtype="PCM_24")
+
+
+def by_pandas(path: Path, values: np.ndarray) -> None:
+    pandas = pytest.importorskip("pandas")
+    pandas.DataFrame({"t": np.arange(len(values)) / 10_000, "acc [m/s^2]": values}).to_csv(path, index=False)
+
+
+def by_octave(path: Path, values: np.ndarray) -> None:
+    octave = shutil.which("octave")
+    if octave is None:
+        pytest.skip("no octave")
+    np.savetxt(path.with_suffix(".txt"), values, fmt="%.17g")
+    code = f"acc = load('{path.with_suffix('.txt')}'); fs = 10000; save('-v7', '{path}', 'acc', 'fs')"
+    subprocess.run([octave, "--no-gui", "--norc", "--eval", code], check=True, timeout=100)
+
+
+def by_pyuff(path: Path, values: np.ndarray) -> None:
+    import pyuff
+
+    one = {
+        "type": 58, "binary": 0, "func_type": 1, "id1": "acc", "rsp_node": 1, "rsp_dir": 3, "ref_node": 0,
+        "ref_dir": 0, "abscissa_spacing": 1, "abscissa_spec_data_type": 17, "ordinate_spec_data_type": 12,
+        "orddenom_spec_data_type": 0, "data": values, "x": np.arange(len(values)) / 10_000,
+    }  # fmt: skip
+    pyuff.UFF(str(path)).write_sets([one], mode="overwrite")
+
+
+def by_sdypy(path: Path, values: np.ndarray) -> None:
+    sep005 = pytest.importorskip("sdypy_sep005")
+    one = sep005.Sep005Data(data=values.tolist(), name="acc", unit_str="m/s²", fs=10_000.0)
+    path.write_text(f"[{one.model_dump_json()}]", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("write", "name", "scale"),
+    [
+        (by_soundfile, "a.wav", 4.0),
+        (by_pandas, "a.csv", None),
+        (by_octave, "a.mat", 1.0),
+        (by_pyuff, "a.uff", None),
+        (by_sdypy, "a.sep005", None),
+    ],
+)
+def test_a_file_that_another_library_wrote_alone(
+    tmp_path: Path, write: Callable[[Path, np.ndarray], None], name: str, scale: float | None
+) -> None:
+    values = click_of()
+    write(tmp_path / name, values)
+    found = haploop.import_press(tmp_path / name, "latch", scale=scale)
+    assert not found.simulated and found.button == "latch" and len(found.acceleration) == 2500
+    assert found.activation_index == pytest.approx(750, abs=6)
+    own = haploop.high_pass(values[::2], 5000)  # what is below 1 kHz needs no other filter
+    assert np.linalg.norm(found.acceleration - own) < 0.05 * np.linalg.norm(own)
 
 
 def test_by_the_command(files: Files, run: Run, tmp_path: Path) -> None:
@@ -94,7 +197,9 @@ def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
         ("a.csv", "t,a\n0,1\n1,1\n2,3\n9,3\n", "constant rate"),
         ("a.csv", "t,a,b\n0,1,2\n1,2,2\n2,3,4\n", "--channel"),
         ("a.mat", "no", "no MATLAB file"),
+        ("a.csv", "frequency [Hz],a\n1,1\n2,1\n", "over frequency"),
         ("a.json", "{}", "SEP-005"),
+        ("a.sep005", "", "SEP-005"),
         ("a.json", "[]", "several rates or lengths"),
         ("a.uff", "no", "no time responses"),
     ],
@@ -153,6 +258,20 @@ def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path: Path, beside: dict
     path.with_name("a.wav.json").write_text(json.dumps(beside))
     with pytest.raises(haploop.DataError):
         haploop.import_press(path, "b", scale=1.0)
+
+
+@pytest.mark.parametrize("scale", [0.0, np.nan, np.inf, 1e300])
+def test_a_scale_that_no_sensor_has_is_one_sentence(tmp_path: Path, run: Run, scale: float) -> None:
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.sin(np.arange(5000.0)), header="a", comments="")
+    result = run("import", path, "--rate", 5000, "--scale", scale, "--out", tmp_path / "out.h5")
+    assert result.exit_code == 2 and "--scale" in result.stderr and result.stderr.count("\n") == 1
+    assert not (tmp_path / "out.h5").exists()
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(haploop.ConfigurationError, match="is a folder"):
+        haploop.import_press(tmp_path)
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -5.0, 1e-9, 1e12, np.inf, np.nan])
