@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import signal
 import sys
@@ -9,6 +11,8 @@ from types import FrameType
 
 __all__ = ["main"]
 
+_ALLOCATIONS = 20_000
+"""New objects after which Python looks for garbage; its own default is 700."""
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
@@ -17,6 +21,10 @@ def main() -> None:
     every = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     # Whoever started the command may have it ignore some: `nohup`, a job in the background.
     before = {kind: signal.signal(kind, _stop) for kind in every if signal.getsignal(kind) != signal.SIG_IGN}
+    # What a command loads lives until its end: looking through it for garbage again and again, and once more
+    # at the exit, took a tenth of a command's processor time.
+    gc.set_threshold(_ALLOCATIONS)
+    atexit.register(gc.freeze)
     from haploop.cli import main as run  # noqa: PLC0415
 
     if signal.SIGINT in before:

@@ -127,8 +127,8 @@ class Detector:
         force = np.concatenate([self._left, force])
         bins = len(force) // self._bin
         self._left = force[bins * self._bin :]
-        for mean in force[: bins * self._bin].reshape(bins, self._bin).mean(axis=1):
-            self._step(float(mean))
+        for mean in force[: bins * self._bin].reshape(bins, self._bin).mean(axis=1).tolist():
+            self._step(mean)
 
     def finish(self) -> None:
         """End the signal, and with it a press that has begun."""

@@ -56,11 +56,15 @@ def read_contents(path: Path) -> Contents:
     """Read every valid sample of a recording, finished or not. Raises DataError."""
     with opened(path) as file:
         header, state = read_header(file, path)
-        if state == "recording":
-            return read_blocks(file, header)
-        blocks, events, presses = (_rows(file, name, kind) for name, kind in _TABLES)
-        codes = np.asarray(_codes(file, header, blocks)[:], dtype=np.int16)
-        return Contents(codes, blocks, events, presses, str(file.attrs["content_hash"]))
+        return _contents(file, header, state)
+
+
+def _contents(file: h5py.File, header: Header, state: str) -> Contents:
+    if state == "recording":
+        return read_blocks(file, header)
+    blocks, events, presses = (_rows(file, name, kind) for name, kind in _TABLES)
+    codes = np.asarray(_codes(file, header, blocks)[:], dtype=np.int16)
+    return Contents(codes, blocks, events, presses, str(file.attrs["content_hash"]))
 
 
 def read_blocks(file: h5py.File, header: Header) -> Contents:
@@ -143,8 +147,8 @@ def finish(path: Path, state: str = "finished") -> None:
     unchanged.
     """
     with opened(path) as file:
-        header, _ = read_header(file, path)
-    contents = read_contents(path)
+        header, before = read_header(file, path)
+        contents = _contents(file, header, before)
     write_finished(path, header, contents, state, in_place=True)
 
 
@@ -287,12 +291,12 @@ def _valid(file: h5py.File, channels: int) -> tuple[Codes, NDArray[np.void]]:
     if stored.dtype != block_dtype(channels, stored.dtype["samples"].shape[1]):
         raise ValueError("blocks")
     parts: list[Codes] = []
-    rows = [np.zeros(0, BLOCK)]
+    rows: list[bytes] = []
     for record in records_after(file, 0, 0):
         parts.append(record["samples"][:, : int(record["count"])].copy())
-        rows.append(finished_row(record))
+        rows.append(finished_row(record).tobytes())
     codes = np.concatenate(parts, axis=1) if parts else np.zeros((channels, 0), dtype=np.int16)
-    return codes.astype(np.int16, copy=False), np.concatenate(rows)
+    return codes.astype(np.int16, copy=False), np.frombuffer(bytearray().join(rows), BLOCK)
 
 
 def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -197,7 +197,8 @@ def density_axis(axes: Axes, stop_hz: float, top: float) -> None:
     if top > 0:
         axes.set_yscale("log")
         axes.set_ylim(2e-6 * top, 4 * top)
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        # Forty of them on six decades are a grey edge, and take a fifth of a figure's time.
+        axes.yaxis.set_minor_locator(NullLocator())
 
 
 def active(signal: FloatArray, rate_hz: float) -> tuple[float, float]:

@@ -44,15 +44,16 @@ def convert(
     channels, samples = volts.shape
     width = code_width(product, full_scale)[:, np.newaxis]
     # In units of codes. Noise is proportional to the range, so it is equal in every channel.
-    codes = noise.standard_normal((samples, channels)).T
-    codes *= product.ai_noise / 10.0 * 2.0 ** (product.ai_bits - 1)
-    codes += volts / width
+    drawn = noise.standard_normal((samples, channels))
+    drawn *= product.ai_noise / 10.0 * 2.0 ** (product.ai_bits - 1)
+    codes = volts / width
+    codes += drawn.T
     np.rint(codes, out=codes)
     end = 2.0 ** (product.ai_bits - 1) - 1
     np.clip(codes, -end - 1, end, out=codes)
-    overload = (np.abs(codes) >= end).any(axis=1)
+    overload = (codes.max(axis=1) >= end) | (codes.min(axis=1) <= -end)
     codes *= width
-    return np.ascontiguousarray(codes), np.asarray(overload)
+    return codes, np.asarray(overload)
 
 
 def put_out(volts: FloatArray, product: Product) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from itertools import groupby
 
 import numpy as np
@@ -215,21 +214,27 @@ class _TwinStream(Stream):
     def __iter__(self) -> Iterator[Block]:
         """See `Stream.__iter__`."""
         clock, first = self._plant.clock, 0
+        in_order = self._rows == list(range(len(self._rows)))
         while self._open and (self._samples is None or first < self._samples):
             count = self._block if self._samples is None else min(self._block, self._samples - first)
             edges = self._start + (first + np.arange(count)) / self.rate_hz
             clock.sleep(edges[-1] + self.delays.max() - clock.now())
-            volts, overload = [], []
+            parts, overloads = [], []
             for device in self._devices:
-                with _as_driver(device.name):
+                try:
                     rows = self._plant.read(device.channels, edges + device.delays[:, np.newaxis])
+                except SamplesLost as lost:
+                    raise refused(device.name, LOST[lost.how], str(lost)) from None
                 converted = convert(rows, device.ranges, device.product, device.noise)
-                volts.append(converted[0])
-                overload.append(converted[1])
+                parts.append(converted[0])
+                overloads.append(converted[1])
             self._daq.cut_off(self._playing, first + count)
             if self._samples is None and self._plant.faults:
                 self._refuse_drift(edges[-1])
-            yield Block(first, np.concatenate(volts)[self._rows], np.concatenate(overload)[self._rows])
+            volts, overload = np.concatenate(parts), np.concatenate(overloads)
+            if not in_order:
+                volts, overload = volts[self._rows], overload[self._rows]
+            yield Block(first, volts, overload)
             first += count
 
     def _refuse_drift(self, now: float) -> None:
@@ -250,15 +255,6 @@ class _TwinStream(Stream):
         if self._open:
             self._open = False
             self._daq.zero()
-
-
-@contextmanager
-def _as_driver(device: str) -> Iterator[None]:
-    """Convert the plant's SamplesLost to the error that the driver raises."""
-    try:
-        yield
-    except SamplesLost as lost:
-        raise refused(device, LOST[lost.how], str(lost)) from None
 
 
 def _full_scale(product: Product, channel: str, wanted: float) -> float:

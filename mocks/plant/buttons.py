@@ -197,6 +197,8 @@ _UP = 0.12
 """Duration of an upstroke at pace 1 (s); a press takes 0.2 to 1 s: docs/hardware.md, "Buttons and people"."""
 _TOUCH = 0.05
 """Rise and fall time of the force when a finger comes to rest on a cap, and leaves it (s)."""
+_SNAP = 3e-4
+"""Time constant with which a snap's vibration builds up (s)."""
 _VISCOSITY = 0.06
 """Relative force per 0.1 m/s of finger speed: faster presses push harder."""
 
@@ -254,19 +256,31 @@ class SimulatedPress:
         return np.asarray(pressed)
 
     def acceleration(self, times: FloatArray) -> FloatArray:
-        """Return the acceleration of the cap along the press direction (m/s^2), without gravity."""
-        t = np.asarray(times)
+        """Return the acceleration of the cap along the press direction, without gravity, (times,) m/s^2.
+
+        Times (s) rise.
+        """
         h = 1e-3
-        motion = (self.travel(t + h) - 2 * self.travel(t) + self.travel(t - h)) / h**2
+        motion = np.zeros(len(times))
+        rise = self._fall + self._down + self._dwell
+        for begin, end in ((self._fall, self._fall + self._down), (rise, rise + self._up)):
+            # It is zero while the cap rests; a window twice as wide as needed forgives rounding.
+            first, stop = np.searchsorted(times, [begin - 2 * h, end + 2 * h])
+            t = times[first:stop]
+            motion[first:stop] = (self.travel(t + h) - 2 * self.travel(t) + self.travel(t - h)) / h**2
         for at, gain, partials in self._clicks:
-            clicked = t > at
-            since = t[clicked] - at
-            # The snap takes a third of a millisecond to build up: a cap has mass.
-            attack = 1 - np.exp(-since / 3e-4)
+            first = int(np.searchsorted(times, at, side="right"))
+            since = times[first:] - at
+            # The snap takes a third of a millisecond to build up: a cap has mass. 40 times that is for ever.
+            attack = np.ones(len(since))
+            building = since[: np.searchsorted(since, 40 * _SNAP)]
+            attack[: len(building)] -= np.exp(-building / _SNAP)
             for frequency, amplitude, decay in partials:
-                ringing = gain * amplitude * attack * np.exp(-since / decay)
-                motion[clicked] += ringing * np.sin(2 * np.pi * frequency * since)
-        return np.asarray(motion)
+                ringing = gain * amplitude * attack
+                ringing *= np.exp(-since / decay)
+                ringing *= np.sin(2 * np.pi * frequency * since)
+                motion[first:] += ringing
+        return motion
 
 
 def press_button(

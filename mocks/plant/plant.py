@@ -22,7 +22,7 @@ from haploop.instruments.config import RigFile
 from haploop.mocks.plant.amplifier import Amplifier
 from haploop.mocks.plant.nodes import LaserHead, Run, Source, Switches
 from haploop.mocks.plant.scene import AmplifierOutput, Scene
-from haploop.mocks.plant.sensed import Output, laser, wired
+from haploop.mocks.plant.sensed import Output, Quantity, laser, wired
 from haploop.mocks.plant.surface import PlantSource
 from haploop.mocks.plant.truth import Truth
 
@@ -31,6 +31,8 @@ __all__ = ["Plant"]
 
 _Place = tuple[str, type]
 """A node, and the kind of source that drives it."""
+_Reading = tuple[slice | list[int], Quantity, list[int], list[np.random.Generator]]
+"""Rows of the nodes that one sensor's outputs are wired to, the sensor, its outputs and their noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,8 @@ class Plant(Scene):
         }
         self._nodes = wired(self)
         self._noise = {node: self.rng(f"noise of {node}") for node in self._nodes}
+        self._read: dict[tuple[str, ...], list[_Reading]] = {}
+        """How the nodes of a card are read together."""
 
     @property
     def truth(self) -> Truth:
@@ -84,6 +88,7 @@ class Plant(Scene):
         self._put_up(head)
         self._nodes[node] = Output(partial(laser, head=head))
         self._noise[node] = self.rng(f"noise of {node}")
+        self._read.clear()
 
     def has_rtsi(self) -> bool:
         """Return True when a cable joins the cards' clocks."""
@@ -123,16 +128,28 @@ class Plant(Scene):
             self.advance(float(times[:, -1].max()))
             if self.faults:
                 times = self._clocked(nodes, times)
-            wired = [row for row, node in enumerate(nodes) if node in self._nodes]
-            for quantity, alike in groupby(wired, lambda row: self._nodes[nodes[row]].quantity):
-                rows = list(alike)
-                outputs = [self._nodes[nodes[row]].number for row in rows]
-                noise = [self._noise[nodes[row]] for row in rows]
+            together = self._read.get(tuple(nodes))
+            if together is None:
+                together = self._read[tuple(nodes)] = self._readings(nodes)
+            for rows, quantity, outputs, noise in together:
                 volts[rows] = quantity(self, times[rows], outputs, noise)
             for fault in self.faults:
                 for row, node in enumerate(nodes):
                     volts[row] = fault.channel(node, volts[row], times[row])
             return volts
+
+    def _readings(self, nodes: Sequence[str]) -> list[_Reading]:
+        """Return how nodes are read: those of a sensor that follow one another in one call."""
+        readings: list[_Reading] = []
+        wired = [row for row, node in enumerate(nodes) if node in self._nodes]
+        for quantity, alike in groupby(wired, lambda row: self._nodes[nodes[row]].quantity):
+            rows = list(alike)
+            outputs = [self._nodes[nodes[row]].number for row in rows]
+            noise = [self._noise[nodes[row]] for row in rows]
+            # A slice of the times is a view of them; nodes without a wire may lie between.
+            one = rows[-1] - rows[0] + 1 == len(rows)
+            readings.append((slice(rows[0], rows[-1] + 1) if one else rows, quantity, outputs, noise))
+        return readings
 
     def _clocked(self, nodes: Sequence[str], times: FloatArray) -> FloatArray:
         """Return the rig's times, (nodes, times) s, at which the nodes' cards sample for `times`."""

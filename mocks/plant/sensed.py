@@ -122,8 +122,11 @@ def _gauges(
         force[:, 1] -= 0.03 * pressed
         force[:, 2] += pressed
     volts = np.empty(times.shape)
-    for row, (output, rng) in enumerate(zip(outputs, rngs, strict=True)):
-        volts[row] = rest[output] + gauges[output] @ force[row] + noise * rng.standard_normal(len(volts[row]))
+    for row, rng in enumerate(rngs):
+        rng.standard_normal(out=volts[row])
+    volts *= noise
+    seen = list(outputs)
+    volts += rest[seen, np.newaxis] + (gauges[seen][:, np.newaxis] @ force)[:, 0]
     return volts
 
 
@@ -143,9 +146,15 @@ def _axes(
     for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), _RING):
         motion += tilted * _filtered(scene, press, sensor.bandwidth_hz, times)
     density = ACCELEROMETER_NOISE * np.sqrt(np.pi / 2 * sensor.bandwidth_hz)
-    motion += density * np.array([rng.standard_normal(motion.shape[1]) for rng in rngs])
-    clipped = np.clip(motion, -ACCELEROMETER_CLIP, ACCELEROMETER_CLIP)
-    return np.asarray(sensor.zero + sensor.sensitivity * clipped)
+    noise = np.empty(motion.shape)
+    for row, rng in enumerate(rngs):
+        rng.standard_normal(out=noise[row])
+    noise *= density
+    motion += noise
+    np.clip(motion, -ACCELEROMETER_CLIP, ACCELEROMETER_CLIP, out=motion)
+    motion *= sensor.sensitivity
+    motion += sensor.zero
+    return motion
 
 
 def _filtered(scene: Scene, press: SimulatedPress, pole_hz: float, times: FloatArray) -> FloatArray:
