@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections import namedtuple
 from dataclasses import replace
 from pathlib import Path
@@ -89,6 +90,22 @@ def test_a_disk_that_takes_nothing_and_says_nothing_is_full(
     with pytest.raises(InstrumentError):
         writer.close()
     writer.close()
+
+
+def test_eight_megabytes_are_synced_before_it_is_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("haploop.acquisition.recording.writer._COMMIT_PERIOD", 1000.0)
+    blocks = -(-(8 << 20) // block_dtype(CHANNELS, 250).itemsize)
+    with Writer(tmp_path / "P01-push.h5", header(), 250, blocks) as writer:
+        for number in range(blocks):
+            assert not writer.committed
+            writer.write(block_of(250 * number), 0.0)
+        for _ in range(1000):
+            if writer.committed:
+                break
+            time.sleep(0.01)
+        assert writer.committed
 
 
 def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

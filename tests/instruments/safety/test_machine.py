@@ -201,3 +201,11 @@ def test_what_is_refused_is_not_left_open(place: Path) -> None:
         with pytest.raises(OSError, match="not a file of its own"):
             machine.read(path)
     assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+@POSIX
+def test_what_is_synced_is_the_whole_content(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[bytes] = []
+    monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.pread(number, 100, 0)))
+    machine.write(machine.folder() / "a.duty", b"content")
+    assert synced == [b"content"]
