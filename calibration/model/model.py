@@ -75,6 +75,10 @@ class Model:
     spacing: float
     """Median distance of the response's lines (Hz)."""
 
+    def __repr__(self) -> str:
+        found = ", ".join(f"{one.frequency_hz:.1f}" for one in self.resonances)
+        return f"<Model: resonances at {found or 'no'} Hz, {'' if self.stable else 'not '}stable>"
+
     def refuse_nonsense(self) -> None:
         """See `hdf5.restore`. Raises DataError for poles that no fit finds."""
         each = (self.poles, self.residues, self.resonant, self.decay_deviation)

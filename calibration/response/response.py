@@ -70,6 +70,14 @@ class Response:
     hysteresis: Hysteresis = LINEAR
     """The law that a multisine's response was computed with; that of sweeps follows from `level_gain`."""
 
+    def __repr__(self) -> str:
+        simulated = ", simulated" if self.simulated else ""
+        low, high = (
+            (float(edge) for edge in self.frequencies[[0, -1]]) if len(self.frequencies) else (0.0, 0.0)
+        )
+        lines = f"{low:.0f} to {high:.0f} Hz, {len(self.frequencies)} lines"
+        return f"<Response of patch {self.patch} at {self.point}: {lines}{simulated}>"
+
     def refuse_nonsense(self) -> None:
         """See `hdf5.restore`. Raises DataError for lines that no measurement has."""
         lines = self.frequencies.shape

@@ -150,6 +150,8 @@ def test_values_are_short_and_a_notebook_shows_a_picture(demo: Demo) -> None:
         assert len(repr(value)) < 120 and "simulated" in repr(value)
         html = value._repr_html_()
         assert html.count('src="data:image/png;base64,') == 1 and "<table>" in html
+    assert "20 to 620 Hz, " in repr(values[2].response) and len(repr(values[2].response)) < 120
+    assert "263." in repr(values[2].model) and len(repr(values[2].model)) < 160
     with open_rig("simulated", simulate="twin") as rig:
         assert "open, simulated by its twin; daq" in repr(rig)
         html = rig._repr_html_()
