@@ -97,8 +97,8 @@ def import_press(
         )
     with np.errstate(all="ignore"):
         values = _per_unit(path, taken, scale) * taken.values
-    if not np.all(np.isfinite(values)) or not np.ptp(values):
-        raise DataError(f"The channel {taken.name!r} of {path} is constant, or not finite.")
+    if not len(values) or not np.all(np.isfinite(values)) or not np.ptp(values):
+        raise DataError(f"The channel {taken.name!r} of {path} is empty, constant, or not finite.")
     if (largest := float(np.abs(values).max())) > _MOST:
         raise ConfigurationError(
             f"The channel {taken.name!r} of {path} would reach {largest:g} m/s^2: look at its unit, or at "

@@ -200,6 +200,7 @@ def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
         ("a.csv", "frequency [Hz],a\n1,1\n2,1\n", "over frequency"),
         ("a.json", "{}", "SEP-005"),
         ("a.sep005", "", "SEP-005"),
+        ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": []}', "empty"),
         ("a.json", "[]", "several rates or lengths"),
         ("a.uff", "no", "no time responses"),
     ],
