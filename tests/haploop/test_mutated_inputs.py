@@ -108,10 +108,11 @@ def part_of_a_study(_demo: Demo, run: Run, folder: Path) -> Made:
     text = 'name = "demo"\nrig = "simulated"\nbuttons = ["push"]\nparticipants = ["P01"]\npresses = 2\n'
     (study / "study.toml").write_text(text, encoding="utf-8")
     assert run("study", "run", "--study", study, "-p", "P01").exit_code == 0
-    process = ("study", "process", "--study", study, "--workers", "1", "--json")
+    out = folder / "processed"
+    process = ("study", "process", "--study", study, "--out", out, "--workers", "1", "--json")
     made = run(*process)
     assert made.exit_code == 0, made.output
-    return next((study / "processed" / "parts").glob("*.json")), [process]
+    return next((out / "parts").glob("*.json")), [process]
 
 
 def index(demo: Demo, run: Run, folder: Path) -> Made:
