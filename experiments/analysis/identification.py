@@ -78,11 +78,15 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
     return Identification(pooled, by, matrices, within, between, tuple(performance), tuple(notes))
 
 
+_WANTS: tuple[tuple[Metric, str], ...] = (("precision", "answered"), ("sensitivity", "presented"))
+"""What a class must have been, for a metric of it to be defined."""
+
+
 def _undefined(by: tuple[str, ...], matrices: Mapping[tuple[str, ...], Confusion]) -> Iterator[str]:
     """Say which metrics have no value, and why."""
     for key, confusion in matrices.items():
         where = "".join(f", {column} {value}" for column, value in zip(by, key, strict=True))
-        for metric, never in (("precision", "answered"), ("sensitivity", "presented")):
+        for metric, never in _WANTS:
             for name in confusion.classes:
                 if confusion.value(metric, name) is None:
                     yield f"Not defined{where}: the {metric} of {name}, which was never {never}."

@@ -151,7 +151,6 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
         assert [float(sliders.nth(n).input_value()) for n in range(7)] == [51] * 7, "they start in the middle"
         expect(shown.get_by_role("button", name="Done")).to_be_in_viewport(ratio=1)
         if number == 1:
-            expect(page.locator("#about")).to_contain_text("participants so far: 1)", timeout=WAIT)
             shown.set_viewport_size({"width": 640, "height": 450})  # as at 200 % on a screen of 1280
             assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
             assert not shown.evaluate(
@@ -177,6 +176,7 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
     expect(shown.locator("#question")).to_contain_text("complete", timeout=WAIT)
     assert shown.locator("a, #stop").count() == 0, "STOP is the operator's"
     expect(page.locator("#entries")).to_contain_text("complete", timeout=WAIT)
+    expect(page.locator("#about")).to_contain_text("participants so far: 1)")
     page.get_by_role("button", name="End here").click()
     expect(page.locator("#where")).to_have_text("No session runs.", timeout=WAIT)
     answers = [answer for _, answer, _ in stored(console.data, "rating").answers]
