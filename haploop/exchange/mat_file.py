@@ -105,7 +105,7 @@ def _content(path: Path) -> tuple[dict[str, FloatArray], dict[str, float], dict[
         child = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False
         )
-        with np.load(io.BytesIO(child.stdout), allow_pickle=False) as found:
+        with np.load(io.BytesIO(child.stdout)) as found:
             said = json.loads(str(found["said"]))
             vectors = dict(zip(said["vectors"], found["values"], strict=True))
     except OSError as error:
