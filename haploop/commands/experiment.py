@@ -305,13 +305,13 @@ def _rig_of(
     if not store.experiment.file.buttons:
         yield None
         return
-    with alone(rig, simulate) as file:
-        if simulated and not (simulate or file.simulate):
-            raise haploop.ConfigurationError(
-                f"A simulated participant has no finger for the rig {file.name!r}: add --simulate twin."
-            )
-        with opened_rig(state, file, simulate) as opened:
-            yield opened
+    described = haploop.load_rig_file(rig)
+    if simulated and not (simulate or described.simulate):
+        raise haploop.ConfigurationError(
+            f"A simulated participant has no finger for the rig {described.name!r}: add --simulate twin."
+        )
+    with alone(rig, simulate) as file, opened_rig(state, file, simulate) as opened:
+        yield opened
 
 
 def _clock(rig: Rig | None) -> Clock:
