@@ -16,6 +16,7 @@ from haploop.instruments.config.rig_file import Device, DriveLimits, RigFile
 from haploop.instruments.generator.role import Generator
 from haploop.instruments.player.role import Player
 from haploop.instruments.relay.role import Relay
+from haploop.instruments.safety.audit import entries
 from haploop.mocks.daq.twin import DaqTwin
 from tests.instruments.safety.at_the_patch import Burst, bursts
 
@@ -60,6 +61,7 @@ def test_an_instrument_of_a_rig_plays_nothing_by_itself(file: Any, way: Callable
         with pytest.raises(LimitError, match=r"a rig plays only what its limiter has authorised"):
             way(rig)
         rig.clock.sleep(0.5)
+        assert [e["kind"] for e in entries(rig.audit.folder)].count("refused") == 1
     assert rig.simulation.truth.peak == 0
 
 
@@ -241,6 +243,12 @@ def test_a_duty_counts_what_was_played_before() -> None:
 def test_a_sweep_that_is_no_wave_is_held_to_its_limits_all_the_same() -> None:
     with open_rig(generator_rig()) as rig, pytest.raises(LimitError, match="rises to"):
         rig.sweep(Sweep(1, 2, 0.3, 60), ["A"], ["drive"])
+
+
+def test_what_a_sweep_leaves_moving_counts_as_part_of_it() -> None:
+    file = generator_rig().model_copy(update={"limits": DriveLimits(max_duration=0.5)})
+    with open_rig(file) as rig, pytest.raises(LimitError, match=r"of the rig file's \[limits\]\.$"):
+        rig.sweep(Sweep(10, 300, 0.5, 20), ["A"], ["drive"])
 
 
 def test_what_a_player_makes_of_a_drive_is_held_to_the_limits() -> None:
