@@ -272,7 +272,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         notes=(),
         simulated=rig.simulated or drive.simulated,
     )
-    followed = abs(float(np.vdot(-still[0], moved.mean(axis=0)).real))
+    followed = abs(float(np.vdot(still[0], moved.mean(axis=0)).real))
     odd = odd_play(moved[:, inside])
     return _judged(result, whole, followed, odd, played.overload, rig.limits.peak)
 

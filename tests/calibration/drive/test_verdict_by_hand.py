@@ -22,6 +22,7 @@ from haploop.calibration.drive.agreement import (
 )
 from haploop.calibration.drive.check import compare
 from haploop.calibration.drive.playing import Played
+from haploop.instruments import DataError
 
 RATE = 5000.0
 T = np.arange(5000) / RATE
@@ -112,8 +113,30 @@ def test_a_check_in_words_and_as_plain_values() -> None:
     assert said["wideband_nrmse"] == found.wideband_nrmse and said["plays"] == 5 and said["passed"] is True
     assert said["outside_interval"] == list(found.outside_interval) and said["verdict"] == "pass"
     assert (said["reasons"], said["notes"]) == ([], list(found.notes))
+    assert all(isinstance(note, str) for note in found.notes)
     nothing = replace(found, nrmse=float("nan"), nrmse_interval=(float("nan"), float("inf"))).summary()
     assert nothing["nrmse"] is None and nothing["nrmse_interval"] == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"target_db": np.zeros(3)}, "one level for each"),
+        ({"floor_db": np.zeros((1, 1))}, "one level for each"),
+        ({"rate_hz": 0.0}, "has 0 samples/s"),
+        ({"rate_hz": np.nan}, "has nan samples/s"),
+        ({"accelerations": np.zeros((5, 3))}, "as long as its target"),
+        ({"verdict": "perhaps"}, "there is no such"),
+    ],
+)
+def test_a_check_that_nobody_can_have_measured_is_refused(wrong: dict[str, Any], says: str) -> None:
+    found = judged(0.9)
+    found.refuse_nonsense()
+    with pytest.raises(DataError, match=says):
+        replace(found, **wrong).refuse_nonsense()
+    unknown = np.where(np.arange(len(found.floor_db)) == 2, np.nan, found.floor_db)
+    with pytest.raises(DataError, match="no number"):
+        replace(found, floor_db=unknown).refuse_nonsense()
 
 
 # Verdicts
@@ -205,7 +228,8 @@ def test_a_drift_is_named_by_its_size() -> None:
 @pytest.mark.parametrize(("size", "told"), [(0.4, False), (0.5, True)])
 def test_noise_that_would_hide_a_tone_above_the_band_is_told(size: float, told: bool) -> None:
     # In the mean of five plays, a tone of 0.45 in each is a fifth of the target.
-    moved = np.array([TARGET + size * 2 * np.sin(2 * np.pi * (600 + k) * T) for k in range(5)])
+    high = [np.sin(2 * np.pi * (600 + k) * T) + np.sin(2 * np.pi * (1200 + k) * T) for k in range(5)]
+    moved = np.array([TARGET + size * 2 * one for one in high])
     found = compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG)
     assert found.verdict == "pass"
     said = "Above 562 Hz, the noise left in the mean of 5 plays exceeds 20% of the target's strongest third"
