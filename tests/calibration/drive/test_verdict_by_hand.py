@@ -113,7 +113,7 @@ def test_a_check_in_words_and_as_plain_values() -> None:
     assert said["wideband_nrmse"] == found.wideband_nrmse and said["plays"] == 5 and said["passed"] is True
     assert said["outside_interval"] == list(found.outside_interval) and said["verdict"] == "pass"
     assert (said["reasons"], said["notes"]) == ([], list(found.notes))
-    assert all(isinstance(note, str) for note in found.notes)
+    assert all(found.notes)
     nothing = replace(found, nrmse=float("nan"), nrmse_interval=(float("nan"), float("inf"))).summary()
     assert nothing["nrmse"] is None and nothing["nrmse_interval"] == [None, None]
 
@@ -228,7 +228,7 @@ def test_a_drift_is_named_by_its_size() -> None:
 @pytest.mark.parametrize(("size", "told"), [(0.4, False), (0.5, True)])
 def test_noise_that_would_hide_a_tone_above_the_band_is_told(size: float, told: bool) -> None:
     # In the mean of five plays, a tone of 0.45 in each is a fifth of the target.
-    high = [np.sin(2 * np.pi * (600 + k) * T) + np.sin(2 * np.pi * (1200 + k) * T) for k in range(5)]
+    high = [np.sin(2 * np.pi * (600 + k) * T) + np.sin(2 * np.pi * (800 + k) * T) for k in range(5)]
     moved = np.array([TARGET + size * 2 * one for one in high])
     found = compare(DRIVE, Played(moved, RATE, 1000.0, 40.0, None), RIG)
     assert found.verdict == "pass"
