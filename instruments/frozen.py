@@ -89,7 +89,7 @@ def frozen(value: Any) -> Any:
         return FrozenDict({key: frozen(one) for key, one in value.items()})
     if isinstance(value, list):
         return FrozenList(map(frozen, value))
-    if isinstance(value, tuple) and type(value) is tuple:
+    if type(value) is tuple:  # a named one is made otherwise
         return tuple(map(frozen, value))
     if isinstance(value, BaseModel):
         return frozen_fields(value)
