@@ -13,6 +13,9 @@ from haploop.instruments import Capture, Rig
 
 __all__ = ["Waveforms"]
 
+_BESIDE = "-waveforms"
+"""How the name of a calibration's file goes on for its waveforms."""
+
 
 @dataclass(frozen=True, eq=False)
 class Waveforms:
@@ -64,7 +67,12 @@ class Waveforms:
     @staticmethod
     def beside(calibration: Path) -> Path:
         """Where the waveforms of a calibration's file are kept: FILE-waveforms.h5 beside it."""
-        return calibration.with_name(f"{calibration.stem}-waveforms{calibration.suffix}")
+        return calibration.with_name(f"{calibration.stem}{_BESIDE}{calibration.suffix}")
+
+    @staticmethod
+    def is_beside(path: Path) -> bool:
+        """True for a file with a name that `beside` gives."""
+        return path.stem.endswith(_BESIDE)
 
     @property
     def seconds(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from haploop.calibration import Waveforms
 from haploop.instruments import DataError
 
 __all__ = ["files_of"]
@@ -25,7 +26,7 @@ def files_of(path: Path) -> list[Path]:
             "and name that."
         )
     # Waveforms have no figure of their own: they belong to the calibration beside them.
-    files = sorted(one for one in path.glob("*.h5") if not one.stem.endswith("-waveforms"))
+    files = sorted(one for one in path.glob("*.h5") if not Waveforms.is_beside(one))
     if not files:
         raise DataError(
             f"{path} holds neither a study (study.toml), nor a map (map.json), nor files of haploop (.h5): "

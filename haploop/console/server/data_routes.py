@@ -52,8 +52,6 @@ _ASKED = ("kind", "participant", "button", "verdict")
 _FORCE_HZ = 1000.0
 _SHOWN_HZ = 5000.0
 """Samples per second of the waveforms of a check that are sent."""
-_MEASURED = Waveforms.beside(Path("a.h5")).name.removeprefix("a")
-"""How the names of files end that are kept beside a calibration's."""
 
 
 def data_routes(data: DataFolder) -> list[Route]:
@@ -118,7 +116,7 @@ def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
         "recordings": names("recordings/*.h5") + names("*/recordings/*.h5"),
         "studies": [name.removesuffix("/study.toml") for name in names("*/study.toml")],
         "experiments": [name.removesuffix("/experiment.toml") for name in names("*/experiment.toml")],
-        "calibrations": [n for n in names("calibrations-made/*.h5") if not n.endswith(_MEASURED)],
+        "calibrations": [n for n in names("calibrations-made/*.h5") if not Waveforms.is_beside(Path(n))],
         "maps": [name.removesuffix("/map.json") for name in names("maps/*/map.json")],
         "buttons": names("buttons/*.h5"),
         "checks": names("checks/*.h5"),
