@@ -1,7 +1,8 @@
 """The blocks of the documents are run: each page is a program, from its first block to its last.
 
-A page is run in an empty folder with a rig file lab.toml, which is the simulated rig's. A block of shell is
-run by bash, and one of Python in one namespace a page. A block that begins with a file's name in a comment is
+A page is run in an empty folder with a rig file lab.toml, which is the simulated rig's. In a block of shell a
+line that is a command of haploop and nothing else runs in this process, as starting one takes a second, and
+other lines by bash; Python runs in one namespace a page. A block that begins with a file's name in a comment is
 written into that file, and TOML without one is parsed. Comments that the site does not show:
 
     <!-- not run: REASON -->      before a block, which is then skipped
@@ -15,15 +16,20 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
 import tomllib
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import pytest
+from click.testing import CliRunner
+
+from haploop.cli import cli
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,6 +55,8 @@ FENCE = re.compile(
     r"|^<!-- before(?P<hidden> python)?:\n(?P<setup>.*?)^-->$",
     re.MULTILINE | re.DOTALL,
 )
+_COMMAND = re.compile(r"haploop [^|&;<>$`()\[\]{}~?]*")
+"""A line of shell that starts a command of haploop, and asks nothing else of the shell but `*` and quotes."""
 
 
 def blocks(text: str) -> list[Block]:
@@ -84,6 +92,24 @@ class Page:
             tomllib.loads(block.text)
 
     def _shell(self, text: str, place: str) -> None:
+        lines = text.replace("\\\n", " ").splitlines()
+        for command, some in groupby(lines, lambda line: _COMMAND.fullmatch(line) is not None):
+            for piece in some if command else ("\n".join(some),):
+                code, said = self._haploop(piece) if command else self._bash(piece)
+                assert code == 0, f"{place}: {piece}\n{said}"
+
+    def _haploop(self, line: str) -> tuple[int, str]:
+        words = shlex.split(line, comments=True)[1:]
+        result = CliRunner().invoke(cli, [name for word in words for name in self._matching(word)])
+        assert result.exception is None or isinstance(result.exception, SystemExit)
+        return result.exit_code, result.output
+
+    def _matching(self, word: str) -> list[str]:
+        """What a shell makes of a word with `*`, if files match it."""
+        found = [str(path.relative_to(self.folder)) for path in self.folder.glob(word)] if "*" in word else []
+        return sorted(found) or [word]
+
+    def _bash(self, text: str) -> tuple[int, str]:
         script = f"set -euo pipefail\n{text}\npwd > '{self.folder.parent / 'pwd'}'\n"
         # A session of its own: after the time limit no command goes on by itself.
         with subprocess.Popen(
@@ -100,9 +126,10 @@ class Page:
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 raise
-        assert process.returncode == 0, f"{place}: {text}\n{said}"
-        self.folder = Path((self.folder.parent / "pwd").read_text(encoding="utf-8").strip())
-        os.chdir(self.folder)
+        if process.returncode == 0:
+            self.folder = Path((self.folder.parent / "pwd").read_text(encoding="utf-8").strip())
+            os.chdir(self.folder)
+        return process.returncode, said
 
 
 def name_of(page: Path) -> str:

@@ -79,7 +79,7 @@ def test_no_name_of_a_button_or_calibration_is_taken_for_markup(
     presses = demo.folder / "recordings" / "P01-latch.h5"
     history = ["--calibrations", tmp_path / "history [red]", "--rig", rig]
     for args in (
-        ["button", "make", presses, "--calibration", calibration, "--out", button, "--rig", rig],
+        ["button", "make", presses, "-c", calibration, "--out", button, "--iterations", 0, "--rig", rig],
         ["show", button],
         ["button", "check", button, "--rig", rig, "--plays", 3, "--out", tmp_path / "c [red].h5"],
         ["calibrations", "adopt", button, "--reason", HOSTILE, *history],
