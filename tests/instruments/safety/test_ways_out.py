@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import os
 import random
 import signal
 import subprocess
@@ -27,7 +28,7 @@ from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.duty import plays_of
-from haploop.instruments.safety.lock import hold, reserve
+from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
 from haploop.instruments.safety.lockout import lockout_of
 from haploop.instruments.signals import at_console_close, ending_in_order
 from haploop.mocks.simulation import Simulation
@@ -362,6 +363,31 @@ def test_a_card_is_one_card_under_every_name(
         assert stop - start == pytest.approx(0.1, abs=0.01)
     haploop.reset_lockout(other, "a test")
     assert lockout_of(tmp_path / "place", rig.hardware) is None
+
+
+def test_a_lock_and_a_mark_hold_on_a_disk_that_takes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The holder's name is missing then, and no more; a network disk may refuse as late as on closing."""
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path)
+    close = os.close
+
+    def closed(descriptor: int) -> None:
+        close(descriptor)
+        full()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.write", full)
+        with hold({"card"}, "The rig 'one'"):
+            (lock,) = tmp_path.glob("*.lock")
+            assert not lock.read_bytes()
+    with marked(tmp_path / "one"):
+        monkeypatch.setattr("os.close", closed)
+    monkeypatch.undo()
+    assert not is_marked(tmp_path / "one")
 
 
 def test_a_reservation_is_for_this_programs_rigs() -> None:
