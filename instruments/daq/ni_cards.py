@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -11,11 +12,13 @@ from nidaqmx.constants import ProductCategory
 from haploop.instruments.daq.ni_daqmx import device_of
 from haploop.instruments.daq.ni_errors import translated, understood
 from haploop.instruments.daq.ni_sessions import Sessions
-from haploop.instruments.errors import ConfigurationError, InstrumentError
+from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
 
-__all__ = ["Card", "Plan", "believed", "find_cards"]
+__all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
 
 
+_PATIENCE = 5.0
+"""Time for a device server to answer when it is asked for its cards' numbers (s)."""
 _READ_OUTPUTS = (ProductCategory.M_SERIES_DAQ, ProductCategory.X_SERIES_DAQ)
 """Families with internal channels `_aoN_vs_aognd` (docs/hardware.md, "All NI cards")."""
 
@@ -58,6 +61,29 @@ def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: s
                 "in [daq], or the device's name in NI MAX."
             )
     return cards
+
+
+def numbers_of(names: Iterable[str], server: str | None) -> dict[str, list[str]]:
+    """Product and serial number of each card, by its name; of a module its chassis' too.
+
+    Modules share the clocks of a chassis. A card that is missing or does not answer is left out. One without
+    a number (0, as a device that NI's driver simulates may report) has an empty list.
+    """
+    found: dict[str, list[str]] = {}
+    with (
+        suppress(HaploopError),
+        closing(Sessions.at(server, _PATIENCE)) as sessions,
+        understood("NI-DAQmx"),
+        translated("NI-DAQmx", server),
+    ):
+        devices = sessions.system().devices
+        present = {name.lower(): name for name in devices.device_names}
+        for name in names:
+            if name.lower() in present:
+                device = devices[present[name.lower()]]
+                parts = [device, device.compact_daq_chassis_device] if _is_module(device) else [device]
+                found[name] = [f"{p.product_type} {p.serial_num:X}" for p in parts if p.serial_num]
+    return found
 
 
 @dataclass(frozen=True)
@@ -121,14 +147,16 @@ def believed(device: str, what: str, value: float, low: float, high: float) -> f
 
 
 def _card(device: Any, name: str) -> Card:
-    category = device.product_category
-    module = category == ProductCategory.C_SERIES_MODULE
     return Card(
         name=name,
         product=str(device.product_type),
         serial=int(device.serial_num),
         simulated=bool(device.is_simulated),
-        home=str(device.compact_daq_chassis_device.name) if module else name,
+        home=str(device.compact_daq_chassis_device.name) if _is_module(device) else name,
         simultaneous=bool(device.ai_simultaneous_sampling_supported),
-        reads_outputs=category in _READ_OUTPUTS,
+        reads_outputs=device.product_category in _READ_OUTPUTS,
     )
+
+
+def _is_module(device: Any) -> bool:
+    return bool(device.product_category == ProductCategory.C_SERIES_MODULE)

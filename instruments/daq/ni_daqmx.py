@@ -86,10 +86,15 @@ class NiDaq(Daq):
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: each card."""
-        return tuple(
-            f"{one_name(settings.server or 'this computer')} {name.lower()}" for name in _products(settings)
-        )
+        """See `Driver.hardware`: each card by its serial number, whatever a rig file calls it and its server.
+
+        A card without a number is named as the rig file does, and so is one that cannot be asked now.
+        """
+        from haploop.instruments.daq.ni_cards import numbers_of  # noqa: PLC0415
+
+        numbers, here = numbers_of(_products(settings), settings.server), settings.server or "this computer"
+        named = ((name, f"{one_name(here)} {name.lower()}") for name in _products(settings))
+        return tuple(piece for name, as_named in named for piece in numbers.get(name) or [as_named])
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:

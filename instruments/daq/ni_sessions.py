@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import socket
+import threading
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any, Self
@@ -38,8 +39,11 @@ _SILENCE = 15.0
 class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
     """Sets a deadline on each call: nidaqmx sets none, and would wait for ever for a silent server."""
 
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+
     def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
-        return continuation(details._replace(timeout=_SILENCE), request)
+        return continuation(details._replace(timeout=self._seconds), request)
 
 
 class _Version(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
@@ -104,17 +108,18 @@ class Sessions:
         self._channel = channel
 
     @classmethod
-    def at(cls, server: str | None) -> Self:
-        """Use the device server at host:port, or this computer. Raises InstrumentError without an answer."""
+    def at(cls, server: str | None, patience: float = _SILENCE) -> Self:
+        """Use the device server at host:port, or this computer. Raises InstrumentError without an answer.
+
+        `patience` is the time for it to answer each call (s).
+        """
         if server is None:
             return cls(None)
         plain = grpc.insecure_channel(
             server, options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
         )
-        channel = _Calls(grpc.intercept_channel(plain, _Version(), _Deadline()))
-        try:
-            grpc.channel_ready_future(plain).result(timeout=_CONNECT)
-        except grpc.FutureTimeoutError:
+        channel = _Calls(grpc.intercept_channel(plain, _Version(), _Deadline(patience)))
+        if not _connected(plain, min(patience, _CONNECT)):
             channel.close()
             raise InstrumentError(
                 f"No NI device server answers at {server}: start it, or correct server in [daq]."
@@ -161,6 +166,26 @@ class Sessions:
         self, name: str, behaviour: SessionInitializationBehavior = SessionInitializationBehavior.AUTO
     ) -> GrpcSessionOptions:
         return GrpcSessionOptions(self._channel, name, initialization_behavior=behaviour)
+
+
+def _connected(channel: grpc.Channel, patience: float) -> bool:
+    """Wait until a channel is ready. False when it could not connect, or not in time."""
+    settled, ready, refused = (
+        threading.Event(),
+        grpc.ChannelConnectivity.READY,
+        grpc.ChannelConnectivity.TRANSIENT_FAILURE,
+    )
+    seen = []
+
+    def see(state: grpc.ChannelConnectivity) -> None:
+        if state in (ready, refused):
+            seen.append(state)
+            settled.set()
+
+    channel.subscribe(see, try_to_connect=True)
+    settled.wait(patience)
+    channel.unsubscribe(see)
+    return seen[:1] == [ready]
 
 
 def _name(purpose: str) -> str:

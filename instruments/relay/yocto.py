@@ -89,11 +89,10 @@ class Yocto(ChannelRelay):
         """
         if settings.serial:
             return (_named(settings.serial),)
-        named = f"{one_name(settings.hub)} its only box"
         try:
-            return named, _named(_only_box(_Hub(settings.hub, settings.timeout)))
+            return (_named(_only_box(_Hub(settings.hub, settings.timeout))),)
         except (ConfigurationError, InstrumentError):
-            return (named,)
+            return (f"{one_name(settings.hub)} its only box",)
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:

@@ -64,15 +64,20 @@ class Audit(Frozen):
         now = self._wall()
         time = now.isoformat(timespec="milliseconds")
         try:
-            line = as_line({"time": time, "kind": kind, **fields, **self._about})
+            line = as_line({"time": time, "kind": kind, **fields, **self._about}).encode()
         except (ValueError, TypeError):
             raise DataError(f"{kind!r} cannot be logged: {fields} is not of JSON's types.") from None
         path = self.folder / f"log-{now:%Y-%m}.jsonl"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            log = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+            log = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
             try:
-                os.write(log, line.encode())
+                os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
+                if os.read(log, 1) not in (b"", b"\n"):
+                    line = b"\n" + line  # a power cut or a full disk has torn the last line
+                while line:
+                    # A disk that takes a part says why with the rest.
+                    line = line[os.write(log, line) :]
                 if self._durable:
                     os.fsync(log)
             finally:

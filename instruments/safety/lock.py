@@ -79,7 +79,8 @@ def marked(path: Path) -> Iterator[None]:
             with suppress(OSError):  # Windows removes no file that is open
                 mark.unlink()
     finally:
-        os.close(descriptor)
+        with suppress(OSError):  # what was done under the mark is done
+            os.close(descriptor)
         if sys.platform == "win32":
             with suppress(OSError):  # refused while another program has it open
                 mark.unlink()
@@ -118,8 +119,9 @@ def _locked(piece: str, what: str) -> Iterator[None]:
     try:
         person = who()
         holder = f"process {person['pid']} ({person['command']}) of {person['user']} on {person['host']}"
-        os.ftruncate(descriptor, 0)
-        os.write(descriptor, holder.encode())
+        with suppress(OSError):  # on a full disk the holder has no name
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, holder.encode())
         yield
     finally:
         with suppress(OSError):  # another user's, or open elsewhere on Windows: then the file stays, unlocked

@@ -5,7 +5,7 @@ from __future__ import annotations
 import configparser
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from nidaqmx.utils import unflatten_channel_string
 
@@ -30,7 +30,8 @@ class NiDevice:
 
     name: str
     product: Product
-    serial: int = 0
+    serial: int | None = None
+    """Serial number; 0 is none, and None one that the server gives: no two devices have the same."""
     simulated: bool = True
     """Value that the driver reports; every device here is in fact simulated."""
     chassis: str | None = None
@@ -94,6 +95,16 @@ class Inventory:
     def of(devices: Iterable[NiDevice]) -> Inventory:
         """Create an inventory of `devices`."""
         return Inventory({device.name: device for device in devices})
+
+    def numbered(self, first: int) -> Inventory:
+        """Return this inventory with serial numbers from `first` on, for the devices without."""
+        return replace(
+            self,
+            devices={
+                name: device if device.serial is not None else replace(device, serial=first + i)
+                for i, (name, device) in enumerate(self.devices.items())
+            },
+        )
 
     def device(self, name: str) -> NiDevice:
         """Return the device called `name`, ignoring case as the driver does. Raises DaqmxError."""

@@ -67,7 +67,7 @@ DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
     "PRODUCT_TYPE": lambda i, d: d.product.name,
     "PRODUCT_NUM": lambda i, d: d.number or d.product.number,
     "PRODUCT_CATEGORY": lambda i, d: _CATEGORY[d.product.family].value,
-    "SERIAL_NUM": lambda i, d: d.serial,
+    "SERIAL_NUM": lambda i, d: d.serial or 0,
     "IS_SIMULATED": lambda i, d: d.simulated,
     "BUS_TYPE": lambda i, d: (
         (c.BusType.TCPIP if d.product.name in ("cDAQ-9185", "cDAQ-9189") else _BUS[d.product.family]).value

@@ -32,6 +32,8 @@ __all__ = ["NiServer"]
 Corrupt = Callable[[str, bytes], bytes]
 """Function from a call's name and reply to the bytes that are sent instead."""
 
+_FIRST_SERIAL = 0x1000000
+"""Seven hexadecimal digits, as of a card (estimate)."""
 _THREADS = 256
 """Largest number of threads; each event stream and each blocked read occupies one."""
 _SERVICE = pb.DESCRIPTOR.services_by_name["NiDAQmx"]
@@ -58,20 +60,23 @@ class NiServer:
         rtsi: bool = False,
         seed: int = 0,
     ) -> None:
-        inventory = devices if isinstance(devices, Inventory) else Inventory.of(devices)
-        clock = clock or (nodes.clock if nodes is not None else RealClock())
-        self._system = NiSystem(inventory, clock, nodes, wiring or {}, rtsi, seed)
-        self._events = Events(self._system)
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="NI wire")
         options = [
             ("grpc.so_reuseport", 0),
             ("grpc.max_receive_message_length", -1),
             ("grpc.max_send_message_length", -1),
         ]
-        self._service = _Service(self._system, self._events)
-        self._server = grpc.server(self._pool, handlers=(self._service,), options=options)
+        self._server = grpc.server(self._pool, options=options)
         self.port: int = self._server.add_insecure_port(f"{HOST}:{port}")
         self.address = f"{HOST}:{self.port}"
+        inventory = devices if isinstance(devices, Inventory) else Inventory.of(devices)
+        # Other ones on another port, and the same again for a server that is started there again.
+        inventory = inventory.numbered(_FIRST_SERIAL + (self.port << 8))
+        clock = clock or (nodes.clock if nodes is not None else RealClock())
+        self._system = NiSystem(inventory, clock, nodes, wiring or {}, rtsi, seed)
+        self._events = Events(self._system)
+        self._service = _Service(self._system, self._events)
+        self._server.add_generic_rpc_handlers((self._service,))
         self._server.start()
 
     @property
@@ -211,7 +216,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
                 for device in self._system.inventory.devices.values():
                     entry = answer.devices.add()
                     entry.name, entry.model, entry.vendor = device.name, device.product.name, "haploop"
-                    entry.serial_number = f"{device.serial:X}"
+                    entry.serial_number = f"{device.serial or 0:X}"
             return answer
 
         if name in ("ResetServer", "EnumerateDevices"):

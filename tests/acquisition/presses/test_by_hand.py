@@ -7,8 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.signal
 
-from haploop.acquisition.presses.segmentation import Detector, Segmentation, Span, find_presses
+from haploop.acquisition.presses.segmentation import (
+    Detector,
+    Segmentation,
+    Span,
+    _first_lasting,
+    _shaken,
+    find_presses,
+)
 
 RATE = 1000.0
 
@@ -190,6 +198,53 @@ def test_a_first_click_is_found_where_it_begins(clicks: dict[int, float], expect
     assert found.activation == 699.5 and found.first_stage == expected
     late = find_presses(recording(force, (700,), clicks, {"acceleration": 0.003}))[0]
     assert late.first_stage == (None if expected is None else pytest.approx(expected + 3))
+
+
+def test_a_first_click_is_looked_for_from_the_first_sample_with_enough_force_above_the_rest() -> None:
+    """0.02 N a sample from 500 on: a quarter of the 2.79 N at 640 is exceeded at 535, from any rest."""
+    for rest in (0.0, 0.2):
+        force = rest + trapezoid(2000, 500, 200, 300, 4.0)
+        for at, found in ((525, None), (534, 534.5), (535, 534.5), (536, 535.5)):
+            (press,) = find_presses(recording(force, (640,), {640: 10.0, at: 8.0}))
+            assert press.first_stage == found
+
+
+def test_what_the_hand_does_is_removed_by_a_butterworth_filter_of_60_hz() -> None:
+    rng = np.random.default_rng(0)
+    moved = recording(np.zeros(500), clicks={n: float(rng.normal()) for n in range(1, 500)})
+    filtered = scipy.signal.sosfilt(
+        scipy.signal.butter(2, 60.0, "high", fs=RATE, output="sos"), moved.acceleration[2] - 9.81
+    )
+    assert _shaken(moved, Segmentation()) == pytest.approx(np.abs(filtered), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(("change", "samples"), [(560, range(558, 562)), (2, range(4))])
+def test_the_force_at_an_instant_is_of_every_sample_within_reach(change: int, samples: range) -> None:
+    """Two lines that meet at the instant, through samples that lie on no line."""
+    force = trapezoid(2000, 500, 100, 300, 2.0) if change > 500 else np.full(500, 2.0)
+    force[samples] += (0.01, 0.0, 0.0, 0.02)
+    t = np.array([-1.5, -0.5, 0.5, 1.5])
+    lines = np.stack([np.ones(4), np.minimum(t, 0), np.maximum(t, 0)], axis=1)
+    expected = np.linalg.lstsq(lines, force[samples], rcond=None)[0][0]
+    assert find_presses(recording(force, (change,)))[0].force_at_activation == pytest.approx(
+        expected, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("state", "first"),
+    [
+        ("11100000", 0),
+        ("11000000", None),
+        ("00111000", 2),
+        ("10000111", 0),
+        ("100000111", 6),
+        ("00000001", 7),
+        ("0101011", 1),
+    ],
+)
+def test_a_state_lasts_when_it_holds_for_most_of_five_samples(state: str, first: int | None) -> None:
+    assert _first_lasting(np.array([c == "1" for c in state]), 0, 5) == first
 
 
 def test_a_force_is_above_the_rest_just_before_its_press() -> None:

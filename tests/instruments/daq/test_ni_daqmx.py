@@ -13,6 +13,7 @@ import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.system import System
 
 from haploop.instruments.clock import RealClock
 from haploop.instruments.conformance import bypass_interlock
@@ -20,6 +21,7 @@ from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.ni_sentences import CONFIGURATION, SENTENCES
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.mocks.daq.ni import NiServer, inventory_of
+from haploop.mocks.daq.ni.devices import NiDevice
 from haploop.mocks.daq.ni.tasks import Task
 from haploop.mocks.daq.products import PRODUCTS, convert_interval
 from tests.mocks.daq.ni_client import Bench, connected
@@ -90,8 +92,67 @@ def tone(first: float, rate_hz: float, count: int, delay: float = 0.0) -> Any:
     return 3 * np.sin(2 * np.pi * 10 * (first + np.arange(count) / rate_hz + delay))
 
 
-def test_identity(daq: NiDaq) -> None:
-    assert daq.identity == "PCI-6034E (Dev1, serial 0) + PCIe-6321 (Dev2, serial 0)"
+def test_identity(daq: NiDaq, server: NiServer) -> None:
+    first = 0x1000000 + 256 * server.port
+    assert daq.identity == f"PCI-6034E (Dev1, serial {first:X}) + PCIe-6321 (Dev2, serial {first + 1:X})"
+
+
+def test_a_card_is_one_piece_of_hardware_under_every_name_and_address(
+    server: NiServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = 0x1000000 + 256 * server.port
+    cards = {f"PCI-6034E {first:X}", f"PCIe-6321 {first + 1:X}"}
+    for address in (server.address, f"localhost:{server.port}", f"ipv4:{server.address}"):
+        assert set(NiDaq.hardware(settings(server=address))) == cards
+    with connected(server) as options:
+        remote = System.remote(options)
+        monkeypatch.setattr(System, "local", lambda: remote)
+        assert set(NiDaq.hardware(settings())) == cards
+    renamed = [
+        NiDevice("Old", PRODUCTS["PCI-6034E"], first),
+        NiDevice("Dev2", PRODUCTS["PCIe-6321"], first + 1),
+    ]
+    with NiServer(renamed) as other:
+        terminal = {"force": {"terminal": "OLD/ai0", "range": 10}}
+        asked = settings(server=other.address, channels=terminal, devices={})
+        assert set(NiDaq.hardware(asked)) == cards
+
+
+def test_a_module_is_locked_with_its_chassis() -> None:
+    chassis = NiDevice("cDAQ1", PRODUCTS["cDAQ-9178"], 0x1A2B)
+    modules = [
+        NiDevice(f"cDAQ1Mod{slot}", PRODUCTS["NI 9215"], 0x3C00 + slot, chassis="cDAQ1", slot=slot)
+        for slot in (1, 2)
+    ]
+    with NiServer([chassis, *modules]) as server:
+        pieces = [
+            set(
+                NiDaq.hardware(
+                    settings(
+                        server=server.address,
+                        channels={"force": {"terminal": f"{module.name}/ai0", "range": 5}},
+                        outputs={},
+                        devices={},
+                    )
+                )
+            )
+            for module in modules
+        ]
+    assert pieces == [{"cDAQ-9178 1A2B", "NI 9215 3C01"}, {"cDAQ-9178 1A2B", "NI 9215 3C02"}]
+
+
+def test_a_card_without_a_number_is_known_by_its_name_and_server(server: NiServer) -> None:
+    """As one that NI's driver simulates may be, one that is not there, and all while nobody answers."""
+    with NiServer([NiDevice("Dev1", PRODUCTS["PCI-6034E"], 0)]) as other:
+        asked = settings(server=other.address)
+        named = {f"{other.address} dev1", f"{other.address} dev2"}
+        assert set(NiDaq.hardware(asked)) == named
+    assert set(NiDaq.hardware(asked)) == named
+    server.corrupt(lambda _call, _reply: b"\xff" * 9)
+    assert set(NiDaq.hardware(settings(server=server.address))) == {
+        f"{server.address} dev1",
+        f"{server.address} dev2",
+    }
 
 
 def test_rows_come_in_the_order_asked_for_with_their_delays(daq: NiDaq, bench: Bench) -> None:

@@ -90,6 +90,24 @@ def test_without_a_log_nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> Non
         assert rig.simulation.truth.peak == 0
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows limits no file")
+def test_a_line_of_which_the_disk_took_a_part_is_not_logged_and_spoils_no_other(tmp_path: Path) -> None:
+    import resource
+
+    log = Audit(FILE, tmp_path, True)
+    log.note("one")
+    (path,) = tmp_path.glob("log-*.jsonl")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, hard))
+    try:
+        with pytest.raises(DataError, match=r"cannot be written \(File too large\), and nothing is played"):
+            log.note("played")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    log.note("two")
+    assert [entry["kind"] for entry in entries(tmp_path)] == ["one", "damaged", "two"]
+
+
 def test_a_month_has_a_file_and_nothing_is_ever_rewritten(tmp_path: Path) -> None:
     now = datetime(2026, 1, 31, 23, 59, tzinfo=UTC)
     log = Audit(FILE, tmp_path, True, lambda: now)

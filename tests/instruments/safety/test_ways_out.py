@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import os
 import random
 import signal
 import subprocess
@@ -11,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -18,13 +20,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import haploop
 from haploop.instruments import InstrumentError, RealClock, Rig, load_rig_file, open_rig
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.errors import HaploopError
 from haploop.instruments.relay.yocto import Yocto
 from haploop.instruments.rig.opening import hardware
 from haploop.instruments.safety.audit import entries
-from haploop.instruments.safety.lock import hold, reserve
+from haploop.instruments.safety.duty import plays_of
+from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
+from haploop.instruments.safety.lockout import lockout_of
 from haploop.instruments.signals import at_console_close, ending_in_order
 from haploop.mocks.simulation import Simulation
 from tests.instruments.safety.at_the_patch import bursts
@@ -333,6 +338,56 @@ def test_another_program_is_refused_and_one_that_is_killed_leaves_an_open_relay(
         assert rig.relay.connected() == frozenset()
         with pytest.raises(InstrumentError, match="is open in this program already"):
             open_rig(other)
+
+
+def test_a_card_is_one_card_under_every_name(
+    lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What one rig holds, trips and plays is held, locked out and counted for a rig with another name."""
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
+    path, _ = lab
+    path.write_text(path.read_text() + "[abort]\ndrive = 15.0\n")
+    address = load_rig_file(path).daq.settings["server"]
+    other = tmp_path / "other.toml"
+    card = 'devices = { Dev1 = "PCI-6034E" }'
+    other.write_text(f'base = "minimal"\nname = "other"\n[daq]\nserver = "ipv4:{address}"\n{card}\n')
+    with open_rig(path) as rig:
+        with pytest.raises(InstrumentError, match=r"open in this program already \(PCI-6034E 1[0-9A-F]{6}\)"):
+            open_rig(other)
+        with pytest.raises(InstrumentError, match=r"allows 15 V"):
+            rig.excite(DRIVE[::10], ["A"], ["drive"])
+    with open_rig(other) as rig:
+        assert rig.lockout is not None and "allows 15 V" in rig.lockout.why
+        now = datetime.now(UTC).timestamp()
+        ((start, stop),) = plays_of(tmp_path / "place", rig.hardware, now)
+        assert stop - start == pytest.approx(0.1, abs=0.01)
+    haploop.reset_lockout(other, "a test")
+    assert lockout_of(tmp_path / "place", rig.hardware) is None
+
+
+def test_a_lock_and_a_mark_hold_on_a_disk_that_takes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The holder's name is missing then, and no more; a network disk may refuse as late as on closing."""
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path)
+    close = os.close
+
+    def closed(descriptor: int) -> None:
+        close(descriptor)
+        full()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.write", full)
+        with hold({"card"}, "The rig 'one'"):
+            (lock,) = tmp_path.glob("*.lock")
+            assert not lock.read_bytes()
+    with marked(tmp_path / "one"):
+        monkeypatch.setattr("os.close", closed)
+    monkeypatch.undo()
+    assert not is_marked(tmp_path / "one")
 
 
 def test_a_reservation_is_for_this_programs_rigs() -> None:
