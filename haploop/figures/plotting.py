@@ -10,10 +10,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import LayoutEngine
 from matplotlib.legend import Legend
 from matplotlib.ticker import NullLocator
+from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
+from haploop.figures.grid_layout import GridLayout
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
 __all__ = [
@@ -55,8 +58,8 @@ Columns = Literal[1, 2]
 """Width of a figure: one or two columns of a journal."""
 _WIDTHS = {1: 3.46, 2: 7.1}
 """Inches; 88 and 180 mm."""
-_TITLE_PAD, _LEGEND_ROW = 4.0, 11.0
-"""Points below a panel's title; points that each row of a legend adds."""
+_TITLE_PAD, _LEGEND_ROW, _LETTER = 4.0, 11.0, 11.0
+"""Points below a panel's title; that each row of a legend adds; from a panel's letter to its title."""
 
 _STYLE: Any = {
     "font.family": "sans-serif",
@@ -72,6 +75,9 @@ _STYLE: Any = {
     "axes.spines.right": False,
     "axes.titlelocation": "left",
     "axes.unicode_minus": True,
+    # Numbers are written in full: a factor or an offset above the axis would stand in the title.
+    "axes.formatter.limits": (-9, 9),
+    "axes.formatter.useoffset": False,
     "xtick.labelsize": 7.5,
     "ytick.labelsize": 7.5,
     "xtick.color": "#555555",
@@ -109,9 +115,12 @@ def style() -> AbstractContextManager[None]:
     return mpl.rc_context(_STYLE)
 
 
-def new_figure(height: float, columns: Columns = 2) -> Figure:
-    """Create an empty figure of one or two columns' width, `height` inches high."""
-    return Figure(figsize=(_WIDTHS[columns], height), layout="constrained")
+def new_figure(height: float, columns: Columns = 2, layout: LayoutEngine | None = None) -> Figure:
+    """Create an empty figure of one or two columns' width, `height` inches high.
+
+    `layout` is constrained if none is given; see `GridLayout`.
+    """
+    return Figure(figsize=(_WIDTHS[columns], height), layout=layout or "constrained")
 
 
 def panels(
@@ -123,10 +132,10 @@ def panels(
     column's width they stand one below the other. `height` (inches) is that of a row with its labels.
     """
     if columns == 2 or across == 1:
-        figure = new_figure(height * rows + 0.35, columns)
+        figure = new_figure(height * rows + 0.35, columns, GridLayout())
         found = figure.subplots(rows, across, squeeze=False, width_ratios=ratios or None)
     else:
-        figure = new_figure(height * rows * across + 0.35, columns)
+        figure = new_figure(height * rows * across + 0.35, columns, GridLayout())
         found = figure.subplots(rows * across, 1, squeeze=False).reshape(rows, across)
     return figure, found
 
@@ -141,10 +150,15 @@ def label_below(grid: NDArray[Any], labels: Sequence[str], columns: Columns = 2)
 
 def letter(axes: Axes, index: int, title: str = "", legend_rows: int = 0) -> None:
     """Write the panel's letter, bold, and its title, above room for a legend of `legend_rows` rows."""
-    bold = rf"$\bf{{{chr(ord('a') + index)}}}$"
-    # The title of a panel is often a name from a file, in which a dollar is no formula.
-    told = title.replace("$", r"\$")
-    axes.set_title(f"{bold}  {told}" if title else bold, pad=_TITLE_PAD + _LEGEND_ROW * legend_rows)
+    pad = _TITLE_PAD + _LEGEND_ROW * legend_rows
+    # With its height given, a title is not measured against the ticks' labels again and again.
+    told = axes.set_title(title, y=1.0, pad=pad, parse_math=False)
+    beside = ScaledTranslation(_LETTER / 72, 0, axes.figure.dpi_scale_trans)
+    told.set_transform(told.get_transform() + beside)
+    axes.annotate(
+        chr(ord("a") + index), (0, 1), (0, pad), "axes fraction", "offset points",
+        fontsize=mpl.rcParams["axes.titlesize"], fontweight="bold",
+    )  # fmt: skip
 
 
 def legend_under(axes: Axes, across: int, handles: Sequence[Any] | None = None) -> Legend:
