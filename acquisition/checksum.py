@@ -11,8 +11,6 @@ import hashlib
 import io
 import json
 import os
-import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,6 +20,7 @@ from typing import Any, BinaryIO
 import h5py
 
 from haploop.instruments import DataError
+from haploop.instruments.signals import uninterrupted
 
 __all__ = [
     "UNREADABLE",
@@ -29,7 +28,7 @@ __all__ = [
     "Stated",
     "add_checksum",
     "bounded",
-    "create",
+    "created",
     "opened",
     "stated",
     "unreadable",
@@ -118,49 +117,22 @@ def opened(path: str | Path) -> Iterator[h5py.File]:
         yield hdf5
 
 
-def create(path: Path, fill: Callable[[h5py.File], None]) -> None:
+@contextmanager
+def created(path: Path) -> Iterator[h5py.File]:
     """Fill an existing, empty file with HDF5, after a user block; the caller adds the checksum.
 
-    Raises what `fill` raises, and OSError when the disk refuses. The HDF5 library does not see that: after a
-    failed write it cannot close a file, keeps it open, and tells so on standard error when the program ends.
+    Raises OSError when the disk refuses. The HDF5 library does not see that: after a failed write it cannot
+    close a file, keeps it open, and tells so on standard error when the program ends.
 
-    The library calls Python to read and write. When the exception of a signal (Ctrl-C) comes there, it loses
-    count of its objects, and the program crashes when Python frees them (at 10 of 44 calls, measured). Only
-    the main thread gets such exceptions, so a thread of its own works with the library.
+    Ctrl-C waits until the end. The library calls Python to read and write: where a signal's exception comes
+    there, it loses count of its objects, and the program crashes when Python frees them (at 10 of 44 calls,
+    measured).
     """
-    ended: list[BaseException | None] = []
-    working = threading.Lock()
-    working.acquire()
-
-    def work() -> None:
-        try:
-            _fill(path, fill)
-            ended.append(None)
-        except BaseException as error:
-            ended.append(error)
-        finally:
-            working.release()
-
-    threading.Thread(target=work, name="haploop-hdf5").start()
-    try:
-        working.acquire()
-    finally:
-        # After an interruption: the file is removed when nobody writes there any more.
-        while not ended:
-            time.sleep(0.001)
-    if (problem := ended.pop()) is not None:
-        try:
-            raise problem
-        finally:
-            del problem  # or its traceback and it keep each other
-
-
-def _fill(path: Path, fill: Callable[[h5py.File], None]) -> None:
-    with path.open("rb+", buffering=0) as raw:
+    with uninterrupted(), path.open("rb+", buffering=0) as raw:
         disk = _Disk(raw)
         try:
             with h5py.File(disk, "w", userblock_size=USER_BLOCK) as file:
-                fill(file)
+                yield file
         except UNREADABLE:  # what was not written cannot be read back
             if disk.failure is None:
                 raise

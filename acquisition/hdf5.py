@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from haploop.acquisition.checksum import add_checksum, bounded, create, opened, stated, unreadable
+from haploop.acquisition.checksum import add_checksum, bounded, created, opened, stated, unreadable
 from haploop.instruments import DataError
 from haploop.instruments.arrays import scalar_of
 from haploop.instruments.files import new_file
@@ -114,23 +114,20 @@ def write(path: str | Path, kind: str, flat: Flat, *, packed: bool = False) -> N
     packing: dict[str, Any] = (
         {"compression": "gzip", "compression_opts": 1, "shuffle": True} if packed else {}
     )
-
-    def fill(file: h5py.File) -> None:
-        file.attrs.update(
-            format=f"haploop {kind}",
-            format_version=VERSION,
-            software=f"haploop {metadata.version('haploop')}",
-            content_hash=digest(flat),
-        )
-        for name, value in flat.items():
-            if isinstance(value, np.ndarray):
-                file.create_dataset(name, data=value, **(packing if value.size else {}))
-            else:
-                group, _, own = name.rpartition("/")
-                file.require_group(group or "/").attrs[own] = value
-
     with new_file(path) as part:
-        create(part, fill)
+        with created(part) as file:
+            file.attrs.update(
+                format=f"haploop {kind}",
+                format_version=VERSION,
+                software=f"haploop {metadata.version('haploop')}",
+                content_hash=digest(flat),
+            )
+            for name, value in flat.items():
+                if isinstance(value, np.ndarray):
+                    file.create_dataset(name, data=value, **(packing if value.size else {}))
+                else:
+                    group, _, own = name.rpartition("/")
+                    file.require_group(group or "/").attrs[own] = value
         add_checksum(part, kind)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haploop.acquisition import hdf5
-from haploop.acquisition.checksum import add_checksum, bounded, create, opened
+from haploop.acquisition.checksum import add_checksum, bounded, created, opened
 from haploop.acquisition.json_files import is_json, json_hash, read_lines
 from haploop.acquisition.recording.file_format import CODES, Contents, Header, read_header, write_header
 from haploop.acquisition.recording.readings import file_problems
@@ -214,29 +214,26 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
     ConfigurationError when `path` exists and not `in_place`.
     """
     content_hash = contents.hash(header)
-
-    def fill(file: h5py.File) -> None:
-        write_header(file, header, state)
-        file.attrs["content_hash"] = content_hash
-        # The samples come last and in time order, so that a truncated file loses only its end.
-        file.create_dataset("blocks", data=contents.blocks)
-        file.create_dataset("events", data=contents.events)
-        file.create_dataset("presses", data=contents.presses)
-        channels, samples = contents.codes.shape
-        packed: dict[str, Any] = {
-            "chunks": (channels, min(samples, CHUNK)),
-            "compression": "gzip",
-            "compression_opts": 4,
-            "shuffle": True,
-            "fletcher32": True,
-        }
-        # HDF5 has no empty chunks: a recording without a block is stored contiguously.
-        codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
-        codes.attrs["volts_per_code"] = header.full_scale / CODES
-
     try:
         with whole_file(path, replace=in_place, private=True) as temporary:
-            create(temporary, fill)
+            with created(temporary) as file:
+                write_header(file, header, state)
+                file.attrs["content_hash"] = content_hash
+                # The samples come last and in time order, so that a truncated file loses only its end.
+                file.create_dataset("blocks", data=contents.blocks)
+                file.create_dataset("events", data=contents.events)
+                file.create_dataset("presses", data=contents.presses)
+                channels, samples = contents.codes.shape
+                packed: dict[str, Any] = {
+                    "chunks": (channels, min(samples, CHUNK)),
+                    "compression": "gzip",
+                    "compression_opts": 4,
+                    "shuffle": True,
+                    "fletcher32": True,
+                }
+                # HDF5 has no empty chunks: a recording without a block is stored contiguously.
+                codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
+                codes.attrs["volts_per_code"] = header.full_scale / CODES
             add_checksum(temporary, "recording")
             if read_contents(temporary).hash(header) != content_hash:
                 raise DataError(f"{path} read back with other content than was written: check the disk.")

@@ -19,10 +19,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import h5py
 import numpy as np
 
-from haploop.acquisition.checksum import add_checksum, create
+from haploop.acquisition.checksum import add_checksum, created
 from haploop.acquisition.recording.file_format import Header, codes_per_volt, convert, write_header
 from haploop.acquisition.recording.rows import (
     EVENT,
@@ -211,10 +210,9 @@ class Writer:
             ) from None
 
     def _preallocate(self, temporary: Path) -> None:
-        places: list[tuple[int, int]] = []
-
-        def fill(file: h5py.File) -> None:
+        with created(temporary) as file:
             write_header(file, self._header, "recording")
+            places = []
             for name, dtype, length in (
                 ("events", EVENT, self._events_left),
                 ("presses", VERDICT, self._presses_left),
@@ -224,8 +222,6 @@ class Writer:
                 # A first row gives it its place: on creation, HDF5 may put a part of the header behind it.
                 rows[:1] = np.zeros(1, dtype)
                 places.append((rows.id.get_offset(), length * dtype.itemsize))
-
-        create(temporary, fill)
         (self._events_at, _), (self._presses_at, _), (self._blocks_at, _) = places
         with temporary.open("r+b") as raw:
             for place, length in places:

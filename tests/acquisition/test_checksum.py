@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import checksum
-from haploop.acquisition.checksum import bounded, create, unreadable
+from haploop.acquisition.checksum import bounded, created, unreadable
 from haploop.instruments import DataError
 
 LONG = np.arange(200_000.0)
@@ -27,35 +27,27 @@ def empty(folder: Path) -> Path:
 
 
 def test_what_was_written_is_read_back_before_the_file_is_closed(tmp_path: Path) -> None:
-    def fill(file: h5py.File) -> None:
+    with created(empty(tmp_path)) as file:
         written = file.create_dataset("x", data=LONG)
         file.flush()
         np.testing.assert_array_equal(written[:], LONG)
 
-    create(empty(tmp_path), fill)
-
 
 def test_what_was_not_written_is_zeros(tmp_path: Path) -> None:
     found = np.full(LONG.shape, 7.0)
-
-    def fill(file: h5py.File) -> None:
+    with created(empty(tmp_path)) as file:
         plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
         plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
         space = h5py.h5s.create_simple(LONG.shape)
         made = h5py.Dataset(h5py.h5d.create(file.id, b"x", h5py.h5t.NATIVE_DOUBLE, space, plan))
         made.read_direct(found)
-
-    create(empty(tmp_path), fill)
     assert not found.any()
 
 
 def test_an_error_that_is_not_the_disks_is_raised(tmp_path: Path) -> None:
-    def fill(_: h5py.File) -> None:
+    with pytest.raises(ValueError, match="ours"), created(empty(tmp_path)):
         raise ValueError("ours")
-
-    with pytest.raises(ValueError, match="ours"):
-        create(empty(tmp_path), fill)
 
 
 @pytest.mark.parametrize("moment", range(1, 9))
@@ -71,8 +63,8 @@ def test_a_ctrl_c_does_not_reach_into_the_library(
 
     monkeypatch.setattr(checksum._Disk, "write", interrupted)
     before, path = h5py.h5f.get_obj_count(), empty(tmp_path)
-    with pytest.raises(KeyboardInterrupt):
-        create(path, lambda file: file.create_dataset("x", data=LONG, chunks=(50_000,)).flush())
+    with pytest.raises(KeyboardInterrupt), created(path) as file:
+        file.create_dataset("x", data=LONG, chunks=(50_000,))
     assert h5py.h5f.get_obj_count() == before, "the library has closed the file, and all that is in it"
     with h5py.File(path) as file:
         np.testing.assert_array_equal(file["x"], LONG)
