@@ -22,6 +22,7 @@ from typing import Any
 
 import platformdirs
 
+from haploop.instruments.clock import RealClock
 from haploop.instruments.config import RigFile
 from haploop.instruments.errors import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
@@ -32,6 +33,8 @@ __all__ = ["Audit", "entries", "log_problems", "make_folder", "now_utc", "state_
 
 _LONGEST_LINE = 1 << 20
 """Bytes of a line that are read at once: a log without an end of line is damaged."""
+_A_LINE = 0.01
+"""Time in which a line is written (s)."""
 _LONGEST = 200
 """Characters of a command line that are kept."""
 
@@ -73,9 +76,8 @@ class Audit(Frozen):
             make_folder(self.folder)
             log = _opened(path)
             try:
-                os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
-                if os.read(log, 1) not in (b"", b"\n"):
-                    line = b"\n" + line  # a power cut or a full disk has torn the last line
+                if _is_torn(log):
+                    line = b"\n" + line
                 while line:
                     # A disk that takes a part says why with the rest.
                     line = line[os.write(log, line) :]
@@ -136,10 +138,22 @@ def _opened(path: Path) -> int:
         return log
 
 
+def _is_torn(log: int) -> bool:
+    """True when the last line has no end, after a power cut or on a full disk, and nobody is writing it now."""
+    for _ in range(2):
+        os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
+        if os.read(log, 1) in (b"", b"\n"):
+            return False
+        RealClock().sleep(_A_LINE)
+    return True
+
+
 def _entries(path: Path) -> Iterator[Mapping[str, Any]]:
     try:
         with path.open("rb") as lines:
             for number, line in enumerate(iter(lambda: lines.readline(_LONGEST_LINE), b""), start=1):
+                if line == b"\n":  # a line seemed torn that another program was long in writing
+                    continue
                 try:
                     entry = from_text(line)
                     if not entry.keys() >= {"time", "kind", "rig"}:
