@@ -139,7 +139,7 @@ def _opened(path: Path) -> int:
 
 
 def _is_torn(log: int) -> bool:
-    """True when the last line has no end, after a power cut or on a full disk, and nobody is writing it now."""
+    """True when the last line has no end, and nobody is writing it: after a power cut or on a full disk."""
     for _ in range(2):
         os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
         if os.read(log, 1) in (b"", b"\n"):
