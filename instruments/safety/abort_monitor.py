@@ -20,7 +20,7 @@ from haploop.instruments.daq import Block
 from haploop.instruments.errors import InstrumentError, LimitError
 from haploop.instruments.files import whole_file
 from haploop.instruments.limits import Limits
-from haploop.instruments.safety.audit import Audit, now_utc, who
+from haploop.instruments.safety.audit import Audit, make_folder, now_utc, who
 from haploop.instruments.safety.lockout import Lockout, set_lockout
 from haploop.instruments.sensors import Sensors
 from haploop.instruments.vibrometer import Vibrometer
@@ -124,7 +124,7 @@ def trip(
         set_lockout(lockouts, hardware, lockout)
         unsaved = None
     with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         channels = np.array(list(recorded))
         with whole_file(path) as part, part.open("wb") as file:
             np.savez(file, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=lockout.why)

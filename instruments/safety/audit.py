@@ -10,6 +10,7 @@ from __future__ import annotations
 import getpass
 import os
 import platform
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,16 +22,19 @@ from typing import Any
 
 import platformdirs
 
+from haploop.instruments.clock import RealClock
 from haploop.instruments.config import RigFile
 from haploop.instruments.errors import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
 from haploop.instruments.frozen import Frozen
 from haploop.instruments.json_text import as_line, from_text
 
-__all__ = ["Audit", "entries", "log_problems", "now_utc", "state_folder", "who"]
+__all__ = ["Audit", "entries", "log_problems", "make_folder", "now_utc", "state_folder", "who"]
 
 _LONGEST_LINE = 1 << 20
 """Bytes of a line that are read at once: a log without an end of line is damaged."""
+_A_LINE = 0.01
+"""Time in which a line is written (s)."""
 _LONGEST = 200
 """Characters of a command line that are kept."""
 
@@ -69,12 +73,11 @@ class Audit(Frozen):
             raise DataError(f"{kind!r} cannot be logged: {fields} is not of JSON's types.") from None
         path = self.folder / f"log-{now:%Y-%m}.jsonl"
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            log = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+            make_folder(self.folder)
+            log = _opened(path)
             try:
-                os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
-                if os.read(log, 1) not in (b"", b"\n"):
-                    line = b"\n" + line  # a power cut or a full disk has torn the last line
+                if _is_torn(log):
+                    line = b"\n" + line
                 while line:
                     # A disk that takes a part says why with the rest.
                     line = line[os.write(log, line) :]
@@ -92,6 +95,14 @@ class Audit(Frozen):
         """Append a line as `note`, but ignore a failure to write: for the way to the safe state."""
         with suppress(DataError):
             self.note(kind, **fields)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder with the rights of the one that it is in, of several users perhaps. Raises OSError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(FileExistsError):
+        path.mkdir()
+        path.chmod(stat.S_IMODE(path.parent.stat().st_mode))
 
 
 def entries(folder: Path) -> Iterator[Mapping[str, Any]]:
@@ -114,10 +125,35 @@ def log_problems(path: Path) -> tuple[str, ...]:
     )
 
 
+def _opened(path: Path) -> int:
+    """Open a log to append to it; a new one can be written by those who can write its folder."""
+    flags = os.O_RDWR | os.O_APPEND | getattr(os, "O_BINARY", 0)
+    # In a shared folder, Linux refuses O_CREAT for another user's file, even if it exists.
+    try:
+        return os.open(path, flags)
+    except FileNotFoundError:
+        log = os.open(path, flags | os.O_CREAT, 0o666)
+        with suppress(OSError):  # another user's, made meanwhile
+            path.chmod(path.parent.stat().st_mode & 0o666)
+        return log
+
+
+def _is_torn(log: int) -> bool:
+    """True when the last line has no end, and nobody is writing it: after a power cut or on a full disk."""
+    for _ in range(2):
+        os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
+        if os.read(log, 1) in (b"", b"\n"):
+            return False
+        RealClock().sleep(_A_LINE)
+    return True
+
+
 def _entries(path: Path) -> Iterator[Mapping[str, Any]]:
     try:
         with path.open("rb") as lines:
             for number, line in enumerate(iter(lambda: lines.readline(_LONGEST_LINE), b""), start=1):
+                if line == b"\n":  # a line seemed torn that another program was long in writing
+                    continue
                 try:
                     entry = from_text(line)
                     if not entry.keys() >= {"time", "kind", "rig"}:
@@ -150,7 +186,7 @@ def state_folder(file: RigFile, simulated: bool) -> Path:
     try:
         folder = Path(given) if given else platformdirs.user_state_path("haploop")
         folder = folder.expanduser().absolute() / ("simulated" if simulated else "rigs")
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(13, "permission denied")
     except (OSError, RuntimeError) as error:

@@ -18,12 +18,13 @@ from haploop.acquisition import content_hash, verify
 from haploop.instruments import (
     ConfigurationError,
     DataError,
+    InstrumentError,
     LimitError,
     load_rig_file,
     log_entries,
     open_rig,
 )
-from haploop.instruments.config.rig_file import RigFile
+from haploop.instruments.config.rig_file import AbortLimits, RigFile
 from haploop.instruments.config.validation import validate
 from haploop.instruments.safety.audit import Audit, entries, state_folder
 from tests.mutating import mutations
@@ -176,7 +177,7 @@ def test_two_programs_write_one_log_line_by_line(tmp_path: Path, full: bool) -> 
             written += 1
     assert other.returncode == 0
     (path,) = tmp_path.glob("log-*.jsonl")
-    found = [json.loads(line) for line in path.read_text().splitlines()]
+    found = [json.loads(line) for line in path.read_text().splitlines() if line]
     for pid, count in ((other.pid, lines), (os.getpid(), written)):
         assert [entry["k"] for entry in found if entry["pid"] == pid] == list(range(count))
 
@@ -194,6 +195,25 @@ def test_where_the_log_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_labs_folder_is_one_place_wherever_a_program_starts() -> None:
     with pytest.raises(ConfigurationError, match=r"state: .*absolute path"):
         validate(RigFile, FILE.model_dump() | {"state": "logs"}, "lab.toml")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows' folders hand their rights on")
+@pytest.mark.parametrize("rights", [0o700, 0o755, 0o1777, 0o2770])
+def test_who_may_write_the_labs_folder_may_write_its_logs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rights: int
+) -> None:
+    monkeypatch.delenv("HAPLOOP_STATE")
+    place = tmp_path / "lab"
+    place.mkdir()
+    place.chmod(rights)
+    limited = FILE.model_copy(update={"state": str(place), "abort": AbortLimits(drive=5.0)})
+    monkeypatch.setattr("platformdirs.user_state_path", lambda _: place)
+    with open_rig(limited) as rig, pytest.raises(InstrumentError, match="allows 5 V"):
+        rig.excite(DRIVE, ["A"], ["drive"])
+    for folder in (place / "simulated", place / "simulated" / "trips"):
+        assert folder.stat().st_mode == place.stat().st_mode
+    (log,) = (place / "simulated").glob("log-*.jsonl")
+    assert log.stat().st_mode & 0o777 == rights & 0o666
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(
