@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from haploop.acquisition.checksum import add_checksum, bounded, created, opened, stated, unreadable
+from haploop.acquisition.packing import write_packed
 from haploop.instruments import DataError
 from haploop.instruments.arrays import scalar_of
 from haploop.instruments.files import new_file
@@ -111,9 +112,6 @@ def write(path: str | Path, kind: str, flat: Flat, *, packed: bool = False) -> N
     `packed` compresses the arrays without loss (bytes sorted by their place in a value, then deflated): what
     a converter measured takes a third.
     """
-    packing: dict[str, Any] = (
-        {"compression": "gzip", "compression_opts": 1, "shuffle": True} if packed else {}
-    )
     with new_file(path) as part:
         with created(part) as file:
             file.attrs.update(
@@ -123,8 +121,10 @@ def write(path: str | Path, kind: str, flat: Flat, *, packed: bool = False) -> N
                 content_hash=digest(flat),
             )
             for name, value in flat.items():
-                if isinstance(value, np.ndarray):
-                    file.create_dataset(name, data=value, **(packing if value.size else {}))
+                if isinstance(value, np.ndarray) and packed and value.size:
+                    write_packed(file, name, value)
+                elif isinstance(value, np.ndarray):
+                    file.create_dataset(name, data=value)
                 else:
                     group, _, own = name.rpartition("/")
                     file.require_group(group or "/").attrs[own] = value

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from haploop.acquisition import hdf5
 from haploop.acquisition.checksum import add_checksum, bounded, created, opened
 from haploop.acquisition.json_files import is_json, json_hash, read_lines
+from haploop.acquisition.packing import write_packed
 from haploop.acquisition.recording.file_format import CODES, Contents, Header, read_header, write_header
 from haploop.acquisition.recording.readings import file_problems
 from haploop.acquisition.recording.rows import (
@@ -224,15 +224,11 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
                 file.create_dataset("events", data=contents.events)
                 file.create_dataset("presses", data=contents.presses)
                 channels, samples = contents.codes.shape
-                packed: dict[str, Any] = {
-                    "chunks": (channels, min(samples, CHUNK)),
-                    "compression": "gzip",
-                    "compression_opts": 4,
-                    "shuffle": True,
-                    "fletcher32": True,
-                }
-                # HDF5 has no empty chunks: a recording without a block is stored contiguously.
-                codes = file.create_dataset("codes", data=contents.codes, **(packed if samples else {}))
+                if samples:
+                    chunks = channels, min(samples, CHUNK)
+                    codes = write_packed(file, "codes", contents.codes, chunks, fletcher32=True)
+                else:  # HDF5 has no empty chunks
+                    codes = file.create_dataset("codes", data=contents.codes)
                 codes.attrs["volts_per_code"] = header.full_scale / CODES
             add_checksum(temporary, "recording")
             if read_contents(temporary).hash(header) != content_hash:
