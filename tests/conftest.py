@@ -37,7 +37,11 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Ctrl-C reaches the tests also where it is ignored (nohup, `&`, some CI); the mark of what would take
-    minutes through the wire, and shows nothing there that others do not."""
+    minutes through the wire, and shows nothing there that others do not.
+
+    Workers, and what they start, compute in one thread each: threads of BLAS would wait for one another."""
+    for library in ("OMP", "OPENBLAS"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.set_threshold(20_000)
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
