@@ -29,8 +29,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """One worker more than cores, as a third of a worker's time is waiting; two a core on the wire, where client
-    and server wait for one another; on hardware there is one program only."""
+    """One worker more than cores, as a third of a worker's time is waiting; two a core on the wire, where
+    client and server wait for one another; on hardware there is one program only."""
     cores = os.cpu_count() or 1
     return {"twin": cores + 1, "wire": 2 * cores}.get(config.getoption("--rig"), 0)
 

@@ -2,8 +2,8 @@
 
 A page is run in an empty folder with a rig file lab.toml, which is the simulated rig's. In a block of shell a
 line that is a command of haploop and nothing else runs in this process, as starting one takes a second, and
-other lines by bash; Python runs in one namespace a page. A block that begins with a file's name in a comment is
-written into that file, and TOML without one is parsed. Comments that the site does not show:
+other lines by bash; Python runs in one namespace a page. A block that begins with a file's name in a comment
+is written into that file, and TOML without one is parsed. Comments that the site does not show:
 
     <!-- not run: REASON -->      before a block, which is then skipped
     <!-- before:                  commands that prepare what the next block needs, up to -->;

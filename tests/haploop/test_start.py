@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -45,7 +47,7 @@ def commands(group: click.Group = cli, path: tuple[str, ...] = ()) -> list[tuple
     return found
 
 
-def loaded_by(script: str) -> set[str]:
+def loaded_by(script: str) -> set[Any]:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     return set(json.loads(done.stderr.splitlines()[-1]))
 
@@ -58,6 +60,28 @@ def test_importing_haploop_loads_nothing_heavy() -> None:
 @pytest.mark.parametrize("args", [["--help"], ["--version"]], ids=" ".join)
 def test_help_and_version_load_nothing_heavy(args: list[str]) -> None:
     assert not loaded_by(LOADED.format(args=args)) & HEAVY
+
+
+@pytest.mark.parametrize("asked", [None, 2])
+def test_a_command_computes_in_one_thread_unless_asked_otherwise(
+    asked: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for library in ("OMP", "OPENBLAS"):
+        monkeypatch.delenv(f"{library}_NUM_THREADS", raising=False)
+        if asked:
+            monkeypatch.setenv(f"{library}_NUM_THREADS", str(asked))
+    script = """
+import json, sys
+from haploop.__main__ import main
+sys.argv[1:] = ["--version"]
+try:
+    main()
+finally:
+    import numpy, threadpoolctl
+    libraries = threadpoolctl.threadpool_info()
+    print(json.dumps([library["num_threads"] for library in libraries]), file=sys.stderr)
+"""
+    assert loaded_by(script) == {min(asked or 1, os.cpu_count() or 1)}
 
 
 def test_the_help_of_each_command_loads_nothing_heavy() -> None:
