@@ -491,30 +491,33 @@ from haploop.instruments import open_rig
 from haploop.instruments.operator.unattended import Unattended
 from tests.calibration.map.killing import serve
 
-looks = []
-look_at = recalibration.look_at
+def once(function):
+    found = []
 
-def looked_once(*args):
-    if not looks:
-        looks.append(look_at(*args))
-    return looks[0]
+    def remembered(*args, **more):
+        if not found:
+            found.append(function(*args, **more))
+        return found[0]
+
+    return remembered
+
+if {short}:
+    # What takes long, and writes nothing, is done before: only --full has the time.
+    recalibration.look_at = once(recalibration.look_at)
+    recalibration.calibrate_keeping = once(recalibration.calibrate_keeping)
 
 def run(folder):
     history = History(folder)
     if {short}:
-        # What takes long, and writes nothing, is left out: only --full has the time.
-        recalibration.look_at = looked_once
         old = recalibration.buttons_of(history.active())
         recalibration.check = lambda _rig, drive, **_more: old[f"{{drive.button}}-A-button"].check
         recalibration.build_button = lambda _rig, press, *_, **_more: old[f"{{press.button}}-A-button"]
-        (calibration,) = recalibration.calibrations_of(history.active())
-        recalibration.calibrate = lambda *_, **_more: calibration
     with open_rig("simulated", simulate="twin", simulation={{"mode_drift": 0.03}}) as rig:
         rig.adopt("operator", Unattended())
         recalibration.recalibrate(rig, history, iterations=0)
 
 if {short}:
-    run({seen!r})  # every process that is begun has this one's look
+    run({seen!r})  # every process that is begun has what this one measured
 serve(run)
 """
 
