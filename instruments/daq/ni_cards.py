@@ -13,6 +13,7 @@ from haploop.instruments.daq.ni_daqmx import device_of
 from haploop.instruments.daq.ni_errors import translated, understood
 from haploop.instruments.daq.ni_sessions import Sessions
 from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
+from haploop.instruments.signals import uninterrupted
 
 __all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
 
@@ -71,8 +72,10 @@ def numbers_of(names: Iterable[str], server: str | None) -> dict[str, list[str]]
     """
     found: dict[str, list[str]] = {}
     with (
+        # grpc's channel keeps Python from ending when Ctrl-C comes while it connects or is closed.
+        uninterrupted(),
         suppress(HaploopError),
-        closing(Sessions.at(server, _PATIENCE)) as sessions,
+        closing(Sessions.asking(server, _PATIENCE)) as sessions,
         understood("NI-DAQmx"),
         translated("NI-DAQmx", server),
     ):
