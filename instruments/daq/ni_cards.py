@@ -37,6 +37,8 @@ class Card:
     simultaneous: bool
     reads_outputs: bool = False
     """True when it has internal channels for the volts of its outputs."""
+    unipolar: bool = False
+    """True when its outputs do not go below 0 V."""
 
 
 def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: str | None) -> dict[str, Card]:
@@ -158,6 +160,7 @@ def _card(device: Any, name: str) -> Card:
         home=str(device.compact_daq_chassis_device.name) if _is_module(device) else name,
         simultaneous=bool(device.ai_simultaneous_sampling_supported),
         reads_outputs=device.product_category in _READ_OUTPUTS,
+        unipolar=len(device.ao_physical_chans) > 0 and min(device.ao_voltage_rngs, default=-1.0) >= 0,
     )
 
 

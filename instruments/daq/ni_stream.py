@@ -204,10 +204,7 @@ class NiStream(Stream):
         with self._daq.talking_to(output):
             task = self._player = self._daq.task(f"{self._plan.output} output")
             for name in play:
-                reach = settings.outputs[name].range
-                task.ao_channels.add_ao_voltage_chan(
-                    settings.outputs[name].terminal, min_val=-reach, max_val=reach
-                )
+                self._daq.add_output(task, settings.outputs[name])
             master = self._plan.master
             # Also on the master's own card: two dividers of one timebase need not give the same rate.
             task.timing.cfg_samp_clk_timing(self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length)
