@@ -186,6 +186,21 @@ def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
                                in_si.acceleration, atol=1e-6)  # fmt: skip
 
 
+def uff(kind: int, step: float) -> str:
+    """A time response of six values, of a data type, with a step of its own."""
+    lines = [
+        "    -1",
+        "    58",
+        *["NONE"] * 5,
+        "    1         0    1         0 NONE          1   3 NONE          1   3",
+    ]
+    lines += [
+        f"{kind:10d}{6:10d}{1:10d}{0:13.5e}{step:13.5e}{0:13.5e}",
+        *["        17    0    0    0 NONE NONE"] * 4,
+    ]
+    return "\n".join([*lines, *[f"{1:13.5e}" * 6] * (2 if kind == 5 else 1), "    -1", ""])
+
+
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [
@@ -204,6 +219,9 @@ def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
         ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": []}', "empty"),
         ("a.json", "[]", "several rates or lengths"),
         ("a.uff", "no", "no time responses"),
+        ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": [1' + 400 * "0" + "]}", "SEP-005"),
+        ("a.uff", uff(2, 0.0), "constant rate"),
+        ("a.uff", uff(5, 2e-4), "no real values"),
     ],
 )
 def test_what_cannot_be_read_is_one_sentence(
