@@ -45,12 +45,10 @@ def write_json(path: Path, kind: str, content: Any) -> str:
     return content_hash
 
 
-def append_json(
-    path: Path, kind: str, entries: Sequence[Mapping[str, Any]], *, private: bool = False
-) -> None:
+def append_json(path: Path, kind: str, entries: Sequence[Mapping[str, Any]]) -> None:
     """Append entries to a file that holds a list, all or none; file and folder are made when there is none.
 
-    Several programs may do so at the same time. `private` as in `whole_file`. Raises DataError.
+    Several programs may do so at the same time. Raises DataError.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +58,7 @@ def append_json(
         before = read_json(path, kind, list) if path.exists() else []
         text, _ = _text(path, kind, [*before, *entries])
         try:
-            with whole_file(path, replace=True, private=private) as part:
+            with whole_file(path, replace=True) as part:
                 part.write_text(text, encoding="utf-8", newline="\n")
         except OSError as error:
             raise DataError(f"{path} cannot be written: {os_error_text(error)}.") from None

@@ -39,7 +39,10 @@ _private: ContextVar[bool] = ContextVar("private", default=False)
 
 @contextmanager
 def private_files() -> Iterator[None]:
-    """All files and folders that are made within are of people: `private`, as in `whole_file`."""
+    """Files and folders that are made within are of people, and can be read by their owner alone.
+
+    Files are 0600 and folders 0700; on Windows they have the rights of the folder that they are made in.
+    """
     token = _private.set(True)
     try:
         yield
@@ -47,16 +50,15 @@ def private_files() -> Iterator[None]:
         _private.reset(token)
 
 
-def check_destination(path: Path, *, private: bool = False) -> None:
+def check_destination(path: Path) -> None:
     """Create the folder. Raises ConfigurationError for a destination that exists or cannot be written.
 
-    A command calls this before it measures, so that every result can be saved. A `private` folder, of
-    recordings of people, is made for its owner alone (0700); on Windows it has the rights of the folder that
-    it is made in. An existing folder keeps its rights.
+    A command calls this before it measures, so that every result can be saved. An existing folder keeps its
+    rights.
     """
     try:
         path.parent.parent.mkdir(parents=True, exist_ok=True)
-        path.parent.mkdir(mode=0o700 if private or _private.get() else 0o777, exist_ok=True)
+        path.parent.mkdir(mode=0o700 if _private.get() else 0o777, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
@@ -90,15 +92,14 @@ def new_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_file(path: Path, *, replace: bool = False, private: bool = False) -> Iterator[Path]:
+def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
     """Yield a temporary path beside `path`, of an empty file; what is written there becomes `path`.
 
-    It is synced and renamed: without `replace`, as `publish`. A `private` file, with a recording of a
-    person, can be read by its owner alone (0600; on Windows, by whoever may read the folder). After an
-    exception no file remains. Raises FileExistsError and OSError.
+    It is synced and renamed: without `replace`, as `publish`. After an exception no file remains. Raises
+    FileExistsError and OSError.
     """
     _clear_abandoned(path.parent)
-    part, descriptor = _new_part(path, 0o600 if private or _private.get() else 0o666)
+    part, descriptor = _new_part(path, 0o600 if _private.get() else 0o666)
     try:
         yield part
         os.fsync(descriptor)

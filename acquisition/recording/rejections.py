@@ -12,6 +12,7 @@ from pathlib import Path
 from haploop.acquisition.json_files import append_json, read_json
 from haploop.acquisition.recording.rows import PressVerdict
 from haploop.instruments import DataError
+from haploop.instruments.files import private_files
 
 __all__ = ["Rejection", "add_rejections", "without_rejected"]
 
@@ -57,7 +58,8 @@ def without_rejected(
 
 def add_rejections(folder: Path, rejections: Collection[Rejection]) -> None:
     """Add rejections of recordings in a folder, all or none; several programs may. Raises DataError."""
-    append_json(folder / _FILE, _KIND, [asdict(one) for one in rejections], private=True)
+    with private_files():
+        append_json(folder / _FILE, _KIND, [asdict(one) for one in rejections])
 
 
 def _rejections(folder: Path) -> tuple[Rejection, ...]:

@@ -28,7 +28,7 @@ from haploop.acquisition.recording.rows import (
     whole,
 )
 from haploop.instruments import ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, whole_file
+from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
 from haploop.instruments.safety import is_marked, log_problems
 
 __all__ = [
@@ -215,7 +215,7 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
     """
     content_hash = contents.hash(header)
     try:
-        with whole_file(path, replace=in_place, private=True) as temporary:
+        with private_files(), whole_file(path, replace=in_place) as temporary:
             with created(temporary) as file:
                 write_header(file, header, state)
                 file.attrs["content_hash"] = content_hash

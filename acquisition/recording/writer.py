@@ -34,7 +34,7 @@ from haploop.acquisition.recording.rows import (
     verdict_row,
 )
 from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, whole_file
+from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
 
 __all__ = ["Writer"]
 
@@ -186,7 +186,7 @@ class Writer:
         made: os.stat_result | None = None
         try:
             # Entering removes what a killed program left, before the free space is asked for.
-            with whole_file(self.path, private=True) as temporary:
+            with private_files(), whole_file(self.path) as temporary:
                 free = shutil.disk_usage(self.path.parent).free
                 # Twice the size: the finished copy is written beside this file before it replaces it.
                 needed = 2 * size + _MARGIN

@@ -36,7 +36,7 @@ from haploop.instruments import (
     Sensor,
     Stream,
 )
-from haploop.instruments.files import check_destination
+from haploop.instruments.files import check_destination, private_files
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import marked
 from haploop.instruments.signals import uninterrupted
@@ -100,7 +100,8 @@ def run_session(
 ) -> Recording:
     """Record the presses still due in a session. `record` calls this with a one-button session."""
     force, channels = _wiring(rig)
-    check_destination(session.path, private=True)
+    with private_files():
+        check_destination(session.path)
     with marked(session.path):
         return _recorded(rig, session, p, force, channels, progress, on_verdict, on_request)
 

@@ -53,7 +53,7 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
         about = found[0].get("haploop", {}) if found else {}
         if not isinstance(about, dict):
             raise TypeError("haploop: no object")
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ArithmeticError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DataError(f"{path} does not follow SEP-005 ({type(error).__name__}: {error}).") from None
     if len(rates) != 1 or len({len(c.values) for c in channels}) != 1:
         raise DataError(f"{path} holds channels of several rates or lengths: export one group at a time.")

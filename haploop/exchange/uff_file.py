@@ -79,10 +79,12 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
             f"{path} holds {len(found) or 'no'} time responses (data set 58, type 1)"
             + (", of several rates or lengths: export one measurement." if found else ".")
         )
+    step = float(np.mean(np.diff(found[0]["x"])))
+    if not 0 < step < np.inf or any(np.iscomplexobj(f["data"]) for f in found):
+        raise DataError(f"{path} holds no real values at a constant rate: export what was measured.")
     channels = tuple(
         Channel(str(f["id1"]).strip(), _unit(f), np.asarray(f["data"], dtype=np.float64)) for f in found
     )
-    step = float(np.mean(np.diff(found[0]["x"])))
     simulated = any(str(f["id5"]).startswith(SIMULATED[:9]) for f in found)
     about: About = {"simulated": simulated, "source": path.name}
     # The step has six digits.
@@ -90,7 +92,10 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
 
 
 def _functions(path: Path) -> list[dict[str, Any]]:
-    return [found for found in read_uff_sets(path) if found["type"] == 58]
+    found = [one for one in read_uff_sets(path) if one["type"] == 58]
+    if any("data" not in one or "x" not in one for one in found):
+        raise DataError(f"{path} has a data set 58 without its values: export it again.")
+    return found
 
 
 def _unit(function: dict[str, Any]) -> str:

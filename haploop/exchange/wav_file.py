@@ -63,6 +63,9 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
             rate, values = scipy.io.wavfile.read(path)
     except (ValueError, EOFError, struct.error) as error:
         raise DataError(f"{path} is no WAV file that can be read ({error}).") from None
+    except (ArithmeticError, LookupError, MemoryError, NameError, TypeError):
+        # What scipy's reader makes of a header that contradicts itself.
+        raise DataError(f"{path} is no WAV file that can be read: its header contradicts itself.") from None
     values = np.asarray(values)
     values = values[:, None] if values.ndim == 1 else values
     beside = read_sidecar(path)

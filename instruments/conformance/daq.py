@@ -200,13 +200,16 @@ class DaqConformance(Conformance):
 
     @pytest.mark.requires("outputs", "loop")
     def test_zero_stops_what_plays(self, daq: Daq) -> None:
-        """`zero` writes zero volts even during a play, and may be called again."""
+        """`zero` writes zero volts even during a play, which counts for nothing then; again too."""
         output, channel = self.loop
         wave = np.full(1000, self.played)
         with daq.stream([channel], self.rate_hz, 20, 1000, {output: wave}) as stream:
-            next(iter(stream))
+            blocks = iter(stream)
+            next(blocks)
             self.in_time(daq.zero)
             self.in_time(daq.zero)
+            with refused(InstrumentError):
+                self.in_time(lambda: list(blocks))
         self._rests(daq)
 
     @pytest.mark.requires("outputs", "loop", "reopen")

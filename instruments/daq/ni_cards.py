@@ -13,6 +13,7 @@ from haploop.instruments.daq.ni_daqmx import device_of
 from haploop.instruments.daq.ni_errors import translated, understood
 from haploop.instruments.daq.ni_sessions import Sessions
 from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
+from haploop.instruments.signals import uninterrupted
 
 __all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
 
@@ -36,6 +37,8 @@ class Card:
     simultaneous: bool
     reads_outputs: bool = False
     """True when it has internal channels for the volts of its outputs."""
+    unipolar: bool = False
+    """True when its outputs do not go below 0 V."""
 
 
 def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: str | None) -> dict[str, Card]:
@@ -71,8 +74,10 @@ def numbers_of(names: Iterable[str], server: str | None) -> dict[str, list[str]]
     """
     found: dict[str, list[str]] = {}
     with (
+        # grpc's channel keeps Python from ending when Ctrl-C comes while it connects or is closed.
+        uninterrupted(),
         suppress(HaploopError),
-        closing(Sessions.at(server, _PATIENCE)) as sessions,
+        closing(Sessions.asking(server, _PATIENCE)) as sessions,
         understood("NI-DAQmx"),
         translated("NI-DAQmx", server),
     ):
@@ -155,6 +160,7 @@ def _card(device: Any, name: str) -> Card:
         home=str(device.compact_daq_chassis_device.name) if _is_module(device) else name,
         simultaneous=bool(device.ai_simultaneous_sampling_supported),
         reads_outputs=device.product_category in _READ_OUTPUTS,
+        unipolar=len(device.ao_physical_chans) > 0 and min(device.ao_voltage_rngs, default=-1.0) >= 0,
     )
 
 

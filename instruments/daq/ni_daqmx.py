@@ -161,10 +161,7 @@ class NiDaq(Daq):
     def _write_zero(self, device: str, outputs: Sequence[Output]) -> None:
         with self.talking_to(device), self.task(f"{device} zero") as task:
             for output in outputs:
-                # A card whose range is narrower than the library's default of +-10 V refuses that.
-                task.ao_channels.add_ao_voltage_chan(
-                    output.terminal, min_val=-output.range, max_val=output.range
-                )
+                self.add_output(task, output)
             taken = task.write([0.0] * len(outputs) if len(outputs) > 1 else 0.0, auto_start=True)
         if taken != 1:
             raise InstrumentError(f"{device} did not say that its outputs took zero: try again.")
@@ -201,6 +198,11 @@ class NiDaq(Daq):
     def task(self, purpose: str) -> Any:
         """See `Sessions.task`."""
         return self._sessions.task(purpose)
+
+    def add_output(self, task: Any, output: Output) -> None:
+        """Give a task an output; a card whose range is narrower than the library's +-10 V refuses those."""
+        low = 0.0 if self._cards[device_of(output.terminal)].unipolar else -output.range
+        task.ao_channels.add_ao_voltage_chan(output.terminal, min_val=low, max_val=output.range)
 
     def forget(self, stream: NiStream) -> None:
         """Remove a stream that has released its tasks."""

@@ -32,6 +32,14 @@ def cut_off(device: str, played: int) -> InstrumentError:
     )
 
 
+def zeroed(device: str) -> InstrumentError:
+    """The error of a play that this program itself has ended, by `Daq.zero`."""
+    return InstrumentError(
+        f"{device} was set to zero by this program while it played: the waveform was not played whole, and "
+        "what was measured is not used."
+    )
+
+
 def first_line(text: str) -> str:
     """The first line of a message, with a full stop."""
     line = text.strip().partition("\n")[0]

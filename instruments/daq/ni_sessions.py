@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import socket
-import threading
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any, Self
@@ -24,6 +23,7 @@ from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import System
 
 from haploop.instruments.errors import InstrumentError
+from haploop.instruments.signals import uninterrupted
 
 __all__ = ["Sessions"]
 
@@ -108,23 +108,29 @@ class Sessions:
         self._channel = channel
 
     @classmethod
-    def at(cls, server: str | None, patience: float = _SILENCE) -> Self:
-        """Use the device server at host:port, or this computer. Raises InstrumentError without an answer.
-
-        `patience` is the time for it to answer each call (s).
-        """
+    def at(cls, server: str | None) -> Self:
+        """Use the device server at host:port, or this computer. Raises InstrumentError without an answer."""
         if server is None:
             return cls(None)
-        plain = grpc.insecure_channel(
-            server, options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
-        )
-        channel = _Calls(grpc.intercept_channel(plain, _Version(), _Deadline(patience)))
-        if not _connected(plain, min(patience, _CONNECT)):
+        plain, channel = _connecting(server, _SILENCE)
+        try:
+            grpc.channel_ready_future(plain).result(timeout=_CONNECT)
+        except grpc.FutureTimeoutError:
             channel.close()
             raise InstrumentError(
                 f"No NI device server answers at {server}: start it, or correct server in [daq]."
             ) from None
+        except BaseException:
+            # Ctrl-C: a channel that is still connecting keeps Python from ending.
+            with uninterrupted():
+                channel.close()
+            raise
         return cls(channel)
+
+    @classmethod
+    def asking(cls, server: str | None, patience: float) -> Self:
+        """As `at`, but a call fails at once where nobody answers; `patience` is the time to answer it (s)."""
+        return cls(None if server is None else _connecting(server, patience)[1])
 
     def system(self) -> System:
         """The system, which lists the devices."""
@@ -168,24 +174,12 @@ class Sessions:
         return GrpcSessionOptions(self._channel, name, initialization_behavior=behaviour)
 
 
-def _connected(channel: grpc.Channel, patience: float) -> bool:
-    """Wait until a channel is ready. False when it could not connect, or not in time."""
-    settled, ready, refused = (
-        threading.Event(),
-        grpc.ChannelConnectivity.READY,
-        grpc.ChannelConnectivity.TRANSIENT_FAILURE,
+def _connecting(server: str, patience: float) -> tuple[grpc.Channel, grpc.Channel]:
+    """A channel to a server, plain and as nidaqmx uses it: `patience` is the time for each answer (s)."""
+    plain = grpc.insecure_channel(
+        server, options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
     )
-    seen = []
-
-    def see(state: grpc.ChannelConnectivity) -> None:
-        if state in (ready, refused):
-            seen.append(state)
-            settled.set()
-
-    channel.subscribe(see, try_to_connect=True)
-    settled.wait(patience)
-    channel.unsubscribe(see)
-    return seen[:1] == [ready]
+    return plain, _Calls(grpc.intercept_channel(plain, _Version(), _Deadline(patience)))
 
 
 def _name(purpose: str) -> str:

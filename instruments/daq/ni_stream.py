@@ -17,7 +17,7 @@ from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.daq.ni_cards import Plan, believed
-from haploop.instruments.daq.ni_sentences import cut_off
+from haploop.instruments.daq.ni_sentences import cut_off, zeroed
 from haploop.instruments.daq.role import Block, Stream
 from haploop.instruments.errors import ConfigurationError, InstrumentError
 
@@ -65,7 +65,9 @@ class NiStream(Stream):
         self._rows = [order.index(name) for name in channels]
         self._inputs: list[Any] = []
         self._player: Any = None
-        self._length = 0
+        self._length = self._played = 0
+        """Samples of the waveform, and how many of them are known to have been played."""
+        self._zeroed = False
         self._open = True
         with ExitStack() as undo:
             undo.callback(self.release)
@@ -159,6 +161,8 @@ class NiStream(Stream):
 
     def stop_playing(self) -> None:
         """Stop the waveform and free its outputs."""
+        # By `Daq.zero`; `release` ends the stream itself.
+        self._zeroed |= self._player is not None and self._open and self._played < self._whole
         player, self._player = self._player, None
         if player is not None and self._plan.output is not None:
             with self._daq.talking_to(self._plan.output):
@@ -200,10 +204,7 @@ class NiStream(Stream):
         with self._daq.talking_to(output):
             task = self._player = self._daq.task(f"{self._plan.output} output")
             for name in play:
-                reach = settings.outputs[name].range
-                task.ao_channels.add_ao_voltage_chan(
-                    settings.outputs[name].terminal, min_val=-reach, max_val=reach
-                )
+                self._daq.add_output(task, settings.outputs[name])
             master = self._plan.master
             # Also on the master's own card: two dividers of one timebase need not give the same rate.
             task.timing.cfg_samp_clk_timing(self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length)
@@ -238,6 +239,8 @@ class NiStream(Stream):
     def _refuse_cut_off(self, end: int) -> None:
         """Check, when the inputs are at sample `end`, that the waveform has been played whole so far."""
         task, output = self._player, self._plan.output
+        if self._zeroed:
+            raise zeroed(str(output))
         if task is None or output is None:
             return
         with self._daq.talking_to(output):
@@ -247,10 +250,14 @@ class NiStream(Stream):
                 task.wait_until_done(_AFTER)
                 done = True
             played = int(task.out_stream.total_samp_per_chan_generated) if done else end
-        # An acquisition that is shorter than the waveform ends it: the outputs run on its clock.
-        whole = self._length if self._samples is None else min(self._length, self._samples)
-        if played < whole and done:
+        if played < self._whole and done:
             raise cut_off(output, played)
+        self._played = end
+
+    @property
+    def _whole(self) -> int:
+        """Samples to be played: an acquisition that is shorter than the waveform ends it, by its clock."""
+        return self._length if self._samples is None else min(self._length, self._samples)
 
     def _refuse_drift(self) -> None:
         """Check that cards on one clock have taken equally many samples."""

@@ -159,7 +159,10 @@ class Daq(Interlocked, ABC):
 
     @abstractmethod
     def zero(self) -> None:
-        """Write zero volts to every output. Idempotent. Raises InstrumentError."""
+        """Write zero volts to every output. Idempotent. Raises InstrumentError.
+
+        A play that this cuts short is none: the next block of its stream is an InstrumentError.
+        """
 
     def outputs_read(self) -> Mapping[str, float]:
         """Volts that stand now on the outputs that the cards can read back, by name (V).

@@ -194,6 +194,11 @@ class Playing:
                     rig.generator.trigger()
                     triggered.append(self._clock.now())
                 elif not ended and self._clock.now() >= triggered[0] + sweep.duration:
+                    if not rig.generator.is_on:
+                        raise InstrumentError(
+                            f"The {rig.generator.identity} was switched off while its sweep was played: what "
+                            "was measured is not used."
+                        )
                     rig.generator.off()
                     ended = True
 
@@ -218,11 +223,21 @@ class Playing:
 
     @contextmanager
     def _connected(self, patches: Collection[str]) -> Iterator[None]:
-        """Connect exactly these patches to outputs at zero volts, and reach the safe state on exit."""
+        """Connect exactly these patches to outputs at zero volts, and reach the safe state on exit.
+
+        Raises InstrumentError for a patch that has been disconnected meanwhile, by this program too.
+        """
+        relay = self._rig.relay
         try:
-            self._rig.relay.connect(patches)
+            relay.connect(patches)
             with self._monitoring.renewed():
                 yield
+                opened = sorted(frozenset(patches) - relay.connected())
+            if opened:
+                raise InstrumentError(
+                    f"The relay disconnected patch {', '.join(opened)} while its drive was played: what was "
+                    "measured is not used."
+                )
         finally:
             # Zero first: the relay switches without voltage, and a patch is left without charge.
             self._make_safe()

@@ -48,6 +48,8 @@ class Product:
     ao_channels: int = 0
     ao_range: float = 0.0
     """Output range as +- full scale (V)."""
+    ao_unipolar: bool = False
+    """True when the outputs go from 0 V to `ao_range`."""
     ao_bits: int = 16
     ao_rate_hz: float = 0.0
     ao_fifo: int = 8191

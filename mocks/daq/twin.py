@@ -10,7 +10,7 @@ import numpy as np
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.daq import Block, Daq, Stream
 from haploop.instruments.daq.ni_daqmx import NiDaq, device_of
-from haploop.instruments.daq.ni_sentences import cut_off, refused
+from haploop.instruments.daq.ni_sentences import cut_off, refused, zeroed
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
 from haploop.mocks.daq.converter import LOST, STOPPED, convert, noise_of, put_out
 from haploop.mocks.daq.products import PRODUCTS, Product, convert_interval, input_range
@@ -70,6 +70,7 @@ class DaqTwin(Daq):
         self._products = {device: _product(device, name) for device, name in settings.devices.items()}
         self._starts = dict.fromkeys(self._products, 0)
         self._outputs = {name: _Output() for name in settings.outputs}
+        self._times_zeroed = 0
         for name, output in self._outputs.items():
             plant.drive(name, output)
         self.identity = " + ".join(f"{p.name} ({device}, twin)" for device, p in self._products.items())
@@ -103,8 +104,9 @@ class DaqTwin(Daq):
             put = put_out(volts, self._products[device_of(self._settings.outputs[name].terminal)])
             self._outputs[name].play(Run(start, 1 / rate_hz, put))
         playing = {name: device_of(self._settings.outputs[name].terminal) for name in play or {}}
+        length = max((len(volts) for volts in (play or {}).values()), default=0)
         return _TwinStream(
-            self, self._plant, devices, tuple(channels), rate_hz, block, samples, start, playing
+            self, self._plant, devices, tuple(channels), rate_hz, block, samples, start, playing, length
         )
 
     def cut_off(self, outputs: Mapping[str, str], played: int) -> None:
@@ -123,6 +125,7 @@ class DaqTwin(Daq):
     def zero(self) -> None:
         """See `Daq.zero`."""
         now = self._plant.clock.now()
+        self._times_zeroed += 1
         # The plant takes the output played until now before it is set to zero.
         self._plant.advance(now)
         for output in self._outputs.values():
@@ -199,10 +202,12 @@ class _TwinStream(Stream):
         samples: int | None,
         start: float,
         playing: Mapping[str, str],
+        length: int,
     ) -> None:
         self.channels = channels
         self.rate_hz = rate_hz
-        self._playing = playing
+        self._playing, self._length = playing, length
+        self._zeroed = daq._times_zeroed
         order = [channel for device in devices for channel in device.channels]
         self._rows = [order.index(channel) for channel in channels]
         self.delays = np.concatenate([d.delays for d in devices])[self._rows]
@@ -228,6 +233,8 @@ class _TwinStream(Stream):
                 converted = convert(rows, device.ranges, device.product, device.noise)
                 parts.append(converted[0])
                 overloads.append(converted[1])
+            if self._daq._times_zeroed != self._zeroed and first < self._length:
+                raise zeroed(" and ".join(dict.fromkeys(self._playing.values())))
             self._daq.cut_off(self._playing, first + count)
             if self._samples is None and self._plant.faults:
                 self._refuse_drift(edges[-1])

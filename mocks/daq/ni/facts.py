@@ -116,7 +116,11 @@ DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
     "AI_BRIDGE_RNGS": lambda i, d: [],
     "AI_CHARGE_RNGS": lambda i, d: [],
     "AI_RESISTANCE_RNGS": lambda i, d: [],
-    "AO_VOLTAGE_RNGS": lambda i, d: _ranges((d.product.ao_range,)) if d.product.ao_channels else [],
+    "AO_VOLTAGE_RNGS": lambda i, d: (
+        ([0.0, d.product.ao_range] if d.product.ao_unipolar else _ranges((d.product.ao_range,)))
+        if d.product.ao_channels
+        else []
+    ),
     "AO_CURRENT_RNGS": lambda i, d: [],
     "AO_GAINS": lambda i, d: [],
     "AI_COUPLINGS": lambda i, d: 2 if d.ai else 0,

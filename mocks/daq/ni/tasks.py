@@ -79,11 +79,13 @@ class Channel:
         """Range of the converter, as +- full scale (V)."""
         if self.kind == "ao":
             wanted = float(np.abs(self.volts).max())
-            if wanted > self.product.ao_range * (1 + 1e-9):
+            low = 0.0 if self.product.ao_unipolar else -self.product.ao_range
+            if wanted > self.product.ao_range * (1 + 1e-9) or self.volts[0] < low * (1 + 1e-9):
                 raise DaqmxError(
                     DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
                     f"Requested value is not a supported value for this property: {self.name} of "
-                    f"{self.product.name} puts out +-{self.product.ao_range:g} V, not +-{wanted:g} V.",
+                    f"{self.product.name} puts out {low:g} to {self.product.ao_range:g} V, not "
+                    f"{self.volts[0]:g} to {self.volts[1]:g} V.",
                 )
             return self.product.ao_range
         forced = self.values.get("AI_RNG_HIGH")

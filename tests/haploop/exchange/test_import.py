@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import struct
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -185,6 +186,21 @@ def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
                                in_si.acceleration, atol=1e-6)  # fmt: skip
 
 
+def uff(kind: int, step: float) -> str:
+    """A time response of six values, of a data type, with a step of its own."""
+    lines = [
+        "    -1",
+        "    58",
+        *["NONE"] * 5,
+        "    1         0    1         0 NONE          1   3 NONE          1   3",
+    ]
+    lines += [
+        f"{kind:10d}{6:10d}{1:10d}{0:13.5e}{step:13.5e}{0:13.5e}",
+        *["        17    0    0    0 NONE NONE"] * 4,
+    ]
+    return "\n".join([*lines, *[f"{1:13.5e}" * 6] * (2 if kind == 5 else 1), "    -1", ""])
+
+
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [
@@ -203,6 +219,9 @@ def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
         ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": []}', "empty"),
         ("a.json", "[]", "several rates or lengths"),
         ("a.uff", "no", "no time responses"),
+        ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": [1' + 400 * "0" + "]}", "SEP-005"),
+        ("a.uff", uff(2, 0.0), "constant rate"),
+        ("a.uff", uff(5, 2e-4), "no real values"),
     ],
 )
 def test_what_cannot_be_read_is_one_sentence(
@@ -213,6 +232,23 @@ def test_what_cannot_be_read_is_one_sentence(
     result = run("import", tmp_path / name, "--out", tmp_path / "out.h5")
     assert result.exit_code == 2 and sentence in result.stderr and result.stderr.count("\n") == 1
     assert not (tmp_path / "out.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("channels", "bits", "bytes_each", "chunk"),
+    [(65535, 16, 2, b"data"), (1, 16, 2, b"JUNK"), (0, 16, 0, b"data"), (1, 65535, 1, b"data")],
+)
+def test_a_wav_header_that_contradicts_itself_is_one_sentence(
+    run: Run, tmp_path: Path, channels: int, bits: int, bytes_each: int, chunk: bytes
+) -> None:
+    """scipy's reader divides by zero, and uses what it has not read."""
+    kind = struct.pack("<IHHIIHH", 16, 1, channels, 48_000, 96_000, bytes_each, bits)
+    sized = struct.pack("<I", 0xFFFFFFFF)
+    path = tmp_path / "a.wav"
+    path.write_bytes(b"RIFF" + sized + b"WAVEfmt " + kind + chunk + sized + bytes(100))
+    result = run("import", path, "--out", tmp_path / "out.h5")
+    assert result.exit_code == 2 and "is no WAV file that can be read" in result.stderr
+    assert result.stderr.count("\n") == 1
 
 
 def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path: Path) -> None:

@@ -233,3 +233,23 @@ def test_a_file_of_notepad_begins_with_a_mark(tmp_path: Path) -> None:
 def test_what_a_value_must_be_is_said_in_plain_words(tmp_path: Path, line: str, says: str) -> None:
     with pytest.raises(ConfigurationError, match=re.escape(says)):
         load_rig_file(written(tmp_path, f'base = "haptable"\nname = "lab"\n{line}\n'))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a." * 20_000 + "b = 1\n",
+        "[" + "a . " * 200 + "b]\n",
+        "x = {" + "'a'." * 200 + "b = 1}\n",
+        "x = " + "[" * 9999,
+    ],
+)
+def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> None:
+    """Python's parser takes 1.6 GB for 40 kB of them."""
+    path = tmp_path / "deep.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match="is not valid TOML: it is nested too deeply"):
+        load_rig_file(path)
+    path.write_text('notes = "a.b.c"\n# ' + "a." * 50 + "\n" + "a." * 90 + "b = 1\n")
+    with pytest.raises(ConfigurationError, match="name"):
+        load_rig_file(path)

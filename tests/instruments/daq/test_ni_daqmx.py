@@ -185,6 +185,26 @@ def test_zero_asks_for_the_outputs_own_range(bench: Bench, monkeypatch: pytest.M
         assert card.output("Dev2/ao0") == 0.0
 
 
+def test_a_card_whose_outputs_begin_at_0_v_goes_to_zero_and_plays(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changed = replace(PRODUCTS["PCIe-6321"], ao_range=5.0, ao_unipolar=True)
+    monkeypatch.setitem(PRODUCTS, "PCIe-6321", changed)
+    above = {"amplifier": {"terminal": "Dev2/ao0", "range": 5.0}}
+    with (
+        NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True) as card,
+        opened(card, bench, outputs=above) as daq,
+    ):
+        daq.zero()
+        with daq.stream(["laser"], 5000, 100, 200, {"amplifier": np.full(100, 2.0)}) as stream:
+            stream.capture()
+            assert card.output("Dev2/ao0") == pytest.approx(2.0, abs=1e-3)
+        assert card.output("Dev2/ao0") == 0.0
+        with pytest.raises(ConfigurationError, match=r"\(-200561\)"):
+            daq.stream(["laser"], 5000, 100, 200, {"amplifier": np.full(100, -2.0)})
+        daq.zero()
+
+
 @pytest.mark.parametrize("rate_hz", [12_800, 48_000, 51_200])
 def test_with_two_cards_the_rate_is_the_masters(daq: NiDaq, rate_hz: int) -> None:
     """The other card samples on the master's clock; a rate of its own timebase would be off by 1000 ppm."""
