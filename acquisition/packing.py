@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from itertools import product
+from types import MappingProxyType
 from typing import Any
 
 import h5py
@@ -28,8 +30,9 @@ def write_packed(
     values: NDArray[Any],
     chunks: tuple[int, ...] | bool = True,
     fletcher32: bool = False,
-) -> h5py.Dataset:
-    """Write an array that is not empty, without loss, and return its dataset.
+    attributes: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
+    """Write an array that is not empty, without loss, after its attributes: the chunks come last.
 
     In each chunk the bytes are sorted by their place in a value and deflated, with a checksum if asked for:
     HDF5's filters shuffle, deflate and fletcher32, with which any reader of HDF5 undoes it.
@@ -43,6 +46,7 @@ def write_packed(
         compression="gzip",
         fletcher32=fletcher32,
     )
+    dataset.attrs.update(attributes)
     steps = dataset.chunks
     for begin in product(*(range(0, size, step) for size, step in zip(values.shape, steps, strict=True))):
         part = values[tuple(slice(at, at + step) for at, step in zip(begin, steps, strict=True))]
@@ -50,7 +54,6 @@ def write_packed(
         chunk[tuple(map(slice, part.shape))] = part
         packed = _deflated(chunk.view(np.uint8).reshape(-1, values.itemsize).T.tobytes())
         dataset.id.write_direct_chunk(begin, packed + (_fletcher32(packed) if fletcher32 else b""))
-    return dataset
 
 
 def _fletcher32(packed: bytes) -> bytes:

@@ -224,12 +224,12 @@ def write_finished(path: Path, header: Header, contents: Contents, state: str, i
                 file.create_dataset("events", data=contents.events)
                 file.create_dataset("presses", data=contents.presses)
                 channels, samples = contents.codes.shape
+                scale = {"volts_per_code": header.full_scale / CODES}
                 if samples:
                     chunks = channels, min(samples, CHUNK)
-                    codes = write_packed(file, "codes", contents.codes, chunks, fletcher32=True)
+                    write_packed(file, "codes", contents.codes, chunks, fletcher32=True, attributes=scale)
                 else:  # HDF5 has no empty chunks
-                    codes = file.create_dataset("codes", data=contents.codes)
-                codes.attrs["volts_per_code"] = header.full_scale / CODES
+                    file.create_dataset("codes", data=contents.codes).attrs.update(scale)
             add_checksum(temporary, "recording")
             if read_contents(temporary).hash(header) != content_hash:
                 raise DataError(f"{path} read back with other content than was written: check the disk.")

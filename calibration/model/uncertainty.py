@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,13 @@ def standard_deviation(calibration: Calibration, f: FloatArray) -> FloatArray:
     averages; the model's residual where it is smooth, which is a misfit; and the residual's scatter, as far
     as it moves the model (delta method). A response without a deviation is exact but for the residual.
     """
+    return _known(calibration, np.ascontiguousarray(f, dtype=np.float64).tobytes())
+
+
+@lru_cache(maxsize=1)
+def _known(calibration: Calibration, frequencies: bytes) -> FloatArray:
+    """What `standard_deviation` returns: the drives of a calibration ask for the same frequencies."""
+    f = np.frombuffer(frequencies)
     response, model = calibration.response, calibration.model
     lines = response.frequencies
     spacing = float(np.median(np.diff(lines)))
@@ -44,7 +52,9 @@ def standard_deviation(calibration: Calibration, f: FloatArray) -> FloatArray:
         own = response.scatter if len(response.scatter) else response.deviation
         common = np.maximum(response.deviation**2 - own**2, 0.0)
     variance = np.interp(f, lines, common + misfit) + _moved_by(model, lines, scatter, f)
-    return np.asarray(np.sqrt(variance))
+    deviation = np.asarray(np.sqrt(variance))
+    deviation.setflags(write=False)
+    return deviation
 
 
 def _moved_by(model: Model, lines: FloatArray, power: FloatArray, f: FloatArray) -> FloatArray:

@@ -77,8 +77,8 @@ def _png(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
 
     Matplotlib's filters each row and keeps that nothing is transparent: thrice the time for a larger file.
     """
-    canvas.draw()
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    canvas.draw()  # type: ignore[no-untyped-call]
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
     height, width, _ = pixels.shape
     rows = np.zeros((height, 1 + 3 * width), np.uint8)  # of each row the first byte is its filter: none
     rows[:, 1:] = pixels.reshape(height, -1)
@@ -87,7 +87,7 @@ def _png(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
     for kind, content in (
         (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
         (b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1)),
-        (b"IDAT", zlib.compress(rows, 3)),
+        (b"IDAT", zlib.compress(rows.tobytes(), 3)),
         (b"IEND", b""),
     ):
         buffer.write(struct.pack(">I", len(content)) + kind + content)

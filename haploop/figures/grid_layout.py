@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.layout_engine import LayoutEngine
+from numpy.typing import ArrayLike
 
 from haploop.instruments.arrays import FloatArray
 
@@ -39,7 +40,7 @@ class GridLayout(LayoutEngine):
         """Lay out within `rect` only: left, bottom, width, height, as shares of the figure."""
         self._params["rect"] = rect
 
-    def execute(self, fig: Figure) -> None:  # type: ignore[override]
+    def execute(self, fig: Figure) -> None:
         """Place the panels of `fig`."""
         cells = [(axes, cell) for axes in fig.axes if (cell := axes.get_subplotspec()) is not None]
         rows, columns = cells[0][1].get_gridspec().get_geometry()
@@ -70,7 +71,7 @@ class GridLayout(LayoutEngine):
                 axes.set_position((left + x0, bottom + height - y0, x1 - x0, y0 - y1))
 
 
-def _edges(margins: FloatArray, room: float, ratios: FloatArray) -> list[tuple[float, float]]:
+def _edges(margins: FloatArray, room: float, ratios: ArrayLike) -> list[tuple[float, float]]:
     """Begin and end of each column's panels, in order, with `margins` (columns, 2) before and after it."""
     sizes = (room - margins.sum()) * np.asarray(ratios) / np.sum(ratios)
     ends = list(accumulate(margins.sum(axis=1) + sizes))

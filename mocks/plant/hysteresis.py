@@ -56,14 +56,16 @@ class Hysteresis:
             return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
         _, ends, rising, lengths = sections(self._last, volts)
         out = np.asarray(self._linear * volts)
+        lower, upper = np.empty_like(volts), np.empty_like(volts)
         for i, (radius, weight) in enumerate(zip(_RADII, self._weights, strict=True)):
             at = float(self._play[i])
             begin = np.empty(len(ends))
             for k, (end, rises) in enumerate(zip(ends.tolist(), rising.tolist(), strict=True)):
                 begin[k] = at
                 at = max(at, end - radius) if rises else min(at, end + radius)
-            from_here = np.repeat(begin, lengths)
-            out += weight * np.minimum(np.maximum(from_here, volts - radius), volts + radius)
+            np.maximum(np.repeat(begin, lengths), np.subtract(volts, radius, out=lower), out=lower)
+            np.minimum(lower, np.add(volts, radius, out=upper), out=lower)
+            out += np.multiply(weight, lower, out=lower)
             self._play[i] = at
         self._last = float(volts[-1])
         return _bent(out)
