@@ -29,7 +29,7 @@ from haploop.acquisition.presses.barycentre import (
     paths_to,
     read_at,
 )
-from haploop.acquisition.presses.registration import WarpModel, moved, register
+from haploop.acquisition.presses.registration import WarpModel, leads, moved, register
 from haploop.acquisition.presses.spool import Spool
 from haploop.instruments import ConfigurationError
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
@@ -99,7 +99,7 @@ def average(
         for group in groups:
             mask, centre, paths = alike(group[:, 0], window)
             masks.append(mask)
-            centres.append(centre)
+            centres.append(centre[None])
             if registering:
                 one = register(group[mask], rate_hz, m, centre, paths)
                 means.append(one.template)
@@ -138,7 +138,7 @@ class _Kept:
     groups: Sequence[FloatArray]
     masks: Sequence[BoolArray]
     centres: Sequence[FloatArray]
-    """Each (samples,): barycentre of the first channel."""
+    """Each (1, samples): barycentre of the first channel."""
 
     def __iter__(self) -> Iterator[FloatArray]:
         return (group[mask] for group, mask in zip(self.groups, self.masks, strict=True))
@@ -170,7 +170,7 @@ def _registration(
     means: Sequence[FloatArray], each: Iterable[FloatArray], rate_hz: float, m: WarpModel
 ) -> _Template:
     """Register the participants' templates (channels, samples), and with them their presses."""
-    first = barycentre(np.stack([mean[0] for mean in means]), m.window(rate_hz))
+    first = barycentre(leads(means), m.window(rate_hz))
     whole = register(means, rate_hz, m, first)
     aligned = Spool()
     # The participant's warp is applied after each press's own warp.
@@ -183,7 +183,7 @@ def _barycentre(
     own: _Kept, rate_hz: float, window: int, in_time: bool, known: list[IntArray] | None = None
 ) -> _Template:
     """The paper's average; `in_time`, brought to the mean time of the presses."""
-    trusted, centre, _ = alike(np.stack(list(own.centres)), window, keep_paths=False)
+    trusted, centre, _ = alike(leads(own.centres), window, keep_paths=False)
     template, lag, aligned = np.zeros((0, 0)), np.zeros(len(centre)), Spool()
     for curves, counts in zip(own, trusted, strict=True):
         paths = known or list(paths_to(centre, curves[:, 0], window))

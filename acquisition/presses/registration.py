@@ -21,7 +21,7 @@ from haploop.acquisition.presses.barycentre import paths_to
 from haploop.acquisition.presses.spool import Spool
 from haploop.instruments.arrays import FloatArray, IntArray
 
-__all__ = ["Registration", "WarpModel", "moved", "register"]
+__all__ = ["Registration", "WarpModel", "leads", "moved", "register"]
 
 _TOGETHER = 64
 """Rows that are evaluated at once: these fit into a processor's cache."""
@@ -134,7 +134,7 @@ def register(
     count, (channels, samples) = len(curves), curves[0].shape
     if count == 1:
         return Registration(curves[0], [curves[0][:1]], [np.zeros((1, samples))])
-    work = _Work(np.stack([curve[0] for curve in curves]), rate_hz, m)
+    work = _Work(leads(curves), rate_hz, m)
     # Zero warps are the better start when the curves already agree: DTW paths then follow noise.
     starts = [np.zeros((count, m.knots))]
     if start is not None:
@@ -153,6 +153,14 @@ def register(
         rows = (np.stack([curve[channel] for curve in curves[some]]) for some in parts)
         template.append(_average((moved(own, by) for own, by in zip(rows, shifts, strict=True)), weights))
     return Registration(np.stack(template), aligned, shifts)
+
+
+def leads(curves: Sequence[FloatArray] | FloatArray) -> FloatArray:
+    """The first channels (curves, samples) of curves, each (channels, samples), read one by one."""
+    rows = np.empty((len(curves), curves[0].shape[1]))
+    for row, curve in zip(rows, curves, strict=True):
+        row[:] = curve[0]
+    return rows
 
 
 def moved(rows: FloatArray, shifts: FloatArray) -> FloatArray:
