@@ -72,8 +72,8 @@ class Ahap(Strict):
     Pattern: Annotated[list[AhapPattern], Field(min_length=1)]
 
 
-# Meta (Lofelt), "Haptic Data Model", version 1.0.0 (github.com/Lofelt/NiceVibrations,
-# core/datamodel/README.md): its tables of fields, types and ranges, and its list of validation rules.
+# Meta (Lofelt), "Haptic Data Model", version 1.0.0 (the README of core/datamodel in
+# github.com/Lofelt/NiceVibrations): its tables of fields, types and ranges, and its list of validation rules.
 
 
 class MetaVersion(Strict):
