@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import io
+import itertools
 import json
 import os
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -128,11 +128,13 @@ def create(path: Path, fill: Callable[[h5py.File], None]) -> None:
     count of its objects, and the program crashes when Python frees them (at 10 of 44 calls, measured). Only
     the main thread gets such exceptions, so a thread of its own works with the library.
     """
+    begun: list[bool] = []
     ended: list[BaseException | None] = []
     working = threading.Lock()
     working.acquire()
 
     def work() -> None:
+        begun.append(True)
         try:
             _fill(path, fill)
             ended.append(None)
@@ -141,13 +143,15 @@ def create(path: Path, fill: Callable[[h5py.File], None]) -> None:
         finally:
             working.release()
 
-    threading.Thread(target=work, name="haploop-hdf5").start()
     try:
+        threading.Thread(target=work, name="haploop-hdf5").start()
         working.acquire()
     finally:
-        # After an interruption: the file is removed when nobody writes there any more.
-        while not ended:
-            time.sleep(0.001)
+        # After an interruption, also one while the thread starts: the caller removes the file, so that nobody
+        # may write there any more. A thread that has not begun in a second never will.
+        waits = itertools.count()
+        while not ended and (begun or next(waits) < 1000):
+            working.acquire(timeout=0.001)
     if (problem := ended.pop()) is not None:
         try:
             raise problem
