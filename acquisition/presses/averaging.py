@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Literal, get_args
 
 import numpy as np
@@ -28,7 +29,7 @@ from haploop.acquisition.presses.barycentre import (
     paths_to,
     read_at,
 )
-from haploop.acquisition.presses.registration import WarpModel, moved, register
+from haploop.acquisition.presses.registration import WarpModel, leads, moved, register
 from haploop.acquisition.presses.spool import Spool
 from haploop.instruments import ConfigurationError
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
@@ -94,16 +95,16 @@ def average(
     registering = method in ("automatic", "registration")
     # Threads cost more than they gain on matrices this small when the machine is busy.
     with threadpool_limits(1):
-        masks, centres, means, each = [], [], [], Spool()
+        masks, centres, means, each = [], Spool(), Spool(), Spool()
         for group in groups:
             mask, centre, paths = alike(group[:, 0], window)
             masks.append(mask)
-            centres.append(centre)
+            centres.append(centre[None])
             if registering:
                 one = register(group[mask], rate_hz, m, centre, paths)
                 means.append(one.template)
-                each.append(one.aligned)
-        own = _Kept(groups, masks, np.stack(centres))
+                each.append(np.concatenate(one.aligned))
+        own = _Kept(groups, masks, centres)
         single = own.members == 1
         made: dict[str, _Template] = {}
         if method == "mean" or single:
@@ -111,7 +112,7 @@ def average(
         if method == "barycentre" and not single:
             made[BARYCENTRE] = _barycentre(own, rate_hz, window, in_time=False)
         if registering and not single:
-            made[REGISTRATION] = _registration(np.stack(means), each, rate_hz, m)
+            made[REGISTRATION] = _registration(means, each, rate_hz, m)
         if method == "automatic" and not single:
             # Of one participant, whose barycentre is that of all, the paths are known already.
             known = paths if len(groups) == 1 else None
@@ -136,8 +137,8 @@ class _Kept:
 
     groups: Sequence[FloatArray]
     masks: Sequence[BoolArray]
-    centres: FloatArray
-    """(participants, samples): barycentres of their first channel."""
+    centres: Sequence[FloatArray]
+    """Each (1, samples): barycentre of the first channel."""
 
     def __iter__(self) -> Iterator[FloatArray]:
         return (group[mask] for group, mask in zip(self.groups, self.masks, strict=True))
@@ -165,12 +166,15 @@ def _mean(own: _Kept) -> _Template:
     return _Template(np.mean(means, axis=0), aligned)
 
 
-def _registration(means: FloatArray, each: Iterable[FloatArray], rate_hz: float, m: WarpModel) -> _Template:
-    """Register the participants' templates (participants, channels, samples), and with them their presses."""
-    whole = register(means, rate_hz, m, barycentre(means[:, 0], m.window(rate_hz)))
+def _registration(
+    means: Sequence[FloatArray], each: Iterable[FloatArray], rate_hz: float, m: WarpModel
+) -> _Template:
+    """Register the participants' templates (channels, samples), and with them their presses."""
+    first = barycentre(leads(means), m.window(rate_hz))
+    whole = register(means, rate_hz, m, first)
     aligned = Spool()
     # The participant's warp is applied after each press's own warp.
-    for rows, shift in zip(each, whole.shifts, strict=True):
+    for rows, shift in zip(each, chain.from_iterable(whole.shifts), strict=True):
         aligned.append(moved(rows, np.tile(shift, (len(rows), 1))))
     return _Template(whole.template, aligned)
 
@@ -179,11 +183,10 @@ def _barycentre(
     own: _Kept, rate_hz: float, window: int, in_time: bool, known: list[IntArray] | None = None
 ) -> _Template:
     """The paper's average; `in_time`, brought to the mean time of the presses."""
-    centres = own.centres
-    trusted, centre, _ = alike(centres, window)
+    trusted, centre, _ = alike(leads(own.centres), window, keep_paths=False)
     template, lag, aligned = np.zeros((0, 0)), np.zeros(len(centre)), Spool()
     for curves, counts in zip(own, trusted, strict=True):
-        paths = known or paths_to(centre, curves[:, 0], window)
+        paths = known or list(paths_to(centre, curves[:, 0], window))
         warped = along(curves, paths)
         aligned.append(warped[:, 0])
         lag += np.sum([lags_along(path, len(centre)) for path in paths], axis=0)

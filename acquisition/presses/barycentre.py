@@ -7,6 +7,8 @@ more; sample i is compared with sample j where |i - j| < window (for curves of o
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 import scipy
 from dtaidistance import dtw, dtw_barycenter
@@ -27,7 +29,8 @@ energy that tells an event from silence."""
 
 def barycentre(curves: FloatArray, window: int) -> FloatArray:
     """Compute the DTW barycentre (samples,) of (curves, samples), starting at the curve nearest the mean."""
-    near = int(np.argmin(np.sum((curves - curves.mean(axis=0)) ** 2, axis=1)))
+    mean = curves.mean(axis=0)
+    near = int(np.argmin([np.sum((curve - mean) ** 2) for curve in curves]))
     rows = [np.ascontiguousarray(curve) for curve in curves]
     return np.asarray(
         dtw_barycenter.dba_loop(
@@ -36,33 +39,37 @@ def barycentre(curves: FloatArray, window: int) -> FloatArray:
     )
 
 
-def alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray, list[IntArray]]:
+def alike(
+    curves: FloatArray, window: int, keep_paths: bool = True
+) -> tuple[BoolArray, FloatArray, list[IntArray]]:
     """Find the curves (curves, samples) that resemble each other.
 
-    Returns which they are (curves,), their barycentre, and their paths to it.
+    Returns which they are (curves,), their barycentre, and their paths to it: none without `keep_paths`, as
+    a path takes twice the memory of its curve.
     """
     centre = barycentre(curves, window)
-    paths = paths_to(centre, curves, window)
-    far = np.array(
-        [np.linalg.norm(centre[to] - one[at]) for one, (to, at) in zip(curves, paths, strict=True)]
-    )
+    far, paths = [], []
+    for one, path in zip(curves, paths_to(centre, curves, window), strict=True):
+        to, at = path
+        far.append(np.linalg.norm(centre[to] - one[at]))
+        if keep_paths:
+            paths.append(path)
     least = max(_ALIKE * float(np.median(far)), _SHARE * float(np.linalg.norm(centre)))
-    mask = np.asarray((far <= least) | (len(curves) < 4))
+    mask = np.asarray((np.array(far) <= least) | (len(curves) < 4))
     if mask.all():
         return mask, centre, paths
     centre = barycentre(curves[mask], window)
-    return mask, centre, paths_to(centre, curves[mask], window)
+    return mask, centre, list(paths_to(centre, curves[mask], window)) if keep_paths else []
 
 
-def paths_to(template: FloatArray, curves: FloatArray, window: int) -> list[IntArray]:
+def paths_to(template: FloatArray, curves: FloatArray, window: int) -> Iterator[IntArray]:
     """DTW path (2, steps) of each of (curves, samples) to a template: its samples, and the curve's."""
-    return [
-        np.asarray(dtw.warping_path(template, np.ascontiguousarray(curve), window=window, use_c=True)).T
-        for curve in curves
-    ]
+    for curve in curves:
+        path = dtw.warping_path(template, np.ascontiguousarray(curve), window=window, use_c=True)
+        yield np.asarray(path).T
 
 
-def along(curves: FloatArray, paths: list[IntArray]) -> FloatArray:
+def along(curves: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
     """Warp (curves, channels, samples) along their paths to a template.
 
     Samples that map to the same sample of the template are averaged.

@@ -3,23 +3,33 @@
 Every curve gets a warp t + d(t), with d a cubic spline on a few knots. The noise sets the stiffness of
 the warps, and their mean is zero. The model assumes that presses differ by a smooth change of tempo;
 events that jitter independently are aligned only as far as the stiffness allows.
+
+Of many curves, some at a time are in memory: of each a spline of four coefficients a sample, and what is
+computed with it. Of all there are the curve itself, and an eighth of a curve for their median.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice, pairwise
 
 import numpy as np
 import scipy
 
 from haploop.acquisition.presses.barycentre import paths_to
+from haploop.acquisition.presses.spool import Spool
 from haploop.instruments.arrays import FloatArray, IntArray
 
-__all__ = ["Registration", "WarpModel", "moved", "register"]
+__all__ = ["Registration", "WarpModel", "leads", "moved", "register"]
 
 _TOGETHER = 64
 """Rows that are evaluated at once: these fit into a processor's cache."""
+_COARSE = 4
+"""Every so many samples are compared with their median, which is slow to find."""
+_BLOCK = 96
+"""Curves of a block; the last has up to twice as many. The last digits of a product of matrices depend on its
+size when that is small, and not a multiple of what a processor computes at once: 4 to 24 rows."""
 
 
 @dataclass(frozen=True)
@@ -48,15 +58,14 @@ class WarpModel:
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """Registered curves. `template` is (channels, samples)."""
+    """Registered curves, in blocks of some curves; those of many curves are read when they are asked for."""
 
     template: FloatArray
-    aligned: FloatArray
-    """(curves, samples): their first channel."""
-    shifts: FloatArray
-    """(curves, samples), in samples: aligned[i](t) = curve[i](t + shifts[i](t)). Their mean is zero."""
-    weights: FloatArray
-    """(curves,), 1 for a curve that is no outlier."""
+    """(channels, samples)."""
+    aligned: Sequence[FloatArray]
+    """Each (curves, samples): their first channel."""
+    shifts: Sequence[FloatArray]
+    """Each (curves, samples), in samples: aligned[i](t) = curve[i](t + shifts[i](t)). Their mean is zero."""
 
 
 class _Rows:
@@ -65,13 +74,10 @@ class _Rows:
     `places` are the sample numbers at which they are evaluated: all, or every n-th.
     """
 
-    def __init__(self, values: FloatArray, every: int = 1) -> None:
-        self.samples = values.shape[1]
+    def __init__(self, pieces: FloatArray, every: int = 1) -> None:
+        self.samples = pieces.shape[1] + 1
         self.places = np.arange(0, self.samples, every)
-        # With knots at the integers a piece is found without a search, and its four coefficients are
-        # adjacent in memory: three times as fast as calling the spline.
-        spline = scipy.interpolate.CubicSpline(np.arange(self.samples), values, axis=-1)
-        self._pieces = np.ascontiguousarray(spline.c.transpose(2, 1, 0)).reshape(-1, 4)
+        self._pieces = pieces.reshape(-1, 4)
 
     def at(self, shifts: FloatArray, which: IntArray | None = None) -> FloatArray:
         """Values (rows, places) of all rows, or of the rows `which`, at `places` plus shifts."""
@@ -103,46 +109,97 @@ class _Rows:
             yield some, np.moveaxis(pieces, -1, 0), at - low
 
 
+def _spline(values: FloatArray) -> FloatArray:
+    """Coefficients (rows, samples - 1, 4) of the splines of (rows, samples)."""
+    # With knots at the integers a piece is found without a search, and its four coefficients are
+    # adjacent in memory: three times as fast as calling the spline.
+    spline = scipy.interpolate.CubicSpline(np.arange(values.shape[1]), values, axis=-1)
+    return np.ascontiguousarray(spline.c.transpose(2, 1, 0))
+
+
 def register(
-    curves: FloatArray,
+    curves: Sequence[FloatArray] | FloatArray,
     rate_hz: float,
     model: WarpModel | None = None,
     start: FloatArray | None = None,
     paths: Sequence[IntArray] | None = None,
 ) -> Registration:
-    """Register (curves, channels, samples) by the first channel, and average all channels.
+    """Register curves, each (channels, samples), by the first channel, and average all channels.
 
     The curves must already be aligned within `reach` at an event common to all. `start` (samples,) is a
     first template, such as a DTW barycentre. The fit then runs twice, once from the DTW paths to `start`
     (`paths`, if they are known) and once from zero warps, and the result with the lower cost is kept.
     """
     m = model or WarpModel()
-    count, channels, samples = curves.shape
+    count, (channels, samples) = len(curves), curves[0].shape
     if count == 1:
-        return Registration(curves[0], curves[:, 0], np.zeros((1, samples)), np.ones(1))
-    work = _Work(np.ascontiguousarray(curves[:, 0]), rate_hz, m)
+        return Registration(curves[0], [curves[0][:1]], [np.zeros((1, samples))])
+    work = _Work(leads(curves), rate_hz, m)
     # Zero warps are the better start when the curves already agree: DTW paths then follow noise.
     starts = [np.zeros((count, m.knots))]
     if start is not None:
-        paths = paths_to(start, work.lead, work.window) if paths is None else paths
-        starts.append(work.from_paths(start, paths))
+        starts.append(work.from_paths(start, paths or paths_to(start, work.lead, work.window), count))
     warps = min((work.refine(begin, m.rounds) for begin in starts), key=work.cost)
     for _ in range(m.rescues):
         warps = work.refine(work.rescue(warps), m.rounds // 3)
-    shifts = warps @ _basis(np.arange(samples), samples, m.knots).T
-    aligned = moved(curves[:, 0], shifts)
-    weights = _weights(aligned, m)
-    # One channel at a time: all channels of a thousand curves are a hundred megabytes.
-    others = (moved(curves[:, channel], shifts) for channel in range(1, channels))
-    template = [np.average(rows, axis=0, weights=weights) for rows in (aligned, *others)]
-    return Registration(np.stack(template), aligned, shifts, weights)
+    basis = _basis(np.arange(samples), samples, m.knots)
+    parts, lead = _blocks(count), work.lead
+    del work
+    shifts = _kept((warps[some] @ basis.T for some in parts), len(parts))
+    aligned = _kept((moved(lead[some], by) for some, by in zip(parts, shifts, strict=True)), len(parts))
+    weights = _weights(np.concatenate([rows[:, ::_COARSE] for rows in aligned]), m)
+    template = [_average(aligned, weights)]
+    for channel in range(1, channels):
+        rows = (np.stack([curve[channel] for curve in curves[some]]) for some in parts)
+        template.append(_average((moved(own, by) for own, by in zip(rows, shifts, strict=True)), weights))
+    return Registration(np.stack(template), aligned, shifts)
+
+
+def leads(curves: Sequence[FloatArray] | FloatArray) -> FloatArray:
+    """The first channels (curves, samples) of curves, each (channels, samples), read one by one."""
+    rows = np.empty((len(curves), curves[0].shape[1]))
+    for row, curve in zip(rows, curves, strict=True):
+        row[:] = curve[0]
+    return rows
 
 
 def moved(rows: FloatArray, shifts: FloatArray) -> FloatArray:
     """Read (rows, samples) at every sample plus its shift, in samples."""
     # The coefficients of a spline take four times the memory of its row.
     some = range(0, len(rows), _TOGETHER)
-    return np.concatenate([_Rows(rows[at : at + _TOGETHER]).at(shifts[at : at + _TOGETHER]) for at in some])
+    return np.concatenate(
+        [_Rows(_spline(rows[at : at + _TOGETHER])).at(shifts[at : at + _TOGETHER]) for at in some]
+    )
+
+
+def _blocks(count: int) -> list[slice]:
+    """Slices of so many curves."""
+    bounds = [*range(0, max(1, count - _BLOCK + 1), _BLOCK), count]
+    return [slice(first, end) for first, end in pairwise(bounds)]
+
+
+def _kept(blocks: Iterable[FloatArray], number: int) -> Sequence[FloatArray]:
+    """Keep so many blocks: one in memory, more on the disk."""
+    if number == 1:
+        return list(blocks)
+    spool = Spool()
+    for block in blocks:
+        spool.append(block)
+    return spool
+
+
+def _average(blocks: Iterable[FloatArray], weights: FloatArray) -> FloatArray:
+    """Weighted mean (samples,) of blocks (curves, samples): the bits of `np.average` of all curves."""
+    _, whole = np.average(np.zeros((len(weights), 1)), axis=0, weights=weights, returned=True)
+    total, done = None, 0
+    for rows in blocks:
+        share = rows * weights[done : done + len(rows), None]
+        done += len(rows)
+        if total is not None:
+            share[0] += total
+        total = share.sum(axis=0)
+    assert total is not None
+    return np.asarray(total / whole)
 
 
 class _Work:
@@ -153,31 +210,48 @@ class _Work:
 
     def __init__(self, lead: FloatArray, rate_hz: float, m: WarpModel) -> None:
         samples = lead.shape[1]
-        every = max(1, int(rate_hz // 2500))
+        self._every = max(1, int(rate_hz // 2500))
         self.lead = lead
         self.m = m
         self.window = m.window(rate_hz)
-        self.rows = _Rows(lead, every)
-        self.basis = _basis(self.rows.places, samples, m.knots)
+        self._parts = _blocks(len(lead))
+        splines = (_spline(lead[some]) for some in self._parts)
+        # One block stays; of several, any curve's spline can be asked for.
+        self._splines = next(splines) if len(self._parts) == 1 else _each(splines)
+        self.places = np.arange(0, samples, self._every)
+        self.basis = _basis(self.places, samples, m.knots)
         # Only neighbouring B-splines overlap: all other products are zero.
         self.pairs = np.array([(a, b) for a in range(m.knots) for b in range(a, min(a + 4, m.knots))]).T
         self.products = self.basis[:, self.pairs[0]] * self.basis[:, self.pairs[1]]
-        self.prior = _prior(samples, self.window / 3, m) / every
+        self.prior = _prior(samples, self.window / 3, m) / self._every
         self.floor = m.floor**2 * float(np.mean(lead**2))
+
+    def rows(self, which: IntArray) -> tuple[_Rows, IntArray]:
+        """The splines of these curves, of a block at most, and their numbers there."""
+        if isinstance(self._splines, Spool):
+            pieces = np.stack([self._splines[int(one)] for one in which])
+            return _Rows(pieces, self._every), np.arange(len(which))
+        return _Rows(self._splines, self._every), which
+
+    def aligned(self, warps: FloatArray) -> Iterator[FloatArray]:
+        """The warped curves (curves, places), in blocks."""
+        for some in self._parts:
+            rows, which = self.rows(np.arange(some.start, some.stop))
+            yield rows.at(warps[some] @ self.basis.T, which)
 
     def template(self, warps: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Weighted mean of the warped curves, their weights, and the noise power around the mean."""
-        aligned = self.rows.at(warps @ self.basis.T)
-        weights = _weights(aligned, self.m)
-        template = np.average(aligned, axis=0, weights=weights)
-        power = np.mean((aligned - template) ** 2, axis=1)
+        aligned = _kept(self.aligned(warps), len(self._parts))
+        weights = _weights(np.concatenate([rows[:, ::_COARSE] for rows in aligned]), self.m)
+        template = _average(aligned, weights)
+        power = np.concatenate([np.mean((rows - template) ** 2, axis=1) for rows in aligned])
         return template, weights, max(float(np.average(power, weights=weights)), self.floor)
 
     def cost(self, warps: FloatArray) -> float:
         """Residual sum of squares, outliers at full weight, plus a small penalty on the warps."""
         template, _, _ = self.template(warps)
-        rest = self.rows.at(warps @ self.basis.T) - template
-        return float(np.sum(rest**2) + self.floor * np.einsum("ik,kl,il->", warps, self.prior, warps))
+        left = sum(float(np.sum((rows - template) ** 2)) for rows in self.aligned(warps))
+        return float(left + self.floor * np.einsum("ik,kl,il->", warps, self.prior, warps))
 
     def refine(self, warps: FloatArray, rounds: int) -> FloatArray:
         """Update template and warps in turn. The stiffness falls with the noise as the curves converge."""
@@ -198,45 +272,61 @@ class _Work:
         A click is a short oscillation, so a warp that is off by one period is a local minimum.
         """
         template, _, noise = self.template(warps)
-        every = np.arange(len(warps))
-        left = self.distance(warps, template, noise, every)
-        far = every[left > 1.5 * np.median(left)]
+        left = self.distances(warps, template, noise)
+        far = np.flatnonzero(left > 1.5 * np.median(left))
         if not len(far):
             return warps
         tried = warps.copy()
-        whole = scipy.interpolate.CubicSpline(self.rows.places, template)(np.arange(self.rows.samples))
-        tried[far] = self.from_paths(whole, paths_to(whole, self.lead[far], self.window))
+        whole = scipy.interpolate.CubicSpline(self.places, template)(np.arange(self.lead.shape[1]))
+        tried[far] = self.from_paths(whole, paths_to(whole, self.lead[far], self.window), len(far))
         for _ in range(self.m.rounds):
             tried = self.step(tried, template, noise, far)
-        better = self.distance(tried, template, noise, every) < left
+        better = self.distances(tried, template, noise) < left
         return np.where(better[:, None], tried, warps)
 
-    def distance(self, warps: FloatArray, template: FloatArray, noise: float, which: IntArray) -> FloatArray:
-        """Cost of the warp of each of these curves, see `_priced`."""
+    def distances(self, warps: FloatArray, template: FloatArray, noise: float) -> FloatArray:
+        """Cost of the warp of each curve, see `_priced`."""
+        found = []
+        for some in self._parts:
+            rows, which = self.rows(np.arange(some.start, some.stop))
+            found.append(self._distance(rows, which, warps[some], template, noise))
+        return np.concatenate(found)
+
+    def _distance(
+        self, rows: _Rows, which: IntArray, warps: FloatArray, template: FloatArray, noise: float
+    ) -> FloatArray:
         shifts = warps @ self.basis.T
-        return self._priced(self.rows.at(shifts, which) - template, warps, shifts, noise)
+        return self._priced(rows.at(shifts, which) - template, warps, shifts, noise)
 
     def _priced(self, rest: FloatArray, warps: FloatArray, shifts: FloatArray, noise: float) -> FloatArray:
         """Residual sum of squares plus noise-weighted bending; infinite for a reversal of time."""
         bent = np.einsum("ik,ik->i", warps @ self.prior, warps)
-        backwards = np.diff(shifts, axis=1).min(axis=1) < -0.7 * self.rows.places[1]
+        backwards = np.diff(shifts, axis=1).min(axis=1) < -0.7 * self.places[1]
         return np.asarray(np.where(backwards, np.inf, np.einsum("is,is->i", rest, rest) + noise * bent))
 
     def step(self, warps: FloatArray, template: FloatArray, noise: float, which: IntArray) -> FloatArray:
         """Take one Gauss-Newton step with each of these curves, shortened until it lowers the cost."""
-        here = warps[which]
+        warps = warps.copy()
+        for some in _blocks(len(which)):
+            part = which[some]
+            warps[part] = self._stepped(*self.rows(part), warps[part], template, noise)
+        return warps
+
+    def _stepped(
+        self, rows: _Rows, which: IntArray, here: FloatArray, template: FloatArray, noise: float
+    ) -> FloatArray:
         shifts = here @ self.basis.T
-        values, slopes = self.rows.with_slopes(shifts, which)
+        values, slopes = rows.with_slopes(shifts, which)
         rest = values - template
         stiff = noise * self.prior
         downhill = (slopes * rest) @ self.basis + here @ stiff
         step = np.linalg.solve(self.normal(slopes**2) + stiff, downhill[..., None])[..., 0]
         before = self._priced(rest, here, shifts, noise)
-        warps, left = warps.copy(), np.arange(len(which))
+        warps, left = here.copy(), np.arange(len(which))
         for fraction in (1.0, 0.5, 0.25, 0.1):
             moved = here[left] - fraction * step[left]
-            better = self.distance(moved, template, noise, which[left]) < before[left]
-            warps[which[left[better]]] = moved[better]
+            better = self._distance(rows, which[left], moved, template, noise) < before[left]
+            warps[left[better]] = moved[better]
             left = left[~better]
             if not len(left):
                 break
@@ -249,16 +339,30 @@ class _Work:
         whole[:, a, b] = whole[:, b, a] = weights @ self.products
         return whole
 
-    def from_paths(self, template: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
-        """Warps that follow the DTW paths of some curves to a template (samples,)."""
+    def from_paths(self, template: FloatArray, paths: Iterable[IntArray], count: int) -> FloatArray:
+        """Warps that follow the DTW paths of so many curves to a template (samples,)."""
+        following = iter(paths)
+        some = (list(islice(following, one.stop - one.start)) for one in _blocks(count))
+        return np.concatenate([self._followed(template, part) for part in some])
+
+    def _followed(self, template: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
         slope = np.gradient(template) ** 2 / max(self.floor, 1e-30)
-        weights, lags = np.zeros((2, len(paths), len(self.rows.places)))
+        weights, lags = np.zeros((2, len(paths), len(self.places)))
         for row, (at, there) in enumerate(paths):
             # A path through silence is random, so lags are weighted by the template's squared slope.
-            weights[row] = (slope * np.bincount(at, minlength=len(slope)))[self.rows.places]
-            lags[row] = (slope * np.bincount(at, there - at, len(slope)))[self.rows.places]
+            weights[row] = (slope * np.bincount(at, minlength=len(slope)))[self.places]
+            lags[row] = (slope * np.bincount(at, there - at, len(slope)))[self.places]
         normal = self.normal(weights) + self.prior
         return np.asarray(np.linalg.solve(normal, (lags @ self.basis)[..., None])[..., 0])
+
+
+def _each(blocks: Iterable[FloatArray]) -> Spool:
+    """Keep the rows of blocks on the disk, each by itself."""
+    spool = Spool()
+    for block in blocks:
+        for row in block:
+            spool.append(row)
+    return spool
 
 
 def _basis(places: IntArray, samples: int, knots: int) -> FloatArray:
@@ -281,11 +385,13 @@ def _prior(samples: int, offset: float, m: WarpModel) -> FloatArray:
     return np.asarray(tempo.T @ tempo * per_sample + np.outer(level, level) / offset**2)
 
 
-def _weights(aligned: FloatArray, m: WarpModel) -> FloatArray:
-    """Weights (curves,): 1, or less for a curve unusually far from the median curve."""
-    if len(aligned) < 4:
-        return np.ones(len(aligned))
-    some = aligned[:, ::4]  # the median is slow, and a quarter of the samples suffices
-    residual = np.sqrt(np.mean((some - np.median(some, axis=0)) ** 2, axis=1))
+def _weights(coarse: FloatArray, m: WarpModel) -> FloatArray:
+    """Weights (curves,): 1, or less for a curve unusually far from the median curve.
+
+    `coarse` is (curves, samples) of every _COARSE-th sample.
+    """
+    if len(coarse) < 4:
+        return np.ones(len(coarse))
+    residual = np.sqrt(np.mean((coarse - np.median(coarse, axis=0)) ** 2, axis=1))
     limit = m.outlier * float(np.median(residual))
     return np.asarray(np.minimum(1.0, (limit / np.maximum(residual, 1e-30)) ** 2))

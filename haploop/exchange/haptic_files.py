@@ -8,6 +8,7 @@ Meta states a relation.
 
 from __future__ import annotations
 
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +122,11 @@ def write_android(envelope: Envelope, path: Path) -> None:
 
 
 def write_hjif(envelope: Envelope, path: Path) -> None:
-    """MPEG haptics (ISO/IEC 23090-31), interchange format: one vectorial wave, its keyframes in Hz."""
+    """MPEG haptics (ISO/IEC 23090-31:2025), interchange format: one vectorial wave, its keyframes in Hz.
+
+    Fields and values are those that its reference software (IOJson.cpp) asks for: it drops a channel with a
+    field too few, and refuses a file of no known edition or without a date.
+    """
     ticks = np.rint(_TICKS * envelope.times).astype(int).tolist()
     frequencies = np.rint(envelope.frequency_hz).astype(int).tolist()
     keyframes = [
@@ -137,8 +142,6 @@ def write_hjif(envelope: Envelope, path: Path) -> None:
     }
     band = {
         "band_type": "VectorialWave",
-        "curve_type": "Unknown",
-        "block_length": 0.0,
         "lower_frequency_limit": 0,
         "upper_frequency_limit": 1000,
         "effects": [effect],
@@ -147,7 +150,7 @@ def write_hjif(envelope: Envelope, path: Path) -> None:
         "id": 0,
         "description": "fingertip",
         "gain": 1.0,
-        "mixing_weight": 1.0,
+        "mixing_coefficient": 1.0,
         "body_part_mask": 0,
         "bands": [band],
     }
@@ -165,10 +168,10 @@ def write_hjif(envelope: Envelope, path: Path) -> None:
     write_json(
         path,
         {
-            "version": "1",
+            "version": "2025",
             "profile": "Main",
             "level": 1,
-            "date": str(envelope.about.get("started", "")),
+            "date": str(envelope.about.get("started") or date.today()),
             "description": envelope.mapping("Keyframes are in Hz."),
             "timescale": _TICKS,
             "avatars": [],

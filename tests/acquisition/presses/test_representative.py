@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+import tracemalloc
 
 import h5py
 import numpy as np
@@ -11,6 +12,7 @@ from dtaidistance import dtw
 from benchmarks.representative import unseen
 from benchmarks.synthetic_presses import FAMILIES, RATE, TIMES, error, shape_error, spectrum_error
 from haploop.acquisition import Recording, Representative, high_pass, record, representative
+from haploop.acquisition.presses import registration
 from haploop.acquisition.presses.averaging import (
     BARYCENTRE,
     CENTRED,
@@ -154,6 +156,27 @@ def test_it_does_not_copy_noise_into_steps():
     result = register(curves[:, None], RATE).template[0]
     high = np.abs(np.fft.rfft(result))[800:]  # above 2 kHz there is noise only
     assert rms(high) < 0.6 * rms(np.abs(np.fft.rfft(curves[0])[800:]))
+
+
+def test_many_curves_are_registered_in_blocks(monkeypatch):
+    """What is registered does not depend on the blocks, and memory grows by a few rows a curve."""
+    click, quick = TEMPLATE[700:1300], WarpModel(rounds=2, rescues=1)
+    curves = np.array([[click * k, np.sqrt(k) * click] for k in np.linspace(0.8, 1.2, 96)])
+    curves += 0.02 * np.random.default_rng(1).normal(size=curves.shape)
+    whole = register(curves, RATE, quick, start=click)
+    assert len(whole.aligned) == 1
+    monkeypatch.setattr(registration, "_BLOCK", 24)
+    peaks = []
+    for count in (48, 96):
+        tracemalloc.start()
+        some = register(curves[:count], RATE, quick, start=click)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert len(some.aligned) == len(some.shifts) == 4
+    np.testing.assert_allclose(some.template, whole.template, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.concatenate(some.shifts), whole.shifts[0], rtol=0, atol=1e-6)
+    grown = (peaks[1] - peaks[0]) / 48 / click.nbytes
+    assert grown < 10, "rows a curve"
 
 
 def test_equal_presses_are_left_alone():

@@ -168,3 +168,14 @@ def test_the_paper_s_degrees_of_freedom_and_effect_sizes() -> None:
         eta_squared_of_f(f, *df) for f, df in ((7.46, (7, 108)), (26.41, (14, 218)), (5.36, (14, 218)))
     ]
     assert recomputed == pytest.approx([0.3259, 0.6291, 0.2561], abs=5e-5)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_answers_that_hardly_differ_have_an_interval_too(sign: int) -> None:
+    """Of a t of 1e12 as of 1e3, where noncentral t can be computed: only the deviation is uncertain."""
+    near = np.array(cohen_interval(sign * 1e3, 11, 12))
+    np.testing.assert_allclose(cohen_interval(sign * 1e12, 11, 12), near * 1e9, rtol=1e-5)
+    assert eta_squared_interval(1e12, 2, 22) == pytest.approx((1, 1), abs=1e-8)
+    small, large = (1 - np.array(eta_squared_interval(f, 2, 22)) for f in (1.01e8, 0.99e8))
+    np.testing.assert_allclose(small, large, rtol=0.03)
+    assert cohen_interval(0.0, 11, 12) == pytest.approx((-1.959964 / 12**0.5, 1.959964 / 12**0.5), rel=1e-5)
