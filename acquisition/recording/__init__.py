@@ -5,7 +5,7 @@ from haploop.acquisition.recording.file_format import Contents, Header, file_nam
 from haploop.acquisition.recording.part_reader import PartReader
 from haploop.acquisition.recording.readings import AlongFile, AlongReading, reading_event
 from haploop.acquisition.recording.recording import Recording
-from haploop.acquisition.recording.recovery import allow_memory, recover, set_aside
+from haploop.acquisition.recording.recovery import recover, set_aside
 from haploop.acquisition.recording.rejections import Rejection, add_rejections
 from haploop.acquisition.recording.rows import BLOCK, EVENT, FLAGS, VERDICT, Event, PressVerdict
 from haploop.acquisition.recording.salvage import content_hash, finish, verify
@@ -27,7 +27,6 @@ __all__ = [
     "Rejection",
     "Writer",
     "add_rejections",
-    "allow_memory",
     "content_hash",
     "file_name",
     "finish",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ import h5py
 import numpy as np
 
 from haploop.acquisition.checksum import opened, stated, unreadable
+from haploop.acquisition.own_process import allow_memory, answer_of
 from haploop.acquisition.recording.file_format import Contents, Header, read_header
 from haploop.acquisition.recording.recording import Recording
 from haploop.acquisition.recording.rows import EVENT, Event, event_row, verdicts_in
@@ -24,10 +24,7 @@ from haploop.instruments import ConfigurationError, DataError, InstrumentError
 from haploop.instruments.files import existing, os_error_text, publish
 from haploop.instruments.safety import is_marked, marked
 
-if sys.platform == "linux":
-    import resource
-
-__all__ = ["allow_memory", "recover", "set_aside"]
+__all__ = ["recover", "set_aside"]
 
 
 def recover(path: str | Path) -> Path:
@@ -129,30 +126,18 @@ def recover_damaged(path: Path, destination: Path, allow: Callable[[int], object
 
 
 _LOST = "{} is damaged in its metadata, so nothing can be recovered: copy it again from its source."
-_CHILD = """
-from haploop.acquisition.recording import recovery
-recovery._in_child()
-"""
-_PATIENCE = 60.0
-"""Seconds for a recovery, and as many again for each _PACE bytes of the file."""
 _PACE = 1 << 28
+"""Bytes of a file for which a recovery has another minute."""
 _MOST = 1000
 """Times that a truncated file may have been longer."""
-_SPARE = 200 << 20
-"""Bytes of memory for a recovery beside its samples."""
 
 
 def _recover_elsewhere(path: Path, destination: Path) -> None:
     """Run `recover_damaged` in a process of its own, with limited time and memory. Raises as `recover`."""
     damaged = DataError(_LOST.format(path))
-    command = [sys.executable, "-c", _CHILD, str(path.absolute()), str(destination.absolute())]
-    patience = _PATIENCE * (1 + path.stat().st_size / _PACE)
     try:
-        child = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False
-        )
-        said = json.loads(child.stdout)
-    except (subprocess.TimeoutExpired, ValueError):
+        said = json.loads(answer_of(__name__, path, destination, pace=_PACE))
+    except ValueError:
         raise damaged from None
     except OSError as error:
         raise DataError(
@@ -174,14 +159,6 @@ def _in_child() -> None:
     except Exception as raised:
         error, text = type(raised).__name__, str(raised)
     sys.stdout.write(json.dumps({"error": error, "text": text}))
-
-
-def allow_memory(count: int) -> None:
-    """Limit this process to what it has, `count` bytes and some to spare; nothing on Windows and macOS."""
-    if sys.platform == "linux":
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        limit = pages * resource.getpagesize() + count + _SPARE
-        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 @contextmanager

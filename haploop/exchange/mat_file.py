@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from haploop.acquisition.recording import allow_memory
+from haploop.acquisition.own_process import allow_memory, answer_of
 from haploop.exchange.views import Channel, Responses, Signals, even_rate
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
@@ -83,12 +82,8 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     return Signals(path.stem, rate, channels, channels[0].name, structures.get("about", {}))
 
 
-_CHILD = """
-from haploop.exchange import mat_file
-mat_file._in_child()
-"""
-_PATIENCE, _PACE = 60.0, 1 << 26
-"""Seconds to read a file, and as many again for each _PACE bytes."""
+_PACE = 1 << 26
+"""Bytes of a file for which its reader has another minute."""
 _PACKED = 100
 """Bytes of memory to read a byte of a file, which may be compressed."""
 
@@ -99,18 +94,13 @@ def _content(path: Path) -> tuple[dict[str, FloatArray], dict[str, float], dict[
     It is read in a process of its own with limited time and memory: scipy's reader crashes on some damaged
     files (2 of 1000 random changes, measured).
     """
-    command = [sys.executable, "-c", _CHILD, str(path.absolute())]
     try:
-        patience = _PATIENCE * (1 + path.stat().st_size / _PACE)
-        child = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False
-        )
-        with np.load(io.BytesIO(child.stdout)) as found:
+        with np.load(io.BytesIO(answer_of(__name__, path, pace=_PACE))) as found:
             said = json.loads(str(found["said"]))
             vectors = dict(zip(said["vectors"], found["values"], strict=True))
     except OSError as error:
         raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-    except (subprocess.TimeoutExpired, ValueError, LookupError, EOFError, zipfile.BadZipFile):
+    except (ValueError, LookupError, EOFError, zipfile.BadZipFile):
         raise DataError(f"{path} is no MATLAB file of level 5, or damaged.") from None
     if said["error"]:
         raise DataError(f"{path} is no MATLAB file of level 5 ({said['error']}).{said['hint']}")
