@@ -12,6 +12,7 @@ import io
 import itertools
 import json
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -128,6 +129,9 @@ def create(path: Path, fill: Callable[[h5py.File], None]) -> None:
     count of its objects, and the program crashes when Python frees them (at 10 of 44 calls, measured). Only
     the main thread gets such exceptions, so a thread of its own works with the library.
     """
+    if threading.current_thread() is not threading.main_thread() or sys.is_finalizing():
+        _fill(path, fill)
+        return
     begun: list[bool] = []
     ended: list[BaseException | None] = []
     working = threading.Lock()
@@ -144,7 +148,10 @@ def create(path: Path, fill: Callable[[h5py.File], None]) -> None:
             working.release()
 
     try:
-        threading.Thread(target=work, name="haploop-hdf5").start()
+        try:
+            threading.Thread(target=work, name="haploop-hdf5").start()
+        except RuntimeError:  # Python 3.12 starts none in what it calls when the program ends
+            work()
         working.acquire()
     finally:
         # After an interruption, also one while the thread starts: the caller removes the file, so that nobody

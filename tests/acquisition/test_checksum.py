@@ -6,6 +6,8 @@ import errno
 import itertools
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -76,6 +78,31 @@ def test_a_ctrl_c_does_not_reach_into_the_library(
     assert h5py.h5f.get_obj_count() == before, "the library has closed the file, and all that is in it"
     with h5py.File(path) as file:
         np.testing.assert_array_equal(file["x"], LONG)
+
+
+AT_THE_END = """
+import atexit, sys
+from pathlib import Path
+from haploop.acquisition.checksum import create
+
+def write(path):
+    path.touch()
+    create(path, lambda file: file.create_dataset("x", data=[1.0, 2.0]).flush())
+
+class Late:
+    def __del__(self, write=write, path=Path(sys.argv[1], "late")):
+        write(path)
+
+late = Late()
+atexit.register(write, Path(sys.argv[1], "last"))
+"""
+
+
+def test_a_file_is_written_when_a_program_ends(tmp_path: Path) -> None:
+    """No thread is waited for that cannot start any more."""
+    subprocess.run([sys.executable, "-c", AT_THE_END, tmp_path], check=True, timeout=60)
+    with h5py.File(tmp_path / "last") as file:
+        np.testing.assert_array_equal(file["x"], [1, 2])
 
 
 def test_a_permission_is_named_and_not_the_content() -> None:
