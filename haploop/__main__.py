@@ -21,7 +21,7 @@ def main() -> None:
     every = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     # Whoever started the command may have it ignore some: `nohup`, a job in the background.
     before = {kind: signal.signal(kind, _stop) for kind in every if signal.getsignal(kind) != signal.SIG_IGN}
-    # Matrices are small here, and threads of BLAS wait for one another: a fifth of a demo's processor time.
+    # Matrices are small here, and threads of BLAS wait for one another: a sixth of a demo's processor time.
     for library in ("OMP", "OPENBLAS"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     # What a command loads lives until its end: looking through it for garbage again and again, and once more

@@ -57,19 +57,20 @@ def recover(file: Path, as_json: bool) -> int:
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, type=PATH, metavar="PATH...")
 @JSON
 def verify(files: Sequence[Path], as_json: bool) -> int:
     """Verify files.
 
-    FILE is a recording, or any other file that haploop writes: a representative press, a calibration, a
+    PATH is a recording, or any other file that haploop writes: a representative press, a calibration, a
     drive, a check, a digital button, a point of a map, a session of an experiment, a part of a processed
-    study. Checks the content hash of each, and the continuity and the structure of a recording.
+    study; or a folder, for every .h5 file in it and in its folders. Checks the content hash of each, and the
+    continuity and the structure of a recording.
 
     Exit codes: 0 all files are intact, 1 a readable recording has problems, 2 a file cannot be read.
     """
     worst, told = 0, []
-    for file in files:
+    for file in [one for path in files for one in (_within(path) if path.is_dir() else [path])]:
         digest = None
         try:
             problems = haploop.verify(file)
@@ -85,3 +86,10 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
     if as_json:
         print_json({"files": told})
     return worst
+
+
+def _within(folder: Path) -> list[Path]:
+    found = sorted(path for path in folder.rglob("*.h5") if not path.name.startswith("."))
+    if not found:
+        raise haploop.DataError(f"{folder} holds no .h5 file: name one that does, or files.")
+    return found

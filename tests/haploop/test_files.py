@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from pathlib import Path
 
 import h5py
@@ -56,6 +57,22 @@ def test_what_verify_found_is_one_json_object(run, files):
     assert [file["status"] for file in told] == ["intact", "damaged", "unreadable", "unreadable"]
     assert [len(file["problems"]) for file in told] == [0, 1, 1, 1]
     assert len(told[0]["content_hash"]) == 64
+
+
+def test_every_file_in_a_folder_is_verified(run, files, tmp_path):
+    study = tmp_path / "study"
+    (study / "recordings").mkdir(parents=True)
+    good = Path(shutil.copy(next(iter(files.values())), study / "recordings" / "P01-push.h5"))
+    shutil.copy(good, study / "recordings" / ".P01-push.h5.part.h5")
+    (study / "z.h5").write_bytes(b"")
+    told = json.loads(run("verify", "--json", study).stdout)["files"]
+    assert [(file["file"], file["status"]) for file in told] == [
+        (str(good), "intact"),
+        (str(study / "z.h5"), "unreadable"),
+    ]
+    (tmp_path / "empty").mkdir()
+    result = run("verify", tmp_path / "empty")
+    assert result.exit_code == 2 and "holds no .h5 file" in result.stderr
 
 
 def test_recovering_tells_what_was_saved_and_leaves_the_file_alone(run, files):
