@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from haploop.figures.grid_layout import GridLayout
 from haploop.figures.plotting import (
     GREEN,
     GREY,
@@ -39,7 +38,7 @@ def response(calibration: Calibration, truth: ComplexArray | None = None, column
     frequencies, peak = measured.frequencies, model.resonance_hz
     known = measured.coherence if measured.coherence.size else np.full(frequencies.shape, np.nan)
     with style():
-        figure = new_figure(4.9, columns, GridLayout())
+        figure = new_figure(4.9, columns)
         grid = figure.subplots(
             3,
             2,

@@ -10,13 +10,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import LayoutEngine
 from matplotlib.legend import Legend
 from matplotlib.ticker import NullLocator
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from haploop.figures.grid_layout import GridLayout
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
 __all__ = [
@@ -115,12 +113,9 @@ def style() -> AbstractContextManager[None]:
     return mpl.rc_context(_STYLE)
 
 
-def new_figure(height: float, columns: Columns = 2, layout: LayoutEngine | None = None) -> Figure:
-    """Create an empty figure of one or two columns' width, `height` inches high.
-
-    `layout` is constrained if none is given; see `GridLayout`.
-    """
-    return Figure(figsize=(_WIDTHS[columns], height), layout=layout or "constrained")
+def new_figure(height: float, columns: Columns = 2) -> Figure:
+    """Create an empty figure of one or two columns' width, `height` inches high."""
+    return Figure(figsize=(_WIDTHS[columns], height), layout="constrained")
 
 
 def panels(
@@ -132,10 +127,10 @@ def panels(
     column's width they stand one below the other. `height` (inches) is that of a row with its labels.
     """
     if columns == 2 or across == 1:
-        figure = new_figure(height * rows + 0.35, columns, GridLayout())
+        figure = new_figure(height * rows + 0.35, columns)
         found = figure.subplots(rows, across, squeeze=False, width_ratios=ratios or None)
     else:
-        figure = new_figure(height * rows * across + 0.35, columns, GridLayout())
+        figure = new_figure(height * rows * across + 0.35, columns)
         found = figure.subplots(rows * across, 1, squeeze=False).reshape(rows, across)
     return figure, found
 

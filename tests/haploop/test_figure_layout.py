@@ -22,8 +22,7 @@ from haploop.calibration import Calibration, Check, VibrationMap, check_feeling,
 from haploop.calibration.response.modes import Modes, columns_of
 from haploop.console import server
 from haploop.experiments import load_experiment
-from haploop.figures.encoding import lay_out, mark_simulated
-from haploop.figures.plotting import colour, legend_under, letter, new_figure, panels, style
+from haploop.figures.plotting import colour, legend_under, letter, new_figure, style
 from haploop.instruments import ConfigurationError, open_rig
 from haploop.show import forces_in
 from tests.haploop.colour_vision import LEAST, VISIONS, lab, nearest
@@ -160,23 +159,6 @@ def test_no_text_overlaps_another_or_leaves_the_canvas(gallery: Mapping[str, Dra
         assert overlaps(figure, texts) == [], columns
         assert alike(figure) == []
         assert "simulated" in [text for text, *_ in texts]
-
-
-def test_panels_of_a_grid_stand_where_constrained_layout_puts_them() -> None:
-    places = []
-    for layout in (None, "constrained"):
-        with style():
-            figure, grid = panels(2, 2, 1.5, ratios=(2, 1))
-            figure.set_layout_engine(layout or figure.get_layout_engine())
-            mark_simulated(figure)
-            for index, (axes, top) in enumerate(zip(grid.flat, (1, 1e5, 3, 1), strict=True)):
-                letter(axes, index, "A title", legend_rows=1 if index < 2 else 0)
-                axes.plot([0, top])
-                axes.set_ylabel("Two\nlines" if index else "One")
-            grid[1, 1].twinx().set_ylabel("On the right")
-            lay_out(figure)
-        places.append([axes.get_position().bounds for axes in figure.axes])
-    np.testing.assert_allclose(places[0], places[1], atol=2e-3)  # three pixels of 1,420
 
 
 def test_every_figure_is_among_them(gallery: Mapping[str, Draw]) -> None:
