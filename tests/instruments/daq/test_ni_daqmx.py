@@ -555,9 +555,10 @@ def test_wrong_requests(
         request_(daq)
 
 
-def test_modules_of_one_chassis(bench: Bench) -> None:
-    """Simultaneous inputs in one slot, outputs in another: the chassis has the clock."""
-    chassis = {"Frame": "cDAQ-9178", "In": "NI 9215", "Out": "NI 9263"}
+@pytest.mark.parametrize("inputs", ["NI 9215", "NI 9205", "NI 9775"])
+def test_modules_of_one_chassis(bench: Bench, inputs: str) -> None:
+    """Inputs in one slot, outputs in another: the chassis has the clock, at awkward rates too."""
+    chassis = {"Frame": "cDAQ-9178", "In": inputs, "Out": "NI 9263"}
     plain = inventory_of(chassis).devices
     modules = [
         replace(device, chassis="Frame", slot=slot) if device.name != "Frame" else device
@@ -570,15 +571,18 @@ def test_modules_of_one_chassis(bench: Bench) -> None:
             "drive": {"terminal": "In/ai3", "range": 10},
         },
         "outputs": {"amplifier": {"terminal": "Out/ao1"}},
-        "devices": {"In": "NI 9215", "Out": "NI 9263"},
+        "devices": {"In": inputs, "Out": "NI 9263"},
     }
-    wave = np.linspace(-2, 2, 500)
+    product = PRODUCTS[inputs]
+    step = 20 / 2**product.ai_bits
+    wave = np.random.default_rng(1).uniform(-3, 3, 500)
     with NiServer(modules, bench, wiring) as server:
         daq = NiDaq.open(NiDaq.Settings.model_validate({**table, "server": server.address}), bench.clock)
         bypass_interlock(daq)
-        with daq.stream(["drive", "laser"], 10_000, 100, 600, {"amplifier": wave}) as stream:
-            capture = stream.capture()
+        for rate_hz in (997, 10_000, 12_800, 44_100, 48_000, 51_200):
+            with daq.stream(["drive", "laser"], rate_hz, 100, 600, {"amplifier": wave}) as stream:
+                capture = stream.capture()
+            assert stream.rate_hz == capture.rate_hz == pytest.approx(rate_hz, rel=1e-3)
+            assert (stream.delays.tolist() == [0, 0]) == product.ai_simultaneous
+            assert np.abs(capture.volts[0, :500] - wave).max() < 8 * product.ai_noise + step
         daq.close()
-
-    assert stream.delays.tolist() == [0, 0]
-    assert np.abs(capture.volts[0, :500] - wave).max() < 9 * LSB
