@@ -133,12 +133,14 @@ def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, na
     assert "Simulated" in run("show", demo.folder / name).stdout
 
 
-def test_check_finds_what_the_demo_found(demo: Demo, run: Run) -> None:
+def test_check_finds_what_the_demo_found(demo: Demo, run: Run, tmp_path: Any) -> None:
     result = run(
         "check",
         demo.folder / "recordings" / "P01-toggle.h5",
         "--calibration",
         demo.folder / "calibration.h5",
+        "--out",
+        tmp_path,
         "--json",
     )
     assert result.exit_code == 0, result.output
