@@ -140,12 +140,16 @@ def _opened(path: Path) -> int:
 
 def _is_torn(log: int) -> bool:
     """True when the last line has no end, and nobody is writing it: after a power cut or on a full disk."""
-    for _ in range(2):
-        os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
-        if os.read(log, 1) in (b"", b"\n"):
-            return False
-        RealClock().sleep(_A_LINE)
-    return True
+    if not _is_cut(log):
+        return False
+    RealClock().sleep(_A_LINE)
+    return _is_cut(log)
+
+
+def _is_cut(log: int) -> bool:
+    """True when the last line has no end now."""
+    os.lseek(log, max(0, os.lseek(log, 0, os.SEEK_END) - 1), os.SEEK_SET)
+    return os.read(log, 1) not in (b"", b"\n")
 
 
 def _entries(path: Path) -> Iterator[Mapping[str, Any]]:
