@@ -30,6 +30,8 @@ class Driver(Protocol):
     # def hardware(self, settings: Any) -> Collection[str]
     #     Names of the hardware that no other program may use meanwhile: a card, a port. It may ask the
     #     instrument for its serial number. Without it, two rigs with this driver exclude each other.
+    # What is opened then has `pieces`, the same names as it knows itself: a rig is not opened when they are
+    # others. Without them `hardware` is asked again.
 
 
 def settings_of(driver: Driver, device: Device, role: str, rig: str) -> Any:

@@ -39,6 +39,8 @@ class Card:
     """True when it has internal channels for the volts of its outputs."""
     unipolar: bool = False
     """True when its outputs do not go below 0 V."""
+    numbers: tuple[str, ...] = ()
+    """Its product and serial number, and its chassis'; none where it has no number."""
 
 
 def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: str | None) -> dict[str, Card]:
@@ -66,13 +68,13 @@ def find_cards(products: Mapping[str, str | None], sessions: Sessions, server: s
     return cards
 
 
-def numbers_of(names: Iterable[str], server: str | None) -> dict[str, list[str]]:
+def numbers_of(names: Iterable[str], server: str | None) -> dict[str, tuple[str, ...]]:
     """Product and serial number of each card, by its name; of a module its chassis' too.
 
     Modules share the clocks of a chassis. A card that is missing or does not answer is left out. One without
-    a number (0, as a device that NI's driver simulates may report) has an empty list.
+    a number (0, as a device that NI's driver simulates may report) has none here.
     """
-    found: dict[str, list[str]] = {}
+    found: dict[str, tuple[str, ...]] = {}
     with (
         # grpc's channel keeps Python from ending when Ctrl-C comes while it connects or is closed.
         uninterrupted(),
@@ -85,9 +87,7 @@ def numbers_of(names: Iterable[str], server: str | None) -> dict[str, list[str]]
         present = {name.lower(): name for name in devices.device_names}
         for name in names:
             if name.lower() in present:
-                device = devices[present[name.lower()]]
-                parts = [device, device.compact_daq_chassis_device] if _is_module(device) else [device]
-                found[name] = [f"{p.product_type} {p.serial_num:X}" for p in parts if p.serial_num]
+                found[name] = _numbers(devices[present[name.lower()]])
     return found
 
 
@@ -161,7 +161,13 @@ def _card(device: Any, name: str) -> Card:
         simultaneous=bool(device.ai_simultaneous_sampling_supported),
         reads_outputs=device.product_category in _READ_OUTPUTS,
         unipolar=len(device.ao_physical_chans) > 0 and min(device.ao_voltage_rngs, default=-1.0) >= 0,
+        numbers=_numbers(device),
     )
+
+
+def _numbers(device: Any) -> tuple[str, ...]:
+    parts = [device, device.compact_daq_chassis_device] if _is_module(device) else [device]
+    return tuple(f"{part.product_type} {part.serial_num:X}" for part in parts if part.serial_num)
 
 
 def _is_module(device: Any) -> bool:

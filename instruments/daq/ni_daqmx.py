@@ -10,7 +10,7 @@ declared in NI MAX.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -92,9 +92,12 @@ class NiDaq(Daq):
         """
         from haploop.instruments.daq.ni_cards import numbers_of  # noqa: PLC0415
 
-        numbers, here = numbers_of(_products(settings), settings.server), settings.server or "this computer"
-        named = ((name, f"{one_name(here)} {name.lower()}") for name in _products(settings))
-        return tuple(piece for name, as_named in named for piece in numbers.get(name) or [as_named])
+        return _pieces(settings, numbers_of(_products(settings), settings.server))
+
+    @property
+    def pieces(self) -> tuple[str, ...]:
+        """What `hardware` names, by the numbers of the cards that were opened."""
+        return _pieces(self._settings, {name: card.numbers for name, card in self._cards.items()})
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
@@ -252,6 +255,14 @@ class NiDaq(Daq):
 def device_of(terminal: str) -> str:
     """The card of a terminal such as `Dev1/ai0`."""
     return terminal.partition("/")[0]
+
+
+def _pieces(settings: NiDaq.Settings, numbers: Mapping[str, Collection[str]]) -> tuple[str, ...]:
+    """Each card by its numbers, and one that has none by its name and server."""
+    here = one_name(settings.server or "this computer")
+    return tuple(
+        piece for name in _products(settings) for piece in numbers.get(name) or [f"{here} {name.lower()}"]
+    )
 
 
 def _products(settings: NiDaq.Settings) -> dict[str, str | None]:

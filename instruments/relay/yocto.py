@@ -107,6 +107,12 @@ class Yocto(ChannelRelay):
         read_back(lambda: board.limit_complaint(channels, settings.longest), clock, settings.settle)
         return cls(settings, clock, board)
 
+    @property
+    def pieces(self) -> tuple[str, ...]:
+        """What `hardware` names, by the number of the box that was opened."""
+        assert isinstance(self._board, _Board)
+        return (_named(self._board.serial),)
+
     def power_on_complaint(self) -> str:
         """See `Relay.power_on_complaint`."""
         assert isinstance(self._board, _Board)
@@ -127,7 +133,7 @@ class _Board:
         self.dead_man = settings.dead_man
         self.identity = f"The {_PRODUCT} at {settings.hub}"
         self._hub = _Hub(settings.hub, settings.timeout)
-        serial = settings.serial or _only_box(self._hub)
+        self.serial = serial = settings.serial or _only_box(self._hub)
         self._root = f"/bySerial/{serial}"
         module = _checked(self.identity, _Module, self._tree().get("module"))
         if module.serial != serial:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -82,6 +82,12 @@ def _pieces(role: str, device: Device, driver: Driver, rig: str) -> frozenset[st
     return hardware_of(device.driver, driver, settings_of(driver, device, role, rig))
 
 
+def _opened(instrument: Any, role: str, device: Device, driver: Driver, rig: str) -> frozenset[str]:
+    """As `_pieces`, but as the instrument knows itself: what answered too late has another name."""
+    known: Collection[str] | None = getattr(instrument, "pieces", None)
+    return _pieces(role, device, driver, rig) if known is None else frozenset(known)
+
+
 def simulated_file(file: RigFile, changes: Mapping[str, Any], plant: object = None) -> RigFile:
     """Return a rig file with keys of its `[simulation]` table changed, and the name of the `plant` in it.
 
@@ -141,7 +147,7 @@ def _connect(rig: Rig) -> None:
                 f"{type(instrument).__name__}: ask the author of the driver, or of its twin."
             )
         rig.adopt(role, instrument)
-        if not rig.simulation and not _pieces(role, device, driver, rig.name) <= rig.hardware:
+        if not rig.simulation and not _opened(instrument, role, device, driver, rig.name) <= rig.hardware:
             raise InstrumentError(
                 f"The {role} of the rig {rig.name!r} is another one than a moment ago, or answers only now: "
                 "open the rig again."

@@ -365,6 +365,22 @@ def test_a_card_is_one_card_under_every_name(
     assert lockout_of(tmp_path / "place", rig.hardware) is None
 
 
+@pytest.mark.parametrize("role", ["daq", "relay"])
+def test_hardware_that_answered_too_late_is_not_used_under_another_name(
+    lab: tuple[Path, Simulation], role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under its address it would have neither the lock nor the lockout that its number has."""
+    path, _ = lab
+    if role == "daq":
+        monkeypatch.setattr("haploop.instruments.daq.ni_cards._PATIENCE", 1e-6)
+    else:
+        monkeypatch.setattr(Yocto, "hardware", staticmethod(lambda settings: (settings.hub,)))
+    with pytest.raises(InstrumentError, match=f"The {role} of the rig 'lab' is another one .* or answers on"):
+        open_rig(path)
+    monkeypatch.undo()
+    open_rig(path).close()
+
+
 def test_a_lock_and_a_mark_hold_on_a_disk_that_takes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
