@@ -1,19 +1,23 @@
-"""Hold stop signals back while a rig reaches its safe state, and turn them into SystemExit where they would
-end the program at once, so that every context is exited.
+"""Ways out of a program: hold stop signals back while a rig reaches its safe state, turn them into SystemExit
+where they would end the program at once, so that every context is exited, and act where none is.
 """
 
 from __future__ import annotations
 
+import atexit
+import concurrent.futures.thread  # noqa: F401  its end is registered before ours, and comes after it
 import ctypes
+import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["STOPPING", "at_console_close", "deliver", "ending_in_order", "uninterrupted"]
+__all__ = ["STOPPING", "at_console_close", "at_program_end", "deliver", "ending_in_order", "uninterrupted"]
 
 STOPPING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
@@ -112,6 +116,34 @@ def _act(number: int, frame: FrameType | None) -> None:
     else:
         signal.signal(number, before)
         signal.raise_signal(number)
+
+
+@contextmanager
+def at_program_end(action: Callable[[], object]) -> Iterator[None]:
+    """Call `action` when the program ends and nobody has left the context; not in a forked child.
+
+    Threads still run then, and with them every deadline, and a device server of this program. When the
+    functions of `atexit` are called, all executors have ended, and no thread can be started (Python 3.12).
+    """
+    ending = (os.getpid(), action)
+    _endings.append(ending)
+    try:
+        yield
+    finally:
+        _endings.remove(ending)
+
+
+def _end() -> None:
+    for process, action in reversed(_endings.copy()):
+        if process == os.getpid():
+            try:
+                action()
+            except BaseException:  # of one rig: the others are closed as well
+                traceback.print_exc()
+
+
+_endings: list[tuple[int, Callable[[], object]]] = []
+getattr(threading, "_register_atexit", atexit.register)(_end)
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from types import TracebackType
@@ -36,7 +35,7 @@ from haploop.instruments.safety import (
     lockouts_folder,
     state_folder,
 )
-from haploop.instruments.signals import at_console_close, ending_in_order, uninterrupted
+from haploop.instruments.signals import at_console_close, at_program_end, ending_in_order, uninterrupted
 
 __all__ = ["Rig"]
 
@@ -96,7 +95,7 @@ class Rig(Instruments, InNotebook):
         self._stack.callback(self.make_safe)
         self._signals.enter_context(ending_in_order())
         self._signals.enter_context(at_console_close(self.make_safe))
-        atexit.register(self.close)
+        self._signals.enter_context(at_program_end(self.close))
 
     def __repr__(self) -> str:
         state = "closed" if self.is_closed else "open"
@@ -250,7 +249,6 @@ class Rig(Instruments, InNotebook):
             self._closed = True
             self._feed.close()
             self._signals.close()
-            atexit.unregister(self.close)
 
     def role(self, kind: type[Role]) -> Role:
         """See `Instruments.role`. Raises ConfigurationError also for a rig that was closed.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
@@ -68,7 +67,6 @@ class Lab:
         """The rig's program is killed: its locks are gone, and nothing of it is closed."""
         rig._stack.pop_all()
         rig._signals.close()
-        atexit.unregister(rig.close)
         for piece in rig.hardware:
             lock._held.discard(piece)
             lock._reserved.discard(piece)
