@@ -60,10 +60,13 @@ def write_recording(signals: Signals, presses: PressTable, path: Path) -> None:
         start, stop = row["onset_s"], row["release_s"]
         if start is not None and stop is not None:
             file.add_trial(start_time=float(start), stop_time=float(stop), **values)
-    # The part is locked already, against the removal of leftovers, and HDF5's own lock would fail.
+    # In memory: where a disk refuses what it writes, the HDF5 library crashes as the program ends.
     with (
-        new_file(path) as part,
-        h5py.File(part, "w", locking=False) as raw,
+        h5py.File("nwb", "w", driver="core", backing_store=False) as raw,
         pynwb.NWBHDF5IO(file=raw, mode="w") as out,
     ):
         out.write(file)
+        raw.flush()
+        image = raw.id.get_file_image()
+    with new_file(path) as part:
+        part.write_bytes(image)

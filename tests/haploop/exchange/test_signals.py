@@ -178,6 +178,21 @@ def test_nwb_passes_the_inspector(files: Files, tmp_path: Path) -> None:
         assert len(file["intervals/trials/id"]) == len(files.presses.verdicts)
 
 
+def test_the_library_beneath_nwb_meets_no_full_disk(
+    files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where one system call after another failed, it crashed as the program ended."""
+    pytest.importorskip("pynwb")
+
+    def full(_path: Path, _data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(haploop.DataError, match=r"a\.nwb cannot be written: No space left on device"):
+        haploop.export_file(files.recording, "nwb", tmp_path / "a.nwb")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_table_of_presses(files: Files, tmp_path: Path) -> None:
     """Several recordings: one row a press; the same one twice has twice the rows."""
     done = haploop.export_file([files.recording, files.recording], "csv", tmp_path / "presses.csv")
