@@ -19,6 +19,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
+from haploop.instruments.clock import RealClock
 from haploop.instruments.errors import ConfigurationError, DataError
 
 __all__ = [
@@ -33,6 +34,12 @@ __all__ = [
     "whole_file",
 ]
 
+
+_PATIENCE = 5.0
+"""Time to wait for those who read a file that is replaced (s)."""
+
+_A_WHILE = 60.0
+"""Age from which a part that nobody has open is a killed program's, on Windows (s)."""
 
 _private: ContextVar[bool] = ContextVar("private", default=False)
 
@@ -98,16 +105,16 @@ def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
     It is synced and renamed: without `replace`, as `publish`. After an exception no file remains. Raises
     FileExistsError and OSError.
     """
-    _clear_abandoned(path.parent)
     part, descriptor = _new_part(path, 0o600 if _private.get() else 0o666)
     try:
+        _clear_abandoned(part)
         yield part
         os.fsync(descriptor)
         if os.name == "nt":  # renames no file that is open
             os.close(descriptor)
             descriptor = -1
         if replace:
-            part.replace(path)
+            _replace(part, path)
             sync_folder(path.parent)
         else:
             publish(part, path)
@@ -117,6 +124,20 @@ def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
                 os.close(descriptor)
         with suppress(OSError):  # beside a published file, a part that cannot be removed is no failure
             part.unlink(missing_ok=True)
+
+
+def _replace(part: Path, path: Path) -> None:
+    """Rename onto another file. Windows refuses while a program has it open, if only to read it: wait."""
+    clock = RealClock()
+    until = clock.now() + _PATIENCE
+    while True:
+        try:
+            part.replace(path)
+            return
+        except PermissionError:
+            if os.name != "nt" or clock.now() > until:
+                raise
+        clock.sleep(0.01)
 
 
 def publish(source: Path, destination: Path) -> None:
@@ -193,15 +214,21 @@ def _new_part(path: Path, mode: int) -> tuple[Path, int]:
         os.close(descriptor)
 
 
-def _clear_abandoned(folder: Path) -> None:
-    """Remove the hidden parts of killed programs; those of running ones are locked, or open on Windows."""
+def _clear_abandoned(own: Path) -> None:
+    """Remove the hidden parts that killed programs have left in the folder of a new one.
+
+    Those of running programs are locked. On Windows they are open, but for the moment before they get their
+    name: there, parts stay that are not much older.
+    """
     with suppress(OSError):
-        for entry in os.scandir(folder):
+        recent = own.stat().st_mtime - _A_WHILE
+        for entry in os.scandir(own.parent):
             if not _PART.fullmatch(entry.name) or not entry.is_file(follow_symlinks=False):
                 continue
             with suppress(OSError):
                 if os.name == "nt":
-                    Path(entry).unlink()
+                    if entry.stat().st_mtime < recent:
+                        Path(entry).unlink()
                     continue
                 descriptor = os.open(entry, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
                 try:

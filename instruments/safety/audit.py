@@ -14,7 +14,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -35,6 +35,10 @@ _LONGEST_LINE = 1 << 20
 """Bytes of a line that are read at once: a log without an end of line is damaged."""
 _A_LINE = 0.01
 """Time in which a line is written (s)."""
+_PATIENCE = 0.5
+"""Time to wait for another program that appends a line (s); then the line is written all the same."""
+_BEYOND = 1 << 30
+"""Place of the lock: what is locked on Windows cannot be read."""
 _LONGEST = 200
 """Characters of a command line that are kept."""
 
@@ -76,11 +80,12 @@ class Audit(Frozen):
             make_folder(self.folder)
             log = _opened(path)
             try:
-                if _is_torn(log):
-                    line = b"\n" + line
-                while line:
-                    # A disk that takes a part says why with the rest.
-                    line = line[os.write(log, line) :]
+                with _alone(log):
+                    if _is_torn(log):
+                        line = b"\n" + line
+                    while line:
+                        # A disk that takes a part says why with the rest.
+                        line = line[os.write(log, line) :]
                 if self._durable:
                     os.fsync(log)
             finally:
@@ -136,6 +141,37 @@ def _opened(path: Path) -> int:
         with suppress(OSError):  # another user's, made meanwhile
             path.chmod(path.parent.stat().st_mode & 0o666)
         return log
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    @contextmanager
+    def _alone(log: int) -> Iterator[None]:
+        """Keep other programs from appending: Windows' C library looks for the end first, and then writes."""
+        clock = RealClock()
+        until = clock.now() + _PATIENCE
+        while not (locked := _lock(log, msvcrt.LK_NBLCK)) and clock.now() < until:
+            clock.sleep(0.001)
+        try:
+            yield
+        finally:
+            if locked:
+                _lock(log, msvcrt.LK_UNLCK)
+
+    def _lock(log: int, how: int) -> bool:
+        os.lseek(log, _BEYOND, os.SEEK_SET)
+        try:
+            msvcrt.locking(log, how, 1)
+        except OSError:
+            return False
+        return True
+
+else:
+
+    def _alone(_log: int) -> AbstractContextManager[None]:
+        """One write appends in one step."""
+        return nullcontext()
 
 
 def _is_torn(log: int) -> bool:

@@ -79,11 +79,7 @@ def marked(path: Path) -> Iterator[None]:
             with suppress(OSError):  # Windows removes no file that is open
                 mark.unlink()
     finally:
-        with suppress(OSError):  # what was done under the mark is done
-            os.close(descriptor)
-        if sys.platform == "win32":
-            with suppress(OSError):  # refused while another program has it open
-                mark.unlink()
+        _close(mark, descriptor)
 
 
 def is_marked(path: Path) -> bool:
@@ -96,6 +92,15 @@ def is_marked(path: Path) -> bool:
         return not _taken(descriptor, shared=True)
     finally:
         os.close(descriptor)
+
+
+def _close(path: Path, descriptor: int) -> None:
+    """Close a lock's file. Windows removes none that is open: there, the last program to close it does."""
+    with suppress(OSError):  # what was done under the lock is done
+        os.close(descriptor)
+    if sys.platform == "win32":
+        with suppress(OSError):  # another program has it open
+            path.unlink()
 
 
 def _still(mark: Path, descriptor: int) -> bool:
@@ -124,9 +129,9 @@ def _locked(piece: str, what: str) -> Iterator[None]:
             os.write(descriptor, holder.encode())
         yield
     finally:
-        with suppress(OSError):  # another user's, or open elsewhere on Windows: then the file stays, unlocked
+        with suppress(OSError):  # another user's: then the file stays, unlocked
             path.unlink()
-        os.close(descriptor)
+        _close(path, descriptor)
 
 
 def _lock(path: Path, piece: str, what: str) -> int:

@@ -55,6 +55,17 @@ def test_a_file_that_came_to_be_meanwhile_stays(tmp_path: Path, theirs: str) -> 
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", theirs)]
 
 
+def test_a_file_is_replaced_that_somebody_reads(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("theirs")
+    reader = "import sys, time; file = open(sys.argv[1]); print(flush=True); time.sleep(0.5)"
+    with subprocess.Popen([sys.executable, "-c", reader, str(path)], stdout=subprocess.PIPE) as reading:
+        assert reading.stdout is not None and reading.stdout.readline()
+        with whole_file(path, replace=True) as part:
+            part.write_text("mine")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "mine")]
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows needs no claim")
 def test_what_somebody_writes_into_the_claim_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.txt"
