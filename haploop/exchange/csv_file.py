@@ -104,7 +104,8 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
                 warnings.simplefilter("ignore", UserWarning)  # an empty file: refused below
                 values = np.loadtxt(file, delimiter=separator, ndmin=2)
     except (ValueError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} is no table of numbers under one row of headings ({error}).") from None
+        said = str(error).rstrip(".")
+        raise DataError(f"{path} is no table of numbers under one row of headings ({said}).") from None
     if not len(values) or values.shape[1] != len(headings):
         raise DataError(f"{path} has {len(headings)} headings, and its rows do not have as many numbers.")
     channels = []

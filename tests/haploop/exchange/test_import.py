@@ -207,7 +207,7 @@ def uff(kind: int, step: float) -> str:
         ("a.xyz", "", "unknown file type"),
         ("missing.wav", None, "There is no file"),
         ("a.wav", "RIFF", "no WAV file"),
-        ("a.csv", "t,a\n0,1\n1,x\n", "no table of numbers"),
+        ("a.csv", "t,a\n0,1\n1,x\n", "column 2).\n"),
         ("a.csv", "", "headings"),
         ("a.csv", "a\n1\n2\n", "--rate"),
         ("a.csv", "t,a\n0,1\n1,1\n2,3\n9,3\n", "constant rate"),
