@@ -131,4 +131,5 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
 def _write(path: Path, headings: list[str], columns: FloatArray) -> None:
     with new_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerow(headings)
-        np.savetxt(file, columns, fmt="%.9g", delimiter=",")
+        # A point in every number: some readers tell a column's type by its first rows, where 0 is an integer.
+        np.savetxt(file, columns, fmt="%#.9g", delimiter=",")

@@ -55,6 +55,7 @@ def test_a_table_opens_in_pandas(files: Files, tmp_path: Path, kind: str) -> Non
     assert rate == (5000 if kind in ("recording", "representative", "check") else 50_000)
     for name, (values, unit) in expected(files, kind).items():
         np.testing.assert_allclose(table[f"{name} [{unit}]"], values, rtol=1e-8, atol=1e-12)
+    assert set(table.dtypes) == {np.dtype(float)}  # also of a column of 0 and 1, or of its first rows alone
 
 
 @pytest.mark.parametrize("kind", KINDS)
