@@ -33,7 +33,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 _TAKEN = (
-    *("force", "acceleration", "activation", "drive", "saturated", "time", "axis"),
+    *("force", "acceleration", "activation", "drive", "saturated", "time", "elapsed_time", "axis"),
     *("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"),
 )
 """Names that every recording, its exports and live views already use."""

@@ -22,7 +22,7 @@ from haploop.acquisition.presses.spool import Spool
 from haploop.acquisition.recording import Recording
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.files import check_destination
+from haploop.instruments.files import check_destination, private_files
 from haploop.instruments.notebook import InNotebook
 
 __all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
@@ -113,8 +113,9 @@ class Representative(InNotebook):
         """Seconds."""
         return len(self.acceleration) / self.rate_hz
 
+    @private_files()
     def save(self, path: str | Path) -> None:
-        """Write to a new HDF5 file, completely or not at all.
+        """Write to a new HDF5 file, completely or not at all; its owner alone can read it, as the recordings.
 
         Raises ConfigurationError for an existing file or a bad folder, DataError for a disk that fails.
         """

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
+import io
 import re
 import warnings
 from collections.abc import Iterable, Mapping
@@ -93,18 +95,21 @@ def _cell(value: Cell) -> Cell:
 def read_signals(path: Path, rate_hz: float | None) -> Signals:
     """Read columns of numbers under one row of headings; the column `time` or `t` gives the rate.
 
-    Separators are comma, semicolon or tab. `rate_hz` is needed without a column of time. Raises DataError.
+    Separators are comma, or semicolon or tab, between which a comma is a decimal one (a spreadsheet's in most
+    of Europe). `rate_hz` is needed without a column of time. Raises DataError.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            first = file.readline()
-            separator = max(",;\t", key=first.count)
-            headings = next(csv.reader([first], delimiter=separator), [])
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # an empty file: refused below
-                values = np.loadtxt(file, delimiter=separator, ndmin=2)
-    except (ValueError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} is no table of numbers under one row of headings ({error}).") from None
+        lines = io.StringIO(_text(path), newline=None)
+        first = lines.readline()
+        separator = max(",;\t", key=first.count)
+        headings = next(csv.reader([first], delimiter=separator), [])
+        rows = lines if separator == "," else (line.replace(",", ".") for line in lines)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # an empty file: refused below
+            values = np.loadtxt(rows, delimiter=separator, ndmin=2)
+    except ValueError as error:
+        said = str(error).rstrip(".")
+        raise DataError(f"{path} is no table of numbers under one row of headings ({said}).") from None
     if not len(values) or values.shape[1] != len(headings):
         raise DataError(f"{path} has {len(headings)} headings, and its rows do not have as many numbers.")
     channels = []
@@ -127,7 +132,19 @@ def read_signals(path: Path, rate_hz: float | None) -> Signals:
     return Signals(path.stem, rate_hz, tuple(channels), channels[0].name, beside.get("about", {}))
 
 
+def _text(path: Path) -> str:
+    """Text in UTF-8, UTF-16 with its mark, or Windows-1252, as spreadsheets write. Raises ValueError."""
+    raw = path.read_bytes()
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return raw.decode("utf-16")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("cp1252")
+
+
 def _write(path: Path, headings: list[str], columns: FloatArray) -> None:
     with new_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerow(headings)
-        np.savetxt(file, columns, fmt="%.9g", delimiter=",")
+        # A point in every number: some readers tell a column's type by its first rows, where 0 is an integer.
+        np.savetxt(file, columns, fmt="%#.9g", delimiter=",")

@@ -132,8 +132,8 @@ def export_file(files: str | Path | Sequence[str | Path], format: str, out: str 
     formats of each kind. A format without room for units or origin gets a sidecar, `OUT.json`.
 
     Raises ConfigurationError for a format that does not fit, a package that is not installed, or an `out`
-    that exists, and DataError for a file that cannot be read. Of recordings and studies the new files are
-    readable by their owner only.
+    that exists, and DataError for a file that cannot be read. Of recordings, studies and representative
+    presses the new files are readable by their owner only.
     """
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
     out = Path(out)
@@ -149,8 +149,8 @@ def export_file(files: str | Path | Sequence[str | Path], format: str, out: str 
                 else ""
             )
         )
-    # What people pressed is for its owner alone, as the recordings are.
-    with private_files() if kind in ("recording", "study") else nullcontext():
+    # What people pressed is for its owner alone, as its source is.
+    with private_files() if kind in ("recording", "study", "representative") else nullcontext():
         check_destination(out)
         written = (out, sidecar(out)) if (kind, format) in _BESIDE else (out,)
         for path in written[1:]:

@@ -43,6 +43,8 @@ _MOST = 1e6
 """m/s^2: ten times what the hardest shock sensors take."""
 _BOUNCE = 0.01
 """s: a contact that closes again within this time bounced."""
+_SHORTEST = 0.01
+"""s: a fifth of the shortest press."""
 _SLOWEST, _FASTEST = 100.0, 1e8
 """Samples per second of a file: a press of half a second has fifty, and the fastest cards take 10^7."""
 
@@ -99,6 +101,11 @@ def import_press(
         values = _per_unit(path, taken, scale) * taken.values
     if not len(values) or not np.all(np.isfinite(values)) or not np.ptp(values):
         raise DataError(f"The channel {taken.name!r} of {path} is empty, constant, or not finite.")
+    if (duration := len(values) / signals.rate_hz) < _SHORTEST:
+        raise ConfigurationError(
+            f"{path} lasts {1e3 * duration:.3g} ms, which is no press: look at the unit of its time, or at "
+            "--rate."
+        )
     if (largest := float(np.abs(values).max())) > _MOST:
         raise ConfigurationError(
             f"The channel {taken.name!r} of {path} would reach {largest:g} m/s^2: look at its unit, or at "

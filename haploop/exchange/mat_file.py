@@ -126,7 +126,11 @@ def _in_child() -> None:
         said["vectors"] = list(vectors)
     except Exception as error:  # of a damaged file nearly any: scipy's own have no common base
         said["error"] = f"{error or type(error).__name__}"[:200]
-        said["hint"] = " Save it with `save -v7`." if isinstance(error, NotImplementedError) else ""
+        said["hint"] = (
+            " Save it with `save -v7`."
+            if isinstance(error, NotImplementedError) or "file type" in str(error)
+            else ""
+        )
     values = np.array([vectors[name] for name in said["vectors"]])
     np.savez(sys.stdout.buffer, said=np.array(json.dumps(said)), values=values)
 

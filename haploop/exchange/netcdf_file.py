@@ -20,16 +20,18 @@ _UDUNITS = {"m/s^2": "m s-2", "m/s": "m s-1", "(m/s)/V": "m s-1 V-1"}
 
 
 def write_signals(signals: Signals, path: Path) -> None:
-    """A variable a channel over `time` (s from the first sample), with units and delay."""
+    """A variable a channel over `elapsed_time` (s from the first sample), with units and delay.
+
+    CF asks of a coordinate called `time` for a date that it counts from, which an average of presses has not.
+    """
     with _file(path, signals.title, signals.about) as file:
-        file.createDimension("time", len(signals.time))
-        time = file.createVariable("time", "f8", ("time",))
+        file.createDimension("elapsed_time", len(signals.time))
+        time = file.createVariable("elapsed_time", "f8", ("elapsed_time",))
         time[:] = signals.time
-        time.units, time.axis = "s", "T"
-        time.long_name = "time since the first sample"
+        time.units, time.long_name = "s", "time since the first sample"
         file.sample_rate_hz = signals.rate_hz
         for channel in signals.channels:
-            variable = file.createVariable(channel.name, "f8", ("time",))
+            variable = file.createVariable(channel.name, "f8", ("elapsed_time",))
             variable[:] = channel.values
             variable.units = _UDUNITS.get(channel.unit, channel.unit).encode()
             variable.long_name = channel.name.replace("_", " ").encode()
@@ -77,6 +79,7 @@ def _file(path: Path, title: str, about: About) -> Iterator[Any]:
         file: Any = opened  # its attributes are the file's
         file.Conventions = "CF-1.11"
         file.title = title.encode()
+        file.history = f"Exported from {about['source']} by {about['software']}".encode()
         for name, value in about.items():
             kept = int(value) if isinstance(value, bool) else value
             setattr(file, name, kept.encode() or b" " if isinstance(kept, str) else kept)

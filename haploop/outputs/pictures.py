@@ -7,13 +7,16 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from haploop.figures import encode, mark_simulated
-from haploop.instruments.files import check_destination, new_file
+from haploop.instruments.files import check_destination, new_file, private_files
 
 __all__ = ["save_picture"]
 
 
+@private_files()
 def save_picture(figure: Figure, path: Path, simulated: bool) -> None:
     """Write a figure as a new PNG, PDF or SVG, by the suffix of `path`; marked if it shows simulated data.
+
+    Its owner alone can read it, as a report: most figures show what people did.
 
     Raises ConfigurationError when it exists or its folder cannot be written, DataError when the disk fails.
     """

@@ -15,7 +15,7 @@ from haploop.acquisition.recording import Rejection, add_rejections
 from haploop.acquisition.recording.salvage import finish
 from haploop.acquisition.recording.writer import Writer
 from tests.acquisition.recording.pattern import block_of, header
-from tests.haploop.conftest import Run
+from tests.haploop.conftest import Demo, Run
 
 
 @pytest.fixture
@@ -115,16 +115,22 @@ def test_what_crashes_the_library_is_recovered_in_a_process_of_its_own(run, file
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows gives a file the rights of its folder")
 def test_what_is_made_of_peoples_recordings_is_for_its_owner_only(
-    files: dict[str, Path], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     out = tmp_path / "out"
+    recordings = demo.folder / "recordings"
+    pressed = recordings / "P01-push.h5"
     ready = [
-        run("export", files["whole"], "--to", "csv", "--out", out / "press.csv"),
-        run("report", files["whole"], "--out", out / "report.html"),
-        run("list", "--in", tmp_path),
+        run("export", pressed, "--to", "csv", "--out", out / "press.csv"),
+        run("report", pressed, "--out", out / "report.html"),
+        run("represent", pressed, "--out", out / "press.h5", "--method", "mean"),
+        run("export", out / "press.h5", "--to", "ahap", "--out", out / "press.ahap"),
+        run("show", pressed, "--plot", out / "presses.png"),
+        run("show", recordings, "--plot", out / "forces.svg"),
+        run("list", "--in", recordings),
     ]
-    assert [result.exit_code for result in ready] == [0, 0, 0], ready
+    assert [result.exit_code for result in ready] == [0] * len(ready), ready
     made = [path for folder in (out, tmp_path / "cache" / "haploop") for path in folder.rglob("*")]
     assert len(made) > 5
     for path in (out, *made):

@@ -202,13 +202,31 @@ def uff(kind: int, step: float) -> str:
 
 
 @pytest.mark.parametrize(
+    ("separator", "encoding"), [(";", "utf-8-sig"), (";", "cp1252"), ("\t", "utf-16"), ("\t", "utf-16-be")]
+)
+def test_a_spreadsheet_with_decimal_commas(tmp_path: Path, separator: str, encoding: str) -> None:
+    """As a spreadsheet saves CSV in most of Europe, or as Unicode text."""
+    values = np.sin(np.arange(5000) / 10)
+    rows = [f"{k / 10_000:.4f}{separator}{value:.9e}" for k, value in enumerate(values)]
+    text = f"t [s]{separator}Beschl. für z [m/s²]\r\n" + "\r\n".join(rows).replace(".", ",") + "\r\n"
+    mark = b"\xfe\xff" if encoding == "utf-16-be" else b""
+    (tmp_path / "a.csv").write_bytes(mark + text.encode(encoding))
+    (tmp_path / "b.csv").write_text(text.replace(separator, "|").replace(",", ".").replace("|", ","), "utf-8")
+    found, same = (haploop.import_press(tmp_path / name).acceleration for name in ("a.csv", "b.csv"))
+    np.testing.assert_array_equal(found, same)
+    assert np.ptp(found) > 1
+
+
+@pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [
         ("a.xyz", "", "unknown file type"),
         ("missing.wav", None, "There is no file"),
         ("a.wav", "RIFF", "no WAV file"),
-        ("a.csv", "t,a\n0,1\n1,x\n", "no table of numbers"),
+        ("a.csv", "t,a\n0,1\n1,x\n", "column 2).\n"),
         ("a.csv", "", "headings"),
+        ("a.csv", "t [s];a [g]\n0;1.000,5\n0,0002;2.000,5\n", "no table of numbers"),
+        ("a.csv", "t [ms],a [g]\n" + "".join(f"{k / 5000},{k % 3}\n" for k in range(2500)), "lasts 0.5 ms"),
         ("a.csv", "a\n1\n2\n", "--rate"),
         ("a.csv", "t,a\n0,1\n1,1\n2,3\n9,3\n", "constant rate"),
         ("a.csv", "t,a,b\n0,1,2\n1,2,2\n2,3,4\n", "--channel"),

@@ -55,6 +55,7 @@ def test_a_table_opens_in_pandas(files: Files, tmp_path: Path, kind: str) -> Non
     assert rate == (5000 if kind in ("recording", "representative", "check") else 50_000)
     for name, (values, unit) in expected(files, kind).items():
         np.testing.assert_allclose(table[f"{name} [{unit}]"], values, rtol=1e-8, atol=1e-12)
+    assert set(table.dtypes) == {np.dtype(float)}  # also of a column of 0 and 1, or of its first rows alone
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -147,10 +148,26 @@ def test_netcdf_opens_in_libnetcdf(files: Files, tmp_path: Path, kind: str) -> N
     netcdf = pytest.importorskip("netCDF4")
     with netcdf.Dataset(exported(files, kind, "netcdf", tmp_path, ".nc")) as file:
         assert file.Conventions.startswith("CF-") and file.simulated == 1
-        assert file["time"].units == "s"
+        time = file["elapsed_time"]
+        assert time.units == "s" and np.diff(time[:2]) == pytest.approx(1 / file.sample_rate_hz)
         for name, (values, unit) in expected(files, kind).items():
             np.testing.assert_array_equal(np.asarray(file[name][:]), values)
             assert file[name].units == {"m/s^2": "m s-2"}.get(unit, unit)
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "calibration"])
+def test_netcdf_keeps_the_conventions_that_it_names(files: Files, tmp_path: Path, kind: str) -> None:
+    """The checker of the ocean sites (IOOS): neither errors nor warnings."""
+    runner = pytest.importorskip("compliance_checker.runner")
+    out = exported(files, kind, "netcdf", tmp_path, ".nc")
+    report = str(tmp_path / "report.json")
+    runner.CheckSuite.load_all_available_checkers()
+    runner.ComplianceChecker.run_checker(
+        str(out), ["cf:1.11"], 0, "strict", output_filename=report, output_format="json"
+    )
+    (found,) = json.loads(Path(report).read_text("utf-8")).values()
+    problems = [one["msgs"] for one in found["all_priorities"] if one["msgs"]]
+    assert found["scored_points"] > 0 and not problems
 
 
 def test_parquet_opens_in_pandas(files: Files, tmp_path: Path) -> None:
