@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import multiprocessing
 import os
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -19,7 +18,6 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ProcessPoolExecutor,
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
@@ -49,6 +47,7 @@ from haploop.instruments.extras import optional
 from haploop.instruments.files import check_destination, new_file, private_files
 from haploop.instruments.progress import Progress, silent
 from haploop.instruments.safety import marked
+from haploop.workers import worker_pool
 
 __all__ = ["Processed", "process_study"]
 
@@ -239,8 +238,7 @@ def _computed(tasks: Sequence[_Task], workers: int | None, dask: str | None) -> 
     left, broken = list(tasks), 0
     while left:
         before = len(left)
-        # Spawned: a fork would take the threads' locks of the HDF5 library along.
-        with ProcessPoolExecutor(count, multiprocessing.get_context("spawn")) as pool:
+        with worker_pool(count, __name__, "scipy.signal") as pool:
             try:
                 for task in _through(pool, left.copy(), _AHEAD * count):
                     left.remove(task)

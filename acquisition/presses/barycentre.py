@@ -8,6 +8,7 @@ more; sample i is compared with sample j where |i - j| < window (for curves of o
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
 import numpy as np
 import scipy
@@ -65,8 +66,12 @@ def alike(
 def paths_to(template: FloatArray, curves: FloatArray, window: int) -> Iterator[IntArray]:
     """DTW path (2, steps) of each of (curves, samples) to a template: its samples, and the curve's."""
     for curve in curves:
-        path = dtw.warping_path(template, np.ascontiguousarray(curve), window=window, use_c=True)
-        yield np.asarray(path).T
+        # The diagonal is a path, so that none that is longer need be followed. Rounding must not exclude it
+        # itself, as it can by `use_pruning`, which then loses the best path.
+        longest = (1 + 1e-9) * float(np.linalg.norm(template - curve))
+        row = np.ascontiguousarray(curve)
+        path = dtw.warping_path(template, row, window=window, max_dist=longest, use_c=True)
+        yield np.fromiter(chain.from_iterable(path), np.intp, 2 * len(path)).reshape(-1, 2).T
 
 
 def along(curves: FloatArray, paths: Sequence[IntArray]) -> FloatArray:

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
 import os
 import sqlite3
 import stat
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import astuple, fields
 from pathlib import Path
@@ -25,6 +23,7 @@ from haploop.catalogue.entry import Entry, entry_of
 from haploop.catalogue.where import condition
 from haploop.instruments.errors import ConfigurationError
 from haploop.instruments.progress import Progress, silent
+from haploop.workers import worker_pool
 
 __all__ = ["list_files"]
 
@@ -172,9 +171,7 @@ def _read(sources: list[str], progress: Progress) -> Iterator[tuple[str, Entry |
         entries = map(entry_of, sources)
         yield from _counted(sources, entries, progress)
         return
-    # Spawned: a fork would take the threads' locks of the HDF5 library along.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=context) as pool:
+    with worker_pool(None, __name__) as pool:
         yield from _counted(sources, pool.map(entry_of, sources, chunksize=50), progress)
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -38,6 +40,11 @@ class Poles:
     poles: ComplexArray
     inputs: FloatArray
     _powers: dict[float, ComplexArray] = field(default_factory=dict)
+
+    @cached_property
+    def settled(self) -> ComplexArray:
+        """States that a level of minus one settles at, (poles, channels)."""
+        return self.inputs / self.poles[:, None]
 
     def powers(self, period: float) -> ComplexArray:
         """Return the decay of each state after 0 to `_BLOCK` steps of `period` (s), (steps, poles)."""
@@ -77,6 +84,8 @@ class Stretch:
         self._begins = self._blocks(state)
         """State at each block's first step, (blocks, poles)."""
         self._begins[np.abs(self._begins) < _GONE] = 0.0
+        self._alive = self._begins.any(axis=0) | of.inputs[:, self._moving].any(axis=1)
+        """(poles,): True where a state is, or becomes, other than the steady one."""
 
     def seen(self, times: FloatArray, weights: ComplexArray) -> FloatArray:
         """Return the real part of the sum of states times `weights` (poles,), (times,), at rising times (s).
@@ -84,10 +93,9 @@ class Stretch:
         Times lie within the stretch, or after it until the next one begins.
         """
         of, last = self._of, self._steps - 1
-        gains = -(weights @ (of.inputs / of.poles[:, None])).real
+        gains = -(weights @ of.settled).real
         out = np.full(len(times), gains @ self._held)
-        used = weights != 0
-        if not (self._begins[:, used].any() or of.inputs[np.ix_(used, self._moving)].any()):
+        if not weights[self._alive].any():
             return out
         step, since = self._since(times)
         if last and np.ptp(since) < _EVEN:
@@ -108,7 +116,9 @@ class Stretch:
             return np.zeros(len(times), dtype=np.intp), np.maximum(times - self.start, 0.0)
         # The tolerance assigns a sample at the start of a step to that step, in spite of rounding.
         position = (times - self.start) / self._period + 1e-3
-        step = np.clip(position.astype(np.intp), 0, self._steps - 1)
+        step = position.astype(np.intp)
+        if len(step) and (step[0] < 0 or step[-1] >= self._steps):
+            step = np.clip(step, 0, self._steps - 1)
         return step, np.maximum(times - self.start - step * self._period, 0.0)
 
     def _at(self, step: int) -> FloatArray:
@@ -140,8 +150,9 @@ class Stretch:
             for levels, channel in zip(self._levels, self._moving, strict=True):
                 by_block = levels.reshape(-1, _BLOCK)
                 added += of.inputs[:, channel] * (by_block @ pushes).view(np.complex128)
-            for block in range(len(begins) - 1):
-                begins[block + 1] = powers[_BLOCK] * begins[block] + added[block]
+            begins[1:] = added[:-1]
+            for before, now in pairwise(begins):
+                np.add(now, powers[_BLOCK] * before, out=now)
         return begins
 
     def _along(self, first: int, stop: int, late: float, weights: ComplexArray) -> FloatArray:

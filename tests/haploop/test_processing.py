@@ -14,6 +14,7 @@ import pytest
 
 import haploop
 from haploop import processing
+from tests import forked
 from tests.haploop.conftest import Run
 
 STUDY = """
@@ -23,6 +24,12 @@ participants = ["P01", "P02", "P03"]
 presses = 2
 method = "barycentre"
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _workers() -> None:
+    """The product's workers are forked from the server that all tests of this process have."""
+    forked.context()
 
 
 @pytest.fixture(scope="module")

@@ -200,6 +200,16 @@ def test_distance_and_path_of_the_warping_are_what_the_convention_says():
         assert dtw.warping_path(one, two, window=window, use_c=True) == path
 
 
+def test_a_path_is_found_also_where_the_diagonal_is_the_best():
+    """The square of a bound that is the diagonal's own length, a root of 3, falls short of it by rounding."""
+    rng = np.random.default_rng(0)
+    for _ in range(1000):
+        one = rng.integers(0, 3, 8).astype(np.float64)
+        two = one + (rng.permutation(8) < 3)
+        (path,) = paths_to(one, two[None], 6)
+        assert path.T.tolist() == [list(at) for at in dtw.warping_path(one, two, window=6, use_c=True)]
+
+
 def plain_dtw(one, two, window):
     """The convention in `haploop.acquisition.presses.barycentre`, as one would write it on a blackboard."""
     n = len(one)

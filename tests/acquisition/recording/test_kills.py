@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import multiprocessing
-import tempfile
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -14,6 +11,7 @@ import pytest
 
 from haploop.acquisition import Recording, find_presses, recover, verify
 from haploop.acquisition.recording.file_format import from_codes
+from tests import forked
 from tests.acquisition.recording.pattern import CHANNELS, FULL_SCALE, RATE, codes_of, run
 
 pytestmark = pytest.mark.timeout(3600)  # 200 kills take ten minutes
@@ -24,20 +22,7 @@ LATEST = 0.25
 
 @pytest.fixture(scope="module")
 def context():
-    """Processes that begin with everything imported, and so are killed in what they do, not in importing."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["tests.acquisition.recording.pattern", "pytest"])
-    with pytest.MonkeyPatch.context() as patch:
-        # Before 3.13 it is not told sys.path.
-        patch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
-        # Its socket outlives this session's temporary folder.
-        for name in ("TMPDIR", "TEMP", "TMP"):
-            patch.delenv(name, raising=False)
-        patch.setattr(tempfile, "tempdir", None)
-        importlib.import_module("multiprocessing.forkserver").ensure_running()
-    return context
+    return forked.context()
 
 
 def killed(context, what: str, path: Path, first: str, after: float) -> dict[str, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import time
 from collections import Counter
 from pathlib import Path
@@ -31,6 +30,7 @@ from haploop.instruments import (
     Ready,
     open_rig,
 )
+from tests import forked
 from tests.acquisition.session import studying
 
 
@@ -234,10 +234,7 @@ def interrupted_at(block: int, monkeypatch):
 
 def killed_after(folder: Path, seed: int, presses: int, moment: float) -> None:
     """kill -9 in another process, `moment` seconds after so many presses."""
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload(["tests.acquisition.session.studying"])
+    context = forked.context()
     here, there = context.Pipe(duplex=False)
     process = context.Process(target=studying.run, args=(folder, seed, there), daemon=True)
     process.start()

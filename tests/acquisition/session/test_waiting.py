@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import multiprocessing
 import os
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from haploop.acquisition.session.recorder import MOST_PRESSES
 from haploop.instruments import ConfigurationError, DataError, InstrumentError, Press
 from haploop.instruments.safety import is_marked, lock, marked
 from haploop.instruments.safety.lock import InUse
+from tests import forked
 from tests.acquisition.presses.pressworld import world_rig
 from tests.acquisition.session.studying import recording_until_told
 
@@ -38,7 +38,7 @@ def away(rig, prompts: int) -> None:
 def elsewhere(tmp_path):
     """Another program that records a study and has come to its second press, and the way to tell it."""
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
-    context = multiprocessing.get_context("spawn")
+    context = forked.context()
     here, there = context.Pipe()
     process = context.Process(target=recording_until_told, args=(tmp_path, there))
     process.start()
