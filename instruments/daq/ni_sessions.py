@@ -122,6 +122,7 @@ class Sessions:
         if server is None:
             return cls(None)
         plain, channel = _connecting(server, _SILENCE)
+        ready: Any = None
         try:
             with uninterrupted():
                 ready = grpc.channel_ready_future(plain)
@@ -132,9 +133,10 @@ class Sessions:
         except BaseException:
             # Ctrl-C too: a channel that is still connecting keeps Python from ending.
             with uninterrupted():
-                ready.cancel()
-                # The thread that looks for it ends first: for a closed channel it prints a traceback.
-                RealClock().sleep(_LOOK)
+                if ready is not None:
+                    ready.cancel()
+                    # The thread that looks for it ends first: for a closed channel it prints a traceback.
+                    RealClock().sleep(_LOOK)
                 channel.close()
             raise
         return cls(channel)

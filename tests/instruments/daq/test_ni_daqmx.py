@@ -520,6 +520,15 @@ def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch:
         signal.signal(signal.SIGINT, before)
 
 
+def test_a_connection_for_which_no_thread_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(grpc, "channel_ready_future", refused)
+    with pytest.raises(RuntimeError, match="can't start new thread"):
+        NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
+
+
 def test_no_driver() -> None:
     if _driver_is_installed():
         pytest.skip("an NI driver is installed here")

@@ -93,6 +93,19 @@ def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch: pytest.Monkey
     assert safe(rig)  # by the box's own timer
 
 
+def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full() -> None:
+        raise MemoryError
+
+    with (
+        open_rig("simulated") as rig,
+        monkeypatch.context() as patch,
+        pytest.raises(InstrumentError, match=r"not confirmed: MemoryError\."),
+    ):
+        patch.setattr(rig.daq, "zero", full)
+        rig.make_safe()
+
+
 # Ways out
 
 
