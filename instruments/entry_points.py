@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from haploop.instruments.errors import ConfigurationError
+from haploop.instruments.signals import uninterrupted
 
 __all__ = [
     "DRIVERS",
@@ -59,7 +60,9 @@ def load(group: str, name: str) -> Any:
             f"{named(group, name)} is added more than once: uninstall all but one of these packages."
         )
     try:
-        loaded = found[0].load()
+        # Ctrl-C would leave half of a module, which cannot be imported again.
+        with uninterrupted():
+            loaded = found[0].load()
     except (Exception, SystemExit) as error:  # importing another's package runs its code: anything may come
         told = " ".join(f"{type(error).__name__}: {error}".split())
         raise ConfigurationError(

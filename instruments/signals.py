@@ -5,7 +5,6 @@ where they would end the program at once, so that every context is exited, and a
 from __future__ import annotations
 
 import atexit
-import concurrent.futures.thread  # noqa: F401  its end is registered before ours, and comes after it
 import ctypes
 import os
 import signal
@@ -122,8 +121,9 @@ def _act(number: int, frame: FrameType | None) -> None:
 def at_program_end(action: Callable[[], object]) -> Iterator[None]:
     """Call `action` when the program ends and nobody has left the context; not in a forked child.
 
-    Threads still run then, and with them every deadline, and a device server of this program. When the
-    functions of `atexit` are called, all executors have ended, and no thread can be started (Python 3.12).
+    The program ends when its main thread, its executors and its other threads have: they may use what the
+    action closes. Daemons still run then, and threads can be started, which a deadline needs. When the
+    functions of `atexit` are called, none can be (Python 3.12).
     """
     ending = (os.getpid(), action)
     _endings.append(ending)
@@ -134,16 +134,24 @@ def at_program_end(action: Callable[[], object]) -> Iterator[None]:
 
 
 def _end() -> None:
-    for process, action in reversed(_endings.copy()):
-        if process == os.getpid():
-            try:
-                action()
-            except BaseException:  # of one rig: the others are closed as well
-                traceback.print_exc()
+    ended = (threading.main_thread(), threading.current_thread())
+    try:
+        while others := [t for t in threading.enumerate() if not t.daemon and t not in ended]:
+            others[0].join()
+    finally:  # after Ctrl-C too
+        for process, action in reversed(_endings.copy()):
+            if process == os.getpid():
+                try:
+                    action()
+                except BaseException:  # of one rig: the others are closed as well
+                    traceback.print_exc()
 
 
 _endings: list[tuple[int, Callable[[], object]]] = []
-getattr(threading, "_register_atexit", atexit.register)(_end)
+# Before Python joins all threads, and after whatever else ends threads there, such as executors. `atexit` is
+# left where an error ends that.
+getattr(threading, "_threading_atexits", []).insert(0, _end)
+atexit.register(_end)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ declared in NI MAX.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -23,6 +24,7 @@ from haploop.instruments.clock import Clock
 from haploop.instruments.daq.role import Daq, Stream
 from haploop.instruments.driver import one_name
 from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments.signals import uninterrupted
 
 if TYPE_CHECKING:
     from haploop.instruments.daq.ni_sessions import Sessions
@@ -76,6 +78,8 @@ class NiDaq(Daq):
         self._settings = settings
         self._sessions = sessions
         self._streams: list[NiStream] = []
+        # Tasks of one name: two threads that zero at once would clear each other's.
+        self._zeroing = threading.RLock()
         from haploop.instruments.daq.ni_cards import find_cards  # noqa: PLC0415
 
         self._cards = find_cards(_products(settings), sessions, settings.server)
@@ -90,7 +94,9 @@ class NiDaq(Daq):
 
         A card without a number is named as the rig file does, and so is one that cannot be asked now.
         """
-        from haploop.instruments.daq.ni_cards import numbers_of  # noqa: PLC0415
+        # Ctrl-C would leave half of the library, which cannot be imported again.
+        with uninterrupted():
+            from haploop.instruments.daq.ni_cards import numbers_of  # noqa: PLC0415
 
         return _pieces(settings, numbers_of(_products(settings), settings.server))
 
@@ -153,11 +159,12 @@ class NiDaq(Daq):
         steps += [partial(self._write_zero, device, own) for device, own in outputs.items()]
         failures = []
         # One card that fails must not keep another one from zero.
-        for step in steps:
-            try:
-                step()
-            except InstrumentError as error:
-                failures.append(error)
+        with self._zeroing:
+            for step in steps:
+                try:
+                    step()
+                except InstrumentError as error:
+                    failures.append(error)
         if failures:
             raise InstrumentError(" ".join(str(error) for error in failures)) from failures[0]
 

@@ -22,6 +22,7 @@ from nidaqmx.errors import Error as NiError
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import System
 
+from haploop.instruments.clock import RealClock
 from haploop.instruments.errors import InstrumentError
 from haploop.instruments.signals import uninterrupted
 
@@ -32,18 +33,26 @@ logging.getLogger("grpc").addHandler(logging.NullHandler())
 
 _CONNECT = 10.0
 """Time for a device server to answer (s)."""
+_LOOK = 0.25
+"""Longest time between two looks of grpc for a server, and a little more (s)."""
+_SLICE = 0.1
+"""Longest delay of Ctrl-C meanwhile (s)."""
 _SILENCE = 15.0
 """Time for a device server to answer a call (s); a read includes the wait for its block."""
 
 
 class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
-    """Sets a deadline on each call: nidaqmx sets none, and would wait for ever for a silent server."""
+    """Sets a deadline on each call: nidaqmx sets none, and would wait for ever for a silent server.
+
+    Ctrl-C comes after the call: within, it leaves grpc's lock locked, and every later call hangs.
+    """
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
 
     def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
-        return continuation(details._replace(timeout=self._seconds), request)
+        with uninterrupted():
+            return continuation(details._replace(timeout=self._seconds), request)
 
 
 class _Version(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
@@ -113,16 +122,21 @@ class Sessions:
         if server is None:
             return cls(None)
         plain, channel = _connecting(server, _SILENCE)
+        ready: Any = None
         try:
-            grpc.channel_ready_future(plain).result(timeout=_CONNECT)
-        except grpc.FutureTimeoutError:
-            channel.close()
-            raise InstrumentError(
-                f"No NI device server answers at {server}: start it, or correct server in [daq]."
-            ) from None
-        except BaseException:
-            # Ctrl-C: a channel that is still connecting keeps Python from ending.
             with uninterrupted():
+                ready = grpc.channel_ready_future(plain)
+            if not any(_is_ready(ready) for _ in range(round(_CONNECT / _SLICE))):
+                raise InstrumentError(
+                    f"No NI device server answers at {server}: start it, or correct server in [daq]."
+                )
+        except BaseException:
+            # Ctrl-C too: a channel that is still connecting keeps Python from ending.
+            with uninterrupted():
+                if ready is not None:
+                    ready.cancel()
+                    # The thread that looks for it ends first: for a closed channel it prints a traceback.
+                    RealClock().sleep(_LOOK)
                 channel.close()
             raise
         return cls(channel)
@@ -180,6 +194,16 @@ def _connecting(server: str, patience: float) -> tuple[grpc.Channel, grpc.Channe
         server, options=[("grpc.max_receive_message_length", -1), ("grpc.enable_http_proxy", 0)]
     )
     return plain, _Calls(grpc.intercept_channel(plain, _Version(), _Deadline(patience)))
+
+
+def _is_ready(ready: Any) -> bool:
+    """Wait for a slice of time until a channel is ready."""
+    with uninterrupted():
+        try:
+            ready.result(timeout=_SLICE)
+        except grpc.FutureTimeoutError:
+            return False
+        return True
 
 
 def _name(purpose: str) -> str:

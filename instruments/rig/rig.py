@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from types import TracebackType
@@ -69,6 +71,9 @@ class Rig(Instruments, InNotebook):
         self._stack = ExitStack()
         self._signals = ExitStack()
         self._closed = False
+        self._process = os.getpid()
+        # Two threads that do the same wait for each other: each takes all of its steps.
+        self._reaching, self._closing = threading.RLock(), threading.RLock()
         self._collections: list[list[Capture]] = []
 
     def holding(self, context: AbstractContextManager[object]) -> None:
@@ -92,7 +97,9 @@ class Rig(Instruments, InNotebook):
         self._limiter.recall()
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
         self._stack.callback(self.audit.note_at_last, "closed")
+        self._stack.callback(self._limiter.wait_for_play)
         self._stack.callback(self.make_safe)
+        self._stack.callback(self._limiter.end)
         self._signals.enter_context(ending_in_order())
         self._signals.enter_context(at_console_close(self.make_safe))
         self._signals.enter_context(at_program_end(self.close))
@@ -104,8 +111,11 @@ class Rig(Instruments, InNotebook):
 
     @property
     def is_closed(self) -> bool:
-        """True once the rig was closed: it has given up its lock, and plays and reads no more."""
-        return self._closed
+        """True once the rig was closed: it has given up its lock, and plays and reads no more.
+
+        Always true in a forked child: the rig, its lock and its connections are the parent's.
+        """
+        return self._closed or self._process != os.getpid()
 
     @property
     def simulated(self) -> bool:
@@ -236,14 +246,23 @@ class Rig(Instruments, InNotebook):
         """Stop all plays, set outputs to zero, then open every relay channel and read it back. Idempotent.
 
         Every step is tried, even when another fails, and each has a deadline. Raises InstrumentError
-        when any failed.
+        when any failed. A rig that was closed is left alone: another program may hold its hardware.
         """
-        self._safe.reach()
+        if not self.is_closed:
+            with self._reaching:
+                if not self._closed:
+                    self._safe.reach()
 
     def close(self) -> None:
-        """Reach the safe state, then close the instruments in reverse order. May be called again."""
+        """Reach the safe state, then close the instruments in reverse order. May be called again.
+
+        A play of another thread is an error, and has ended before its instruments are closed. Does nothing
+        in a forked child.
+        """
+        if self._process != os.getpid():
+            return
         try:
-            with uninterrupted():
+            with uninterrupted(), self._closing:
                 self._stack.close()
         finally:
             self._closed = True
@@ -257,6 +276,11 @@ class Rig(Instruments, InNotebook):
         """
         if self._closed:
             raise ConfigurationError(f"The rig {self.name!r} was closed: open it again with open_rig.")
+        if self.is_closed:
+            raise ConfigurationError(
+                f"The rig {self.name!r} is open in process {self._process}, of which this one is a fork: use "
+                "it there only."
+            )
         return super().role(kind)
 
     def __enter__(self) -> Self:

@@ -7,6 +7,7 @@ written; then exactly that drive, and nothing else, is authorised while its perm
 from __future__ import annotations
 
 import hashlib
+import os
 import threading
 import weakref
 from collections import deque
@@ -25,6 +26,7 @@ from haploop.instruments.errors import DataError, InstrumentError, LimitError
 from haploop.instruments.generator import Sweep
 from haploop.instruments.limits import Limits, sounding
 from haploop.instruments.safety.audit import Audit, now_utc
+from haploop.instruments.safety.deadline import DEADLINE
 from haploop.instruments.safety.duty import MINUTE, Span, clear_old, count_plays, plays_of
 from haploop.instruments.safety.lockout import Lockout, lockout_of
 from haploop.instruments.safety.outputs import Outputs
@@ -82,6 +84,12 @@ class Limiter:
         self._outputs = weakref.ref(outputs)
         self._lock = threading.Lock()
         self._permit: _Permit | None = None
+        self._player = 0
+        """Thread that has the permit."""
+        self._idle = threading.Event()
+        self._idle.set()
+        self._process: int | None = os.getpid()
+        """The process in which the rig is open."""
         self._playing: set[str] = set()
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
@@ -101,6 +109,15 @@ class Limiter:
         clear_old(self._counted, calendar)
         for start, stop in plays_of(self._counted, self._hardware, calendar):
             self._played.append((now - (calendar - start), now - (calendar - stop)))
+
+    def end(self) -> None:
+        """Authorise nothing any more: the rig is being closed."""
+        self._process = None
+
+    def wait_for_play(self) -> None:
+        """Wait, for a while, until another thread's play, which was stopped, has been left."""
+        if self._player != threading.get_ident():
+            self._idle.wait(DEADLINE)
 
     @contextmanager
     def permit(
@@ -227,7 +244,7 @@ class Limiter:
         """Look at the outputs, and log why something is not done. Raises InstrumentError."""
         outputs = self._outputs()
         try:
-            if outputs is None:
+            if outputs is None or self._process != os.getpid():
                 raise InstrumentError("The rig was closed: open it again.")
             look(outputs)
         except InstrumentError as error:
@@ -310,6 +327,8 @@ class Limiter:
             if self._permit is not None:
                 raise LimitError("A drive is being played: wait until it has ended before the next one.")
             self._permit = permit
+            self._player = threading.get_ident()
+            self._idle.clear()
         begun = self._clock.now()
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
@@ -323,7 +342,9 @@ class Limiter:
             now = self._clock.now()
             self._played.append((max(begun, now - seconds), now))
             self._permit = None
+            self._player = 0
             self._playing.clear()
+            self._idle.set()
             with suppress(DataError):  # the play is counted, at its full length
                 self._count()
 

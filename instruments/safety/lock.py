@@ -22,6 +22,22 @@ _TRIES = 1000
 
 _reserved: set[str] = set()
 _held: set[str] = set()
+_kept: dict[object, int] = {}
+"""Descriptors of the files whose locks this process holds."""
+
+
+def _forked() -> None:
+    """Leave every lock to the parent: a lock lasts as long as any process has the open file."""
+    for descriptor in _kept.values():
+        with suppress(OSError):
+            os.close(descriptor)
+    _kept.clear()
+    _reserved.clear()
+    _held.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)
 
 
 class InUse(InstrumentError):  # noqa: N818
@@ -69,17 +85,26 @@ def marked(path: Path) -> Iterator[None]:
     """
     mark = _mark_of(path)
     descriptor = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
-    try:
-        # A mark that its holder has removed since it was opened here is seen by nobody.
-        if not any(_taken(descriptor) for _ in range(_TRIES)) or not _still(mark, descriptor):
-            raise InUse(f"{path} is being written by another program: wait until it has ended, or end it.")
-        try:
-            yield
-        finally:
-            with suppress(OSError):  # Windows removes no file that is open
-                mark.unlink()
-    finally:
+    # A mark that its holder has removed since it was opened here is seen by nobody.
+    if not any(_taken(descriptor) for _ in range(_TRIES)) or not _still(mark, descriptor):
         _close(mark, descriptor)
+        raise InUse(f"{path} is being written by another program: wait until it has ended, or end it.")
+    with _keeping(descriptor, mark):
+        yield
+
+
+@contextmanager
+def _keeping(descriptor: int, path: Path) -> Iterator[None]:
+    """Keep a locked file, then remove it and close it; a forked child does neither."""
+    token = object()
+    _kept[token] = descriptor
+    try:
+        yield
+    finally:
+        if _kept.pop(token, None) is not None:
+            with suppress(OSError):  # another user's: then it stays, unlocked
+                path.unlink()
+            _close(path, descriptor)
 
 
 def is_marked(path: Path) -> bool:
@@ -121,17 +146,13 @@ def _mark_of(path: Path) -> Path:
 def _locked(piece: str, what: str) -> Iterator[None]:
     path = machine.folder() / machine.file_for(piece, "lock")
     descriptor = _lock(path, piece, what)
-    try:
+    with _keeping(descriptor, path):
         person = who()
         holder = f"process {person['pid']} ({person['command']}) of {person['user']} on {person['host']}"
         with suppress(OSError):  # on a full disk the holder has no name
             os.ftruncate(descriptor, 0)
             os.write(descriptor, holder.encode())
         yield
-    finally:
-        with suppress(OSError):  # another user's: then the file stays, unlocked
-            path.unlink()
-        _close(path, descriptor)
 
 
 def _lock(path: Path, piece: str, what: str) -> int:

@@ -53,7 +53,7 @@ class SafeState:
             except Exception as error:
                 failures.append(error)
         if failures:
-            why = " ".join(str(failure) for failure in failures)
+            why = " ".join(str(failure) or f"{type(failure).__name__}." for failure in failures)
             self._audit.note_at_last("unsafe", why=why)
             raise InstrumentError(
                 f"The safe state was not confirmed: {why} Switch the amplifier off by hand."

@@ -44,7 +44,7 @@ class _Line:
         """Serve one connection: pass requests on unchanged, and answers as the faults change them."""
         with socket.create_connection(("127.0.0.1", self._port)) as server:
             current: list[ReplyFault | None] = [None]
-            back = threading.Thread(target=self._answers, args=(server, client, current))
+            back = threading.Thread(target=self._answers, args=(server, client, current), daemon=True)
             back.start()
             try:
                 while request := client.recv(1 << 16):

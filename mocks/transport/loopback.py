@@ -126,19 +126,29 @@ class Loopback:
 
 
 class _Server(socketserver.ThreadingTCPServer):
-    daemon_threads = False  # so that `server_close` waits for every connection's thread
     request_queue_size = 64
 
     def __init__(self, address: tuple[str, int], serve: Callable[[socket.socket], None]) -> None:
         self._serve = serve
         self._links: set[socket.socket] = set()
+        self._threads: list[threading.Thread] = []
         self._guard = threading.Lock()
         super().__init__(address, socketserver.BaseRequestHandler)
 
     def process_request(self, request: socket.socket, client_address: object) -> None:  # type: ignore[override]
         with self._guard:
             self._links.add(request)
-        super().process_request(request, client_address)
+        # Daemons, which no end of a program waits for: they serve its rig until that is closed.
+        thread = threading.Thread(
+            target=self.process_request_thread, args=(request, client_address), daemon=True
+        )
+        self._threads = [other for other in self._threads if other.is_alive()] + [thread]
+        thread.start()
+
+    def server_close(self) -> None:
+        socketserver.TCPServer.server_close(self)
+        for thread in self._threads:
+            thread.join()
 
     def finish_request(self, request: socket.socket, client_address: object) -> None:  # type: ignore[override]
         request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -271,6 +272,20 @@ def test_a_broken_driver_is_one_sentence_for_the_rig_that_uses_it_and_for_no_oth
     schema = rig_schema()
     assert "broken" not in schema["properties"]["relay"]["properties"]["driver"]["enum"]
     assert "acme-broken" in schema["$comment"]
+
+
+def test_ctrl_c_leaves_no_half_of_a_package(package: Package, tmp_path: Path) -> None:
+    """Half of a module stays when its import is interrupted; of some, the rest cannot be imported then."""
+    stop = "import signal\nsignal.raise_signal(signal.SIGINT)\n"
+    module = package("acme-lamp", stop + LAMP, roles={"lamp": "Lamp"}, drivers={"acme-lamp": "AcmeLamp"})
+    path = rig_file(tmp_path, '[lamp]\ndriver = "acme-lamp"\nport = "COM9"\n')
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            load_rig_file(path)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert hasattr(sys.modules[module], "raise_when")
 
 
 @pytest.mark.parametrize(

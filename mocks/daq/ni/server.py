@@ -6,9 +6,12 @@
 
 from __future__ import annotations
 
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, Self
 
@@ -34,8 +37,6 @@ Corrupt = Callable[[str, bytes], bytes]
 
 _FIRST_SERIAL = 0x1000000
 """Seven hexadecimal digits, as of a card (estimate)."""
-_THREADS = 256
-"""Largest number of threads; each event stream and each blocked read occupies one."""
 _SERVICE = pb.DESCRIPTOR.services_by_name["NiDAQmx"]
 _SESSION_FILE = pb.CreateTaskResponse.DESCRIPTOR.fields_by_name["task"].message_type.file
 _SESSIONS = _SESSION_FILE.services_by_name["SessionUtilities"]
@@ -60,7 +61,7 @@ class NiServer:
         rtsi: bool = False,
         seed: int = 0,
     ) -> None:
-        self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="NI wire")
+        self._pool = _Threads()
         options = [
             ("grpc.so_reuseport", 0),
             ("grpc.max_receive_message_length", -1),
@@ -117,6 +118,49 @@ class NiServer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class _Threads(Executor):
+    """Runs each call in a thread, of which there are as many as calls at a time.
+
+    Those of the standard library's executor end before the rig of the same program is closed at its end.
+    """
+
+    def __init__(self) -> None:
+        self._calls: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._idle = threading.Semaphore(0)
+        self._threads: list[threading.Thread] = []
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **named: Any) -> Future[Any]:
+        """See `Executor.submit`."""
+        future: Future[Any] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(call(*args, **named))
+            except BaseException as error:
+                future.set_exception(error)
+
+        self._calls.put(run)
+        if not self._idle.acquire(blocking=False):
+            thread = threading.Thread(target=self._serve, name="NI wire", daemon=True)
+            # At a program's end none can be started (Python 3.12): then one that there is will run the call.
+            with suppress(RuntimeError):
+                thread.start()
+                self._threads.append(thread)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """See `Executor.shutdown`: every call that was submitted is run first."""
+        for _ in self._threads:
+            self._calls.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def _serve(self) -> None:
+        while (run := self._calls.get()) is not None:
+            run()
+            self._idle.release()
 
 
 class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]

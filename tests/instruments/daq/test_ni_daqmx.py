@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -484,6 +485,47 @@ def test_server_that_dies(bench: Bench) -> None:
 def test_no_server(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haploop.instruments.daq.ni_sessions._CONNECT", 0.2)
     with pytest.raises(InstrumentError, match=r"No NI device server answers at 127\.0\.0\.1:9"):
+        NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
+
+
+def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within a call of grpc it left a lock locked, for which the safe state then waited in vain."""
+    whole: list[str] = []
+
+    def stopped(outcome: Exception | None = None) -> Callable[..., Any]:
+        def call(*_: object, **__: object) -> None:
+            signal.raise_signal(signal.SIGINT)
+            whole.append("whole")
+            if outcome is not None:
+                raise outcome
+
+        return call
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with NiServer(inventory_of(CARDS), Bench(), WIRING) as server:
+            address = settings(server=server.address)
+            with monkeypatch.context() as patch:
+                patch.setattr("grpc._channel._UnaryUnaryMultiCallable.with_call", stopped())
+                with pytest.raises(KeyboardInterrupt):
+                    NiDaq.open(address, RealClock())
+            with monkeypatch.context() as patch:
+                patch.setattr(
+                    "grpc._utilities._ChannelReadyFuture.result", stopped(grpc.FutureTimeoutError())
+                )
+                with pytest.raises(KeyboardInterrupt):
+                    NiDaq.open(address, RealClock())
+        assert whole == 2 * ["whole"]
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_connection_for_which_no_thread_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(grpc, "channel_ready_future", refused)
+    with pytest.raises(RuntimeError, match="can't start new thread"):
         NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
 
 

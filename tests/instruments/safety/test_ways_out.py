@@ -93,6 +93,19 @@ def test_a_relay_that_hangs_leaves_the_output_at_zero(monkeypatch: pytest.Monkey
     assert safe(rig)  # by the box's own timer
 
 
+def test_a_step_that_fails_without_a_word_is_told_by_its_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full() -> None:
+        raise MemoryError
+
+    with (
+        open_rig("simulated") as rig,
+        monkeypatch.context() as patch,
+        pytest.raises(InstrumentError, match=r"not confirmed: MemoryError\."),
+    ):
+        patch.setattr(rig.daq, "zero", full)
+        rig.make_safe()
+
+
 # Ways out
 
 
@@ -110,7 +123,8 @@ LEFT = """
 import sys, threading
 from haploop.instruments import open_rig
 
-rigs = [open_rig("haptable", simulate=mode) for mode in ("twin", "wire", "twin")]
+modes = [("haptable", "twin"), ("haptable", "wire"), ("bench", "wire")]
+rigs = [open_rig(name, simulate=mode) for name, mode in modes]
 for rig in rigs:
     rig.relay.connect(["A"])
     reach = rig._safe.reach
@@ -133,25 +147,169 @@ def test_rigs_that_nobody_closes_are_closed_when_the_program_ends() -> None:
     assert "ValueError: nobody closes them" in left.stderr and "SystemExit: this one" in left.stderr
 
 
-FORKED = """
-import multiprocessing
+USED = """
+import concurrent.futures, sys, threading, time
+import numpy as np
 from haploop.instruments import open_rig
+
+def play(rig):
+    time.sleep(0.5)  # by then the main thread has ended
+    for _ in range(3):
+        rig.excite(np.hanning(9000) * np.sin(np.arange(9000) / 30), ["A"], ["drive"])
+    print("whole")
+
+def own():
+    with open_rig("simulated") as rig:
+        play(rig)
+
+rig = open_rig("haptable", simulate=sys.argv[1])
+reach = rig._safe.reach
+rig._safe.reach = lambda: reach() or print(*rig.simulation.truth.closed, end="")
+for work in (own, lambda: play(rig)):
+    threading.Thread(target=work).start()
+concurrent.futures.ThreadPoolExecutor().submit(own)
+"""
+
+
+@pytest.mark.parametrize("mode", ["twin", "wire"])
+def test_a_rig_is_open_until_the_last_thread_of_a_program_has_ended(mode: str) -> None:
+    used = subprocess.run(
+        [sys.executable, "-c", USED, mode], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (used.returncode, used.stdout, used.stderr) == (0, 3 * "whole\n", "")
+
+
+def test_two_threads_that_close_a_rig_wait_for_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise one takes the instruments from the other's safe state, and the relay stays closed."""
+    rig = open_rig("haptable", simulate="wire")
+    rig.relay.connect(["A"])
+    zero, reached = rig.daq.zero, threading.Event()
+    monkeypatch.setattr(rig.daq, "zero", lambda: (reached.set(), time.sleep(0.3), zero()))
+    failed: list[BaseException] = []
+    monkeypatch.setattr(threading, "excepthook", lambda raised: failed.append(raised.exc_value))
+    first = threading.Thread(target=rig.close)
+    first.start()
+    reached.wait(10)
+    rig.close()
+    assert rig.simulation.truth.closed == frozenset()
+    first.join(10)
+    assert not failed and not first.is_alive()
+
+
+@pytest.mark.parametrize(
+    ("asked", "step"),
+    [
+        (Rig.make_safe, "haploop.mocks.daq.twin.DaqTwin.zero"),
+        (lambda rig: rig.daq.zero(), f"{NiDaq.__module__}.NiDaq._write_zero"),
+    ],
+)
+def test_two_threads_that_ask_for_the_safe_state_take_turns(
+    asked: Callable[[Rig], None], step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At once, they would clear each other's tasks, or read each other's answers."""
+    within, most = 0, 0
+
+    def slow(*_: object) -> None:
+        nonlocal within, most
+        within += 1
+        most = max(most, within)
+        time.sleep(0.1)
+        within -= 1
+
+    with (
+        open_rig("haptable", simulate="wire" if "Ni" in step else "twin") as rig,
+        monkeypatch.context() as patch,
+    ):
+        patch.setattr(step, slow)
+        threads = [threading.Thread(target=asked, args=(rig,)) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(10)
+    assert most == 1
+
+
+@pytest.mark.parametrize("mode", ["twin", "wire"])
+def test_a_play_has_ended_before_its_rig_is_closed_by_another_thread(mode: Any) -> None:
+    rig = open_rig("haptable", simulate=mode)
+    played, errors = threading.Event(), list[str]()
+
+    def progress(*_: object) -> None:
+        played.set()
+        time.sleep(0.01)
+
+    def play() -> None:
+        with pytest.raises(InstrumentError) as told:
+            rig.excite(np.tile(DRIVE, 20), ["A"], ["drive"], progress=progress)
+        errors.append(str(told.value))
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    played.wait(10)
+    rig.close()
+    assert safe(rig)
+    thread.join(10)
+    assert len(errors) == 1 and "was set to zero by this program while it played" in errors[0], errors
+
+
+FORKED = """
+import multiprocessing, os, sys
+import numpy as np
+from haploop.instruments import open_rig
+from haploop.instruments.errors import HaploopError
+from haploop.instruments.safety import lock
 from haploop.instruments.safety.audit import entries
 
-with open_rig("simulated") as rig:
+def tried(action):
+    try:
+        action()
+    except HaploopError as error:
+        print(error, flush=True)
+
+with lock.hold({"a card"}, "The rig 'one'"), open_rig("simulated") as rig:
+    file = lock.machine.folder() / lock.machine.file_for("a card", "lock")
     child = multiprocessing.get_context("fork").Process(target=int)
     child.start()
     child.join()
-    print(child.exitcode, [entry["kind"] for entry in entries(rig.audit.folder)].count("closed"))
+    relay = rig.relay
+    relay.connect(["A"])
+    if not os.fork():
+        tried(lambda: rig.excite(np.zeros(9), ["A"], ["drive"]))
+        tried(lambda: relay.connect(["B"]))
+        sys.exit()
+    os.wait()
+    kinds = [entry["kind"] for entry in entries(rig.audit.folder)]
+    print(child.exitcode, kinds.count("closed"), *relay.connected(), file.exists(), flush=True)
+    if not os.fork():
+        os.close(1)
+        sys.stdin.read()  # a child that goes on after its parent
+        os._exit(0)
+    os._exit(0)  # as kill -9
 """
 
 
 @POSIX
-def test_the_end_of_a_forked_child_closes_nothing() -> None:
-    forked = subprocess.run(
-        [sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=60, check=False
+def test_a_forked_child_has_neither_its_parents_rig_nor_its_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = (
+        "from haploop.instruments.safety import machine\n"
+        f"machine._place = lambda: machine.Path({str(tmp_path)!r})\n"
     )
-    assert forked.stdout == "0 0\n", forked
+    with subprocess.Popen(
+        [sys.executable, "-c", place + FORKED], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as forked:
+        assert forked.stdout is not None
+        used, connected, parent = forked.stdout.read().splitlines()
+        assert (
+            f"'simulated' is open in process {forked.pid}, of which this one is a fork: use it there" in used
+        )
+        assert connected == "The rig was closed: open it again."
+        assert parent == "0 0 A True"
+        forked.wait()
+        monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path)
+        with hold({"a card"}, "The rig 'two'"):
+            pass
 
 
 @pytest.fixture
