@@ -64,9 +64,10 @@ def test_a_server_that_is_killed_and_comes_back_finds_the_recording_going_on(tmp
     recording = Recording.open(path)
     assert len(recording.accepted) == 3 and recording.content_hash
     assert recording.blocks["first"][-1] + recording.blocks["count"][-1] == recording.volts.shape[1]
-    assert gone(address), "Ctrl-C ended the worker too"
+    assert os.name == "nt" or gone(address), "Ctrl-C ended the worker too"
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows' terminate tells a server nothing")
 def test_of_two_servers_of_a_rig_each_ends_what_it_began_and_the_last_one_the_worker(tmp_path):
     state, data = tmp_path / "state", tmp_path / "data"
 

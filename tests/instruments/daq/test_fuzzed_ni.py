@@ -25,7 +25,7 @@ from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.role import Capture
 from haploop.instruments.errors import HaploopError, InstrumentError
 from haploop.mocks.daq.ni import NiServer, inventory_of
-from tests.instruments.daq.test_ni_daqmx import CARDS, WIRING, settings
+from tests.instruments.daq.conftest import CARDS, WIRING, settings
 from tests.instruments.test_fuzzed_replies import SEED, replies
 from tests.mocks.daq.ni_client import Bench
 

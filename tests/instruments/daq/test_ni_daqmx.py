@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import signal
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -16,81 +13,21 @@ import pytest
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.system import System
 
-from haploop.instruments.clock import RealClock
 from haploop.instruments.conformance import bypass_interlock
 from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.daq.ni_sentences import CONFIGURATION, SENTENCES
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from haploop.instruments.errors import ConfigurationError, InstrumentError
 from haploop.mocks.daq.ni import NiServer, inventory_of
 from haploop.mocks.daq.ni.devices import NiDevice
 from haploop.mocks.daq.ni.tasks import Task
 from haploop.mocks.daq.products import PRODUCTS, convert_interval
+from tests.instruments.daq.conftest import CARDS, LSB, WIRING, opened, settings, tone
 from tests.mocks.daq.ni_client import Bench, connected
-
-CARDS = {"Dev1": "PCI-6034E", "Dev2": "PCIe-6321"}
-WIRING = {
-    "Dev1/ai0": "tone",
-    "Dev1/ai1": "tone",
-    "Dev2/ai0": "tone",
-    "Dev2/ai1": "loop",
-    "Dev2/ai2": "loop",
-    "Dev2/ao0": "out",
-}
-LSB = 20 / 2**16
-"""Volts per code in a range of +-10 V."""
-
-
-def settings(**changes: Any) -> NiDaq.Settings:
-    return NiDaq.Settings.model_validate(
-        {
-            "devices": CARDS,
-            "channels": {
-                "force": {"terminal": "Dev1/ai0", "range": 10, "config": "diff"},
-                "torque": {"terminal": "Dev1/ai1", "range": 5, "config": "diff"},
-                "laser": {"terminal": "Dev2/ai0", "range": 5, "config": "rse"},
-                "drive": {"terminal": "Dev2/ai1", "range": 10, "config": "rse"},
-                "echo": {"terminal": "Dev2/ai2", "range": 4, "config": "nrse"},
-            },
-            "outputs": {"amplifier": {"terminal": "Dev2/ao0", "range": 8}},
-            **changes,
-        }
-    )
 
 
 def test_every_sentence_is_of_a_number_that_the_library_knows_and_says_it() -> None:
     for code, sentence in {**SENTENCES, **CONFIGURATION}.items():
         assert DAQmxErrors(code) and f"({code})" in sentence
-
-
-@pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
-@pytest.fixture
-def server(bench: Bench) -> Iterator[NiServer]:
-    with NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True) as server:
-        yield server
-
-
-@pytest.fixture
-def daq(server: NiServer, bench: Bench) -> Iterator[NiDaq]:
-    with opened(server, bench) as daq:
-        yield daq
-
-
-@contextmanager
-def opened(server: NiServer, bench: Bench, **changes: Any) -> Iterator[NiDaq]:
-    daq = NiDaq.open(settings(server=server.address, **changes), bench.clock)
-    bypass_interlock(daq)
-    try:
-        yield daq
-    finally:
-        daq.close()
-
-
-def tone(first: float, rate_hz: float, count: int, delay: float = 0.0) -> Any:
-    return 3 * np.sin(2 * np.pi * 10 * (first + np.arange(count) / rate_hz + delay))
 
 
 def test_identity(daq: NiDaq, server: NiServer) -> None:
@@ -444,157 +381,6 @@ def test_reader_that_comes_too_late(server: NiServer, bench: Bench) -> None:
         next(blocks)
         bench.clock.sleep(0.2)
         assert next(blocks).first == 100
-
-
-def test_cards_without_a_cable(bench: Bench) -> None:
-    with NiServer(inventory_of(CARDS), bench, WIRING) as server, opened(server, bench) as daq:
-        with pytest.raises(InstrumentError, match="connect a RTSI cable, and declare it"):
-            daq.stream(["laser", "force"], 5000, 100)
-        # Nothing stays reserved.
-        with daq.stream(["force"], 5000, 100, 200) as stream:
-            stream.capture()
-
-
-def test_card_in_use(server: NiServer, daq: NiDaq) -> None:
-    with connected(server) as options, nidaqmx.Task(grpc_options=options) as task:
-        task.ai_channels.add_ai_voltage_chan("Dev2/ai7")
-        task.timing.cfg_samp_clk_timing(1000)
-        task.start()
-        with pytest.raises(InstrumentError, match="Dev2 is in use by another program"):
-            daq.stream(["laser"], 5000, 100)
-
-
-def test_server_that_dies(bench: Bench) -> None:
-    server = NiServer(inventory_of(CARDS), bench, WIRING, rtsi=True)
-    daq = NiDaq.open(settings(server=server.address), bench.clock)
-    bypass_interlock(daq)
-    stream = daq.stream(["laser", "force"], 5000, 100, None, {"amplifier": np.ones(1000)})
-    blocks = iter(stream)
-    next(blocks)
-    server.close()
-    with pytest.raises(InstrumentError, match=r"NI device server at .* failed while Dev2 was used"):
-        next(blocks)
-    with pytest.raises(InstrumentError):
-        stream.close()
-    with pytest.raises(InstrumentError):
-        daq.zero()
-    daq.close()
-    daq.close()
-
-
-def test_no_server(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("haploop.instruments.daq.ni_sessions._CONNECT", 0.2)
-    with pytest.raises(InstrumentError, match=r"No NI device server answers at 127\.0\.0\.1:9"):
-        NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
-
-
-def test_ctrl_c_comes_after_a_call_and_within_a_slice_of_connecting(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Within a call of grpc it left a lock locked, for which the safe state then waited in vain."""
-    whole: list[str] = []
-
-    def stopped(outcome: Exception | None = None) -> Callable[..., Any]:
-        def call(*_: object, **__: object) -> None:
-            signal.raise_signal(signal.SIGINT)
-            whole.append("whole")
-            if outcome is not None:
-                raise outcome
-
-        return call
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with NiServer(inventory_of(CARDS), Bench(), WIRING) as server:
-            address = settings(server=server.address)
-            with monkeypatch.context() as patch:
-                patch.setattr("grpc._channel._UnaryUnaryMultiCallable.with_call", stopped())
-                with pytest.raises(KeyboardInterrupt):
-                    NiDaq.open(address, RealClock())
-            with monkeypatch.context() as patch:
-                patch.setattr(
-                    "grpc._utilities._ChannelReadyFuture.result", stopped(grpc.FutureTimeoutError())
-                )
-                with pytest.raises(KeyboardInterrupt):
-                    NiDaq.open(address, RealClock())
-        assert whole == 2 * ["whole"]
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def test_a_connection_for_which_no_thread_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object) -> None:
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr(grpc, "channel_ready_future", refused)
-    with pytest.raises(RuntimeError, match="can't start new thread"):
-        NiDaq.open(settings(server="127.0.0.1:9"), RealClock())
-
-
-def test_no_driver() -> None:
-    if _driver_is_installed():
-        pytest.skip("an NI driver is installed here")
-    with pytest.raises(InstrumentError, match="driver is not installed"):
-        NiDaq.open(settings(), RealClock())
-
-
-def _driver_is_installed() -> bool:
-    try:
-        _ = nidaqmx.system.System.local().driver_version
-    except nidaqmx.errors.DaqNotFoundError:
-        return False
-    return True
-
-
-@pytest.mark.parametrize(
-    "changes, error, sentence",
-    [
-        (
-            {"devices": {"Dev1": "PCIe-6321"}},
-            ConfigurationError,
-            "Dev1 is a PCI-6034E, and the rig",
-        ),
-        ({"devices": {"Dev9": "PCIe-6321"}}, InstrumentError, "no NI device 'Dev9'; the system lists Dev1"),
-    ],
-)
-def test_wrong_devices(
-    server: NiServer, bench: Bench, changes: dict[str, Any], error: type[Exception], sentence: str
-) -> None:
-    with pytest.raises(error, match=sentence), opened(server, bench, **changes):
-        pass
-
-
-def channel(terminal: str, range: float = 10, config: str = "rse") -> dict[str, Any]:
-    return {"channels": {"a": {"terminal": terminal, "range": range, "config": config}}}
-
-
-@pytest.mark.parametrize(
-    "changes, sentence",
-    [
-        (channel("Dev2/ai77"), "Dev2 does not have a terminal"),
-        (channel("Dev2/ai0", range=11), "no range of .-11 V"),
-        (channel("Dev2/ai9", config="diff"), "terminal configuration DIFF"),
-    ],
-)
-def test_wrong_channels(server: NiServer, bench: Bench, changes: dict[str, Any], sentence: str) -> None:
-    with opened(server, bench, **changes) as daq, pytest.raises(ConfigurationError, match=sentence):
-        daq.stream(["a"], 5000, 100)
-
-
-@pytest.mark.parametrize(
-    "request_, error, sentence",
-    [
-        (lambda d: d.stream(["nobody"], 5000, 100), ConfigurationError, "no channel 'nobody'"),
-        (lambda d: d.stream(["laser", "laser"], 5000, 100), ConfigurationError, "each channel once"),
-        (lambda d: d.stream(["laser"], 1e6, 100), ConfigurationError, "cannot sample that fast"),
-        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"x": np.ones(9)}), ConfigurationError, "no channel 'x'"),
-        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.full(9, 9.0)}), LimitError, "reaches 9 V"),
-        (lambda d: d.stream(["laser"], 5e3, 9, 9, {"amplifier": np.array([0, np.nan])}), LimitError, "nan"),
-    ],
-)
-def test_wrong_requests(
-    daq: NiDaq, request_: Callable[[NiDaq], object], error: type[Exception], sentence: str
-) -> None:
-    with pytest.raises(error, match=sentence):
-        request_(daq)
 
 
 @pytest.mark.parametrize("inputs", ["NI 9215", "NI 9205", "NI 9775"])

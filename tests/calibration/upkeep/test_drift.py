@@ -1,0 +1,144 @@
+"""A response is laid over the active one, and what differs is a drift or a broken place."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from haploop.calibration import Calibration, Drive, Response
+from haploop.calibration.upkeep import drift
+from haploop.calibration.upkeep.drift import compare
+from haploop.calibration.upkeep.overlay import lay_over
+from haploop.instruments.config.rig_file import Recalibration
+from tests.calibration.conftest import Calibrated
+
+pytestmark = pytest.mark.many_plays
+
+WHEN = datetime(2026, 7, 31, 2, 15, tzinfo=UTC)
+
+
+def moved(
+    calibration: Calibration, shift: float = 0.0, damping: float = 1.0, gain: float = 1.0, path: float = 1.0
+) -> Response:
+    """The response that the calibrated place would show had its table changed so, exactly."""
+    response, model = calibration.response, calibration.model
+    poles = (1 + shift) * (damping * model.poles.real + 1j * model.poles.imag)
+    velocity = gain * replace(model, poles=poles).velocity(response.frequencies)
+    return replace(response, velocity=velocity, path=path * response.path)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "says"),
+    [
+        ({}, "unchanged", r"\(.0.00%\)"),
+        ({"shift": 0.001}, "unchanged", r"\(\+0.10%\)"),
+        ({"shift": -0.001}, "unchanged", r"\(-0.10%\)"),
+        ({"damping": 1.15, "gain": 0.95}, "unchanged", ""),
+        ({"shift": 0.03}, "drifted", r"resonance of patch A at the button point changed by \+3.00%"),
+        ({"shift": -0.0035}, "drifted", r"changed by -0.35%, and 0.30% is accepted"),
+        ({"damping": 1.3}, "drifted", r"damping .* changed by \+30%, and 20%"),
+        ({"gain": 0.85}, "drifted", r"gain .* changed by -15.0%, and 10.0%"),
+        ({"path": 0.8}, "drifted", r"gain .* changed by -20.0%"),
+        ({"gain": 0.5}, "broken", "0.50 times what it was"),
+        ({"shift": 0.118}, "broken", "more than 10% is no drift"),
+    ],
+)
+def test_a_response_is_laid_over_the_active_one(
+    calibrated: Calibrated, change: dict[str, float], kind: str, says: str
+) -> None:
+    active = calibrated.calibration
+    verdict = compare(active, moved(active, **change), {})
+    assert verdict.kind == kind
+    assert len(verdict.sentences) == 1
+    assert pytest.approx(1 + change.get("shift", 0)) == (
+        verdict.now.resonance_hz / verdict.before.resonance_hz if verdict.now else None
+    )
+    assert re.search(says, verdict.sentences[0])
+
+
+def test_what_is_not_the_same_place_is_broken(calibrated: Calibrated) -> None:
+    active = calibrated.calibration
+    response = active.response
+    mirrored = replace(response, velocity=response.velocity * np.exp(0.02j * response.frequencies))
+    verdict = compare(active, mirrored, {})
+    assert verdict.kind == "broken"
+    assert "the laser still looks at the point" in verdict.sentences[0]
+
+
+SEEDS = [int.from_bytes(hashlib.sha256(f"drift {k}".encode()).digest()[:4], "big") for k in range(4)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_each_mode_that_moved_by_its_own_amount_is_found_and_is_a_drift(
+    calibrated: Calibrated, drive: Drive, seed: int
+) -> None:
+    active = calibrated.calibration
+    model, response = active.model, active.response
+    rng = np.random.default_rng(seed)
+    shift, damping = 1 + 0.02 * rng.standard_normal((2, len(model.poles)))
+    poles = shift * (damping * model.poles.real + 1j * model.poles.imag)
+    velocity = replace(model, poles=poles).velocity(response.frequencies)
+    verdict = compare(active, replace(response, velocity=velocity), {"push": drive})
+    assert verdict.kind == "drifted" and verdict.changes["push"] > 0.1
+    main = int(np.argmin(np.abs(np.abs(model.poles) / (2 * np.pi) - model.resonance_hz)))
+    assert verdict.now is not None
+    assert verdict.now.resonance_hz / verdict.before.resonance_hz == pytest.approx(shift[main], abs=2e-3)
+    assert "moved each on its own" in " ".join(verdict.sentences)
+
+
+@pytest.mark.parametrize("change", [0.02, -0.02])
+def test_a_single_mode_that_moved_is_a_drift(calibrated: Calibrated, drive: Drive, change: float) -> None:
+    active = calibrated.calibration
+    model, response = active.model, active.response
+    for hz in (model.resonance_hz, 200):
+        poles = model.poles.copy()
+        poles[int(np.argmin(np.abs(np.abs(poles) / (2 * np.pi) - hz)))] *= 1 + change
+        velocity = replace(model, poles=poles).velocity(response.frequencies)
+        verdict = compare(active, replace(response, velocity=velocity), {"push": drive})
+        assert verdict.kind == "drifted", verdict.sentences
+        assert "moved each on its own" in " ".join(verdict.sentences)
+
+
+@pytest.mark.requires("simulation")
+@pytest.mark.parametrize(("patch", "point"), [("A", p) for p in ("8", "19", "21", "32")] + [("B", "button")])
+def test_the_next_point_and_another_patch_are_broken(calibrated: Calibrated, patch: str, point: str) -> None:
+    """The true responses, with the lag that the active calibration's hysteresis has at its level."""
+    active = calibrated.calibration
+    lag = active.hysteresis.gain(active.response.level)
+    truth = calibrated.rig.simulation.truth
+    velocity = lag * truth.velocity_response(patch, point, active.response.frequencies)
+    assert compare(active, replace(active.response, velocity=velocity), {}).kind == "broken"
+
+
+@pytest.mark.parametrize(("weight", "kind"), [(0.1, "broken"), (0.01, "drifted")])
+def test_a_mode_that_moved_further_than_any_drift_is_another_point(
+    calibrated: Calibrated, monkeypatch: pytest.MonkeyPatch, weight: float, kind: str
+) -> None:
+    """As a table's next grid point looked: the modes moved by -2 to +10.5 %, and nearly a drift was left."""
+    active = calibrated.calibration
+    laid = lay_over(active.model, active.response.frequencies, active.response.velocity)
+    weak = int(np.argmin(laid.weight))
+    own = np.arange(len(laid.weight)) == weak
+    moved = replace(
+        laid,
+        shift=np.where(own, 0.105, laid.shift),
+        weight=np.where(own, weight, laid.weight),
+        residual=0.24,
+    )
+    monkeypatch.setattr(drift, "lay_over", lambda *_: moved)
+    verdict = compare(active, active.response, {})
+    assert verdict.kind == kind
+    assert ("the laser still looks at the point" in verdict.sentences[0]) == (kind == "broken")
+
+
+def test_coherence_is_judged_first(calibrated: Calibrated) -> None:
+    active = calibrated.calibration
+    weak = replace(moved(active), coherence=np.full(len(active.response.frequencies), 0.7))
+    assert compare(active, weak, {}).kind == "broken"
+    assert compare(active, weak, {}, thresholds=Recalibration(coherence=0.6)).kind == "unchanged"
+    assert compare(active, moved(active, 0.001), {}, None, Recalibration(resonance=0.0005)).kind == "drifted"

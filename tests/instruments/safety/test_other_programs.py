@@ -1,0 +1,183 @@
+"""A second program with the same hardware is refused, and one that is killed leaves an open relay."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import haploop
+from haploop.instruments import InstrumentError, RealClock, load_rig_file, open_rig
+from haploop.instruments.daq.ni_daqmx import NiDaq
+from haploop.instruments.errors import HaploopError
+from haploop.instruments.relay.yocto import Yocto
+from haploop.instruments.rig.opening import hardware
+from haploop.instruments.safety.duty import plays_of
+from haploop.instruments.safety.lock import hold, is_marked, marked, reserve
+from haploop.instruments.safety.lockout import lockout_of
+from haploop.mocks.simulation import Simulation
+
+DRIVE = 20 * np.sin(2 * np.pi * 250 * np.arange(50_000) / 50_000) * np.hanning(50_000)
+TraceFunction = Callable[[FrameType, str, Any], Any]
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals to another program are POSIX")
+
+
+CHILD = """
+import sys, time
+from haploop.instruments import open_rig
+with open_rig(sys.argv[1]) as rig:
+    rig.relay.connect(["A"])
+    print("connected", flush=True)
+    while True:
+        rig.relay.renew()
+        time.sleep(0.1)
+"""
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[tuple[Path, Simulation]]:
+    """A rig file of hardware, whose hardware is served from a plant in real time."""
+    file = load_rig_file("haptable")
+    assert file.relay is not None
+    world = Simulation(file, RealClock())
+    card = world.serve("ni-daqmx", NiDaq.Settings.model_validate(file.daq.settings))
+    relay = Yocto.Settings.model_validate(file.relay.settings | {"dead_man": 1.0})
+    box = world.serve("yocto-maxicoupler", relay)
+    path = tmp_path / "lab.toml"
+    path.write_text(
+        f'base = "haptable"\nname = "lab"\n[daq]\nserver = "{card["server"]}"\n'
+        f'[relay]\nhub = "{box["hub"]}"\ndead_man = 1.0\n'
+    )
+    yield path, world
+    world.close()
+
+
+@POSIX
+def test_another_program_is_refused_and_one_that_is_killed_leaves_an_open_relay(
+    lab: tuple[Path, Simulation], tmp_path: Path
+) -> None:
+    path, world = lab
+    with subprocess.Popen(
+        [sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True
+    ) as child:
+        try:
+            assert child.stdout is not None and child.stdout.readline() == "connected\n"
+            assert world.truth.closed == {"A"}
+            # Another file that names only the same relay is refused as well.
+            other = tmp_path / "other.toml"
+            other.write_text(path.read_text().replace('name = "lab"', 'name = "other"'))
+            owner = rf"The rig 'other' is in use \(.*\) by process {child.pid} \(-c .*\) of .* on .*: wait"
+            with pytest.raises(InstrumentError, match=owner):
+                open_rig(other)
+            # One names the box by its number, and the other does not; their cards are others.
+            (box,) = (piece for piece in hardware(load_rig_file(path), None) if "MXCOUPL" in piece)
+            named = f'[relay]\nserial = "{box.split()[-1].lower()}"\n'
+            elsewhere = '[daq]\nserver = "127.0.0.1:1"\n'
+            hub = path.read_text().partition("[relay]\n")[2]
+            other.write_text(f'base = "haptable"\nname = "other"\n{elsewhere}{named}{hub}')
+            with pytest.raises(InstrumentError, match=rf"in use \({box}\) by process {child.pid} "):
+                open_rig(other)
+            other.write_text(path.read_text().replace('name = "lab"', 'name = "other"'))
+            time.sleep(1.5)
+            assert world.truth.closed == {"A"}  # renewed while the program is healthy
+        finally:
+            child.kill()
+        child.wait()
+    killed = time.monotonic()
+    while world.truth.closed:
+        assert time.monotonic() - killed < 2.0
+        time.sleep(0.02)
+    with open_rig(path) as rig:
+        assert rig.relay.connected() == frozenset()
+        with pytest.raises(InstrumentError, match="is open in this program already"):
+            open_rig(other)
+
+
+def test_a_card_is_one_card_under_every_name(
+    lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What one rig holds, trips and plays is held, locked out and counted for a rig with another name."""
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path / "place")
+    path, _ = lab
+    path.write_text(path.read_text() + "[abort]\ndrive = 15.0\n")
+    address = load_rig_file(path).daq.settings["server"]
+    other = tmp_path / "other.toml"
+    card = 'devices = { Dev1 = "PCI-6034E" }'
+    other.write_text(f'base = "minimal"\nname = "other"\n[daq]\nserver = "ipv4:{address}"\n{card}\n')
+    with open_rig(path) as rig:
+        with pytest.raises(InstrumentError, match=r"open in this program already \(PCI-6034E 1[0-9A-F]{6}\)"):
+            open_rig(other)
+        with pytest.raises(InstrumentError, match=r"allows 15 V"):
+            rig.excite(DRIVE[::10], ["A"], ["drive"])
+    with open_rig(other) as rig:
+        assert rig.lockout is not None and "allows 15 V" in rig.lockout.why
+        now = datetime.now(UTC).timestamp()
+        ((start, stop),) = plays_of(tmp_path / "place", rig.hardware, now)
+        assert stop - start == pytest.approx(0.1, abs=0.01)
+    haploop.reset_lockout(other, "a test")
+    assert lockout_of(tmp_path / "place", rig.hardware) is None
+
+
+@pytest.mark.parametrize("role", ["daq", "relay"])
+def test_hardware_that_answered_too_late_is_not_used_under_another_name(
+    lab: tuple[Path, Simulation], role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under its address it would have neither the lock nor the lockout that its number has."""
+    path, _ = lab
+    if role == "daq":
+        monkeypatch.setattr("haploop.instruments.daq.ni_cards._PATIENCE", 1e-6)
+    else:
+        monkeypatch.setattr(Yocto, "hardware", staticmethod(lambda settings: (settings.hub,)))
+    with pytest.raises(InstrumentError, match=f"The {role} of the rig 'lab' is another one .* or answers on"):
+        open_rig(path)
+    monkeypatch.undo()
+    open_rig(path).close()
+
+
+def test_a_lock_and_a_mark_hold_on_a_disk_that_takes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The holder's name is missing then, and no more; a network disk may refuse as late as on closing."""
+    monkeypatch.setattr("haploop.instruments.safety.machine._place", lambda: tmp_path)
+    close = os.close
+
+    def closed(descriptor: int) -> None:
+        close(descriptor)
+        full()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.write", full)
+        with hold({"card"}, "The rig 'one'"):
+            (lock,) = tmp_path.glob("*.lock")
+            assert not lock.read_bytes()
+    with marked(tmp_path / "one"):
+        monkeypatch.setattr("os.close", closed)
+    monkeypatch.undo()
+    assert not is_marked(tmp_path / "one")
+
+
+def test_a_reservation_is_for_this_programs_rigs() -> None:
+    with reserve({"card"}, "The rig 'one'"):
+        for _ in range(2):
+            with hold({"card"}, "The rig 'one'"):
+                pass
+        with hold({"card"}, "The rig 'one'"):
+            with (
+                pytest.raises(HaploopError, match="The rig 'two' is open in this program already"),
+                hold({"card", "relay"}, "The rig 'two'"),
+            ):
+                pass
+            with hold({"relay"}, "The rig 'two'"):
+                pass
