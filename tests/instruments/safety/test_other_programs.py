@@ -134,7 +134,7 @@ def test_hardware_that_answered_too_late_is_not_used_under_another_name(
     """Under its address it would have neither the lock nor the lockout that its number has."""
     path, _ = lab
     if role == "daq":
-        monkeypatch.setattr("haploop.instruments.daq.ni_cards._PATIENCE", 1e-6)
+        monkeypatch.setattr("haploop.instruments.daq.ni_cards.numbers_of", lambda *_: {})
     else:
         monkeypatch.setattr(Yocto, "hardware", staticmethod(lambda settings: (settings.hub,)))
     with pytest.raises(InstrumentError, match=f"The {role} of the rig 'lab' is another one .* or answers on"):
