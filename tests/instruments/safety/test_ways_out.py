@@ -110,6 +110,10 @@ def test_the_safe_state_can_be_asked_for_again_and_again() -> None:
     assert safe(rig) and not bursts(record)
 
 
+starts_threads = pytest.mark.skipif(
+    (3, 12) <= sys.version_info < (3, 12, 2), reason="starts no thread at its end (Python's issue 113964)"
+)
+
 LEFT = """
 import sys, threading
 from haploop.instruments import open_rig
@@ -126,9 +130,7 @@ raise ValueError("nobody closes them")
 """
 
 
-@pytest.mark.skipif(
-    (3, 12) <= sys.version_info < (3, 12, 2), reason="starts no thread at its end (Python's issue 113964)"
-)
+@starts_threads
 def test_rigs_that_nobody_closes_are_closed_when_the_program_ends() -> None:
     """While threads still run, and the simulated device server with them; each one, whatever another does."""
     left = subprocess.run(
@@ -147,7 +149,7 @@ def play(rig):
     time.sleep(0.5)  # by then the main thread has ended
     for _ in range(3):
         rig.excite(np.hanning(9000) * np.sin(np.arange(9000) / 30), ["A"], ["drive"])
-    print("whole")
+    sys.stdout.write("whole\\n")  # at once: three threads write
 
 def own():
     with open_rig("simulated") as rig:
@@ -162,6 +164,7 @@ concurrent.futures.ThreadPoolExecutor().submit(own)
 """
 
 
+@starts_threads
 @pytest.mark.parametrize("mode", ["twin", "wire"])
 def test_a_rig_is_open_until_the_last_thread_of_a_program_has_ended(mode: str) -> None:
     used = subprocess.run(
