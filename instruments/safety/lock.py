@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from haploop.instruments.clock import RealClock
 from haploop.instruments.errors import InstrumentError
 from haploop.instruments.safety import machine
 from haploop.instruments.safety.audit import who
@@ -18,6 +19,8 @@ _BEYOND = 1 << 30
 """Offset of the locked byte: past the holder's name, which other programs must be able to read."""
 
 _TRIES = 1000
+_LOOKS = 20
+"""Milliseconds for those who look at a mark."""
 """Attempts to take a mark: a program that tests it holds it for an instant."""
 
 _reserved: set[str] = set()
@@ -86,7 +89,7 @@ def marked(path: Path) -> Iterator[None]:
     mark = _mark_of(path)
     descriptor = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
     # A mark that its holder has removed since it was opened here is seen by nobody.
-    if not any(_taken(descriptor) for _ in range(_TRIES)) or not _still(mark, descriptor):
+    if not _taken_soon(descriptor) or not _still(mark, descriptor):
         _close(mark, descriptor)
         raise InUse(f"{path} is being written by another program: wait until it has ended, or end it.")
     with _keeping(descriptor, mark):
@@ -105,6 +108,16 @@ def _keeping(descriptor: int, path: Path) -> Iterator[None]:
             with suppress(OSError):  # another user's: then it stays, unlocked
                 path.unlink()
             _close(path, descriptor)
+
+
+def _taken_soon(descriptor: int) -> bool:
+    """Take a mark, which another program's look at it (`is_marked`) has for an instant."""
+    clock = RealClock()
+    for _ in range(_LOOKS):
+        if _taken(descriptor):
+            return True
+        clock.sleep(0.001)
+    return False
 
 
 def is_marked(path: Path) -> bool:
