@@ -14,7 +14,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -28,6 +28,7 @@ from haploop.instruments.errors import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
 from haploop.instruments.frozen import Frozen
 from haploop.instruments.json_text import as_line, from_text
+from haploop.instruments.safety.file_lock import release, taken
 
 __all__ = ["Audit", "entries", "log_problems", "make_folder", "now_utc", "state_folder", "who"]
 
@@ -37,8 +38,6 @@ _A_LINE = 0.01
 """Time in which a line is written (s)."""
 _PATIENCE = 0.5
 """Time to wait for another program that appends a line (s); then the line is written all the same."""
-_BEYOND = 1 << 30
-"""Place of the lock: what is locked on Windows cannot be read."""
 _LONGEST = 200
 """Characters of a command line that are kept."""
 
@@ -143,35 +142,24 @@ def _opened(path: Path) -> int:
         return log
 
 
-if sys.platform == "win32":
-    import msvcrt
+@contextmanager
+def _alone(log: int) -> Iterator[None]:
+    """Keep other programs from appending: Windows' C library looks for the end first, and then writes.
 
-    @contextmanager
-    def _alone(log: int) -> Iterator[None]:
-        """Keep other programs from appending: Windows' C library looks for the end first, and then writes."""
-        clock = RealClock()
-        until = clock.now() + _PATIENCE
-        while not (locked := _lock(log, msvcrt.LK_NBLCK)) and clock.now() < until:
-            clock.sleep(0.001)
-        try:
-            yield
-        finally:
-            if locked:
-                _lock(log, msvcrt.LK_UNLCK)
-
-    def _lock(log: int, how: int) -> bool:
-        os.lseek(log, _BEYOND, os.SEEK_SET)
-        try:
-            msvcrt.locking(log, how, 1)
-        except OSError:
-            return False
-        return True
-
-else:
-
-    def _alone(_log: int) -> AbstractContextManager[None]:
-        """One write appends in one step."""
-        return nullcontext()
+    Elsewhere a write appends in one step, and nobody has to wait.
+    """
+    if os.name != "nt":
+        yield
+        return
+    clock = RealClock()
+    until = clock.now() + _PATIENCE
+    while not (locked := taken(log)) and clock.now() < until:
+        clock.sleep(0.001)
+    try:
+        yield
+    finally:
+        if locked:
+            release(log)
 
 
 def _is_torn(log: int) -> bool:

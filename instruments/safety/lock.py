@@ -12,16 +12,14 @@ from haploop.instruments.clock import RealClock
 from haploop.instruments.errors import InstrumentError
 from haploop.instruments.safety import machine
 from haploop.instruments.safety.audit import who
+from haploop.instruments.safety.file_lock import taken
 
 __all__ = ["InUse", "hold", "is_marked", "marked", "reserve"]
 
-_BEYOND = 1 << 30
-"""Offset of the locked byte: past the holder's name, which other programs must be able to read."""
-
 _TRIES = 1000
+"""Attempts to lock a file that its last holder removes meanwhile."""
 _LOOKS = 20
-"""Milliseconds for those who look at a mark."""
-"""Attempts to take a mark: a program that tests it holds it for an instant."""
+"""Attempts to take a mark, a millisecond apart: a program that tests it holds it for an instant."""
 
 _reserved: set[str] = set()
 _held: set[str] = set()
@@ -114,7 +112,7 @@ def _taken_soon(descriptor: int) -> bool:
     """Take a mark, which another program's look at it (`is_marked`) has for an instant."""
     clock = RealClock()
     for _ in range(_LOOKS):
-        if _taken(descriptor):
+        if taken(descriptor):
             return True
         clock.sleep(0.001)
     return False
@@ -127,7 +125,7 @@ def is_marked(path: Path) -> bool:
     except OSError:
         return False
     try:
-        return not _taken(descriptor, shared=True)
+        return not taken(descriptor, shared=True)
     finally:
         os.close(descriptor)
 
@@ -178,7 +176,7 @@ def _lock(path: Path, piece: str, what: str) -> int:
                 f"The lock of {piece} cannot be opened ({path}: {error.strerror}): remove what is there "
                 "under this name."
             ) from None
-        if not _taken(descriptor):
+        if not taken(descriptor):
             name = os.read(descriptor, 800).decode("utf-8", "replace").strip()
             os.close(descriptor)
             raise InUse(
@@ -190,29 +188,3 @@ def _lock(path: Path, piece: str, what: str) -> int:
             return descriptor
         os.close(descriptor)
     raise InUse(f"{what} is in use ({piece}) by other programs, one after the other: try again.")
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _taken(descriptor: int, shared: bool = False) -> bool:
-        # Windows' C library has no shared lock; ours lasts for an instant only.
-        os.lseek(descriptor, _BEYOND, os.SEEK_SET)
-        try:
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        finally:
-            os.lseek(descriptor, 0, os.SEEK_SET)
-        return True
-
-else:
-    import fcntl
-
-    def _taken(descriptor: int, shared: bool = False) -> bool:
-        # Not lockf: its lock is released when any descriptor of the file is closed.
-        try:
-            fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-        except OSError:
-            return False
-        return True

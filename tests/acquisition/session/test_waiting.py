@@ -93,13 +93,13 @@ def test_no_program_finishes_what_another_one_records(elsewhere, tmp_path: Path,
 def test_a_mark_that_its_holder_removes_meanwhile_is_not_taken_for_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, taken = tmp_path / "file.h5", lock._taken
+    path, taken = tmp_path / "file.h5", lock.taken
 
     def after_its_holder(descriptor: int) -> bool:
         (tmp_path / ".file.h5.lock").unlink()
         return taken(descriptor)
 
-    monkeypatch.setattr(lock, "_taken", after_its_holder)
+    monkeypatch.setattr(lock, "taken", after_its_holder)
     with pytest.raises(InUse), marked(path):
         pytest.fail("Marked, and nobody else can see it.")
 
