@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from concurrent.futures import ProcessPoolExecutor
+from threading import Thread
 
 __all__ = ["worker_pool"]
 
@@ -13,10 +15,21 @@ def worker_pool(count: int | None, *needs: str) -> ProcessPoolExecutor:
 
     Each worker is forked from a process that has loaded them and does nothing else: spawned, each would
     load them anew (on Windows they are). Not from this one, because a fork would take the threads' locks of
-    the HDF5 library along.
+    the HDF5 library along. Workers end when this process does, however it ends.
     """
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"))
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([*needs])
-    return ProcessPoolExecutor(count, context)
+    forks = "forkserver" in multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if forks else "spawn")
+    if forks:
+        context.set_forkserver_preload([*needs])
+    return ProcessPoolExecutor(count, context, initializer=_begin)
+
+
+def _begin() -> None:
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

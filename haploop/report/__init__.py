@@ -1,8 +1,8 @@
-"""Self-contained HTML reports."""
+"""Self-contained HTML reports.
 
-from haploop.report import captions
-from haploop.report.data import Report, write_report
-from haploop.report.html import CaptionedFigure, render
-from haploop.report.recalibration import write_recalibration
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
 
-__all__ = ["CaptionedFigure", "Report", "captions", "render", "write_recalibration", "write_report"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
