@@ -62,12 +62,13 @@ def modal_estimate(modes: Modes, plays: Plays, gain: complex, gains: ComplexArra
     H = (own @ rows(response)).view(np.complex128)
     apart = np.zeros((2, n, len(f)), dtype=np.complex128)
     apart[:, :own_n] = moved(poles[:own_n], own[None, : 2 * own_n], alone, f)
-    apart, rung = apart.reshape(-1, len(f)), moved(poles, ring[None, : 2 * n], alone, f).reshape(-1, len(f))
+    own_moved = apart.reshape(-1, len(f))
+    rung = moved(poles, ring[None, : 2 * n], alone, f).reshape(-1, len(f))
     # A weight at its bound of zero is no free parameter.
     free = np.flatnonzero(modes.weights[0, 1:]) + 1
-    J = rows(np.concatenate([linear, volts * apart + rung, plays.operators[0, free] * H]))
+    J = rows(np.concatenate([linear, volts * own_moved + rung, plays.operators[0, free] * H]))
     change = rows(
-        np.concatenate([gain * response, np.zeros_like(ringing), gain * apart, gains[free, None] * H])
+        np.concatenate([gain * response, np.zeros_like(ringing), gain * own_moved, gains[free, None] * H])
     )
     power = np.abs(left) ** 2 * len(f) / max(len(f) - len(J) / 2, 1)
     power = np.maximum(*(uniform_filter1d(power, size, mode="nearest") for size in (_NEAR, _FAR)))

@@ -221,7 +221,7 @@ class _Problem:
 def _grid(reach: float) -> FloatArray:
     """Shifts to `reach` on either side, with exactly 0 in the middle, so that no start is made twice."""
     steps = round(reach / _GRID)
-    return _GRID * np.arange(-steps, steps + 1)
+    return np.asarray(_GRID * np.arange(-steps, steps + 1), dtype=np.float64)
 
 
 def _groups(model: Model) -> IntArray:
