@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from haploop.calibration.response.modes import Modes, Plays, columns_of, stack
+from haploop.calibration.response.modes import Modes, Plays
+from haploop.calibration.response.terms import moved, rows, terms_of
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["ModalEstimate", "modal_estimate", "nothing"]
@@ -53,40 +54,35 @@ def modal_estimate(modes: Modes, plays: Plays, gain: complex, gains: ComplexArra
     tones = -modes.poles.real / np.pi < _TONE * spacing
     poles = np.concatenate([modes.poles[~tones], modes.poles[tones]])
     n, own_n = len(poles), int((~tones).sum())
-    response, ringing = columns_of(poles[:own_n], f)[0], columns_of(poles, f)[1]
-    volts = (modes.weights[0] @ plays.operators[0])[:, None]
-    linear = np.concatenate([volts * response, ringing], axis=1)
-    found, rest = _solved(stack(linear), stack(plays.velocity[:, :1])[:, 0])
-    left = rest[: len(f)] + 1j * rest[len(f) :]
-    own, ring = found[: response.shape[1]], found[response.shape[1] :]
-    H = response @ own
-    apart = np.zeros((len(f), 2, n), dtype=np.complex128)
-    apart[:, :, :own_n] = _moved(poles[:own_n], own[: 2 * own_n], f)
-    moved, rung = apart.reshape(len(f), -1), _moved(poles, ring[: 2 * n], f).reshape(len(f), -1)
+    response, ringing = terms_of(poles[:own_n], f)[0], terms_of(poles, f)[1]
+    volts, alone = modes.weights[0] @ plays.operators[0], np.ones((1, len(f)), dtype=np.complex128)
+    linear = np.concatenate([volts * response, ringing])
+    found, left = _solved(rows(linear), plays.velocity[:, 0])
+    own, ring = found[: len(response)], found[len(response) :]
+    H = (own @ rows(response)).view(np.complex128)
+    apart = np.zeros((2, n, len(f)), dtype=np.complex128)
+    apart[:, :own_n] = moved(poles[:own_n], own[None, : 2 * own_n], alone, f)
+    own_moved = apart.reshape(-1, len(f))
+    rung = moved(poles, ring[None, : 2 * n], alone, f).reshape(-1, len(f))
     # A weight at its bound of zero is no free parameter.
     free = np.flatnonzero(modes.weights[0, 1:]) + 1
-    J = stack(np.concatenate([linear, volts * moved + rung, (plays.operators[0, free] * H).T], axis=1))
-    change = [gain * response, np.zeros(ringing.shape), gain * moved, H[:, None] * gains[free]]
-    power = np.abs(left) ** 2 * len(f) / max(len(f) - J.shape[1] / 2, 1)
+    J = rows(np.concatenate([linear, volts * own_moved + rung, plays.operators[0, free] * H]))
+    change = rows(
+        np.concatenate([gain * response, np.zeros_like(ringing), gain * own_moved, gains[free, None] * H])
+    )
+    power = np.abs(left) ** 2 * len(f) / max(len(f) - len(J) / 2, 1)
     power = np.maximum(*(uniform_filter1d(power, size, mode="nearest") for size in (_NEAR, _FAR)))
-    norms = np.linalg.norm(J, axis=0)
-    values, vectors = np.linalg.eigh((J / norms).T @ (J / norms))
-    inner = (vectors / np.maximum(values, _UNSEEN)) @ (vectors.T @ (J / norms).T)
-    reach = (np.concatenate(change, axis=1) / norms) @ inner
-    variance = (np.abs(reach) ** 2) @ np.concatenate([power, power]) / 2
-    return ModalEstimate(H * gain, variance, left)
+    norms = np.linalg.norm(J, axis=1)[:, None]
+    values, vectors = np.linalg.eigh((J @ J.T) / (norms * norms.T))
+    # Along the eigenvectors, where what is hardly seen stays apart from what is seen well.
+    inner = (vectors.T @ (J / norms)) / np.maximum(values, _UNSEEN)[:, None]
+    reach = vectors.T @ (change / norms)
+    spread = ((inner * np.repeat(power, 2)) @ inner.T @ reach * reach).sum(axis=0).reshape(-1, 2).sum(axis=1)
+    return ModalEstimate(H * gain, np.maximum(spread, 0) / 2, left)
 
 
-def _solved(columns: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least squares of the least norm: the unknowns, and the residual."""
-    norms = np.linalg.norm(columns, axis=0)
-    found = np.linalg.lstsq(columns / norms, measured, rcond=_UNSEEN)[0] / norms
-    return found, measured - columns @ found
-
-
-def _moved(poles: ComplexArray, shares: FloatArray, f: FloatArray) -> ComplexArray:
-    """Derivatives (lines, 2, poles) of the modes' sum by the logarithms of decays and of frequencies."""
-    s, n = 2j * np.pi * f[:, None], len(poles)
-    r = shares[:n] + 1j * shares[n:]
-    one, other = r / (s - poles) ** 2, np.conj(r) / (s - np.conj(poles)) ** 2
-    return np.stack([(one + other) * poles.real, 1j * (one - other) * poles.imag], axis=1)
+def _solved(columns: FloatArray, measured: ComplexArray) -> tuple[FloatArray, ComplexArray]:
+    """Least squares of the least norm: the unknowns, and the residual (lines,)."""
+    norms = np.linalg.norm(columns, axis=1)
+    found = np.linalg.lstsq((columns / norms[:, None]).T, rows(measured), rcond=_UNSEEN)[0] / norms
+    return found, measured - (found @ columns).view(np.complex128)

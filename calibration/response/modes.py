@@ -16,16 +16,17 @@ Jacobian).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from haploop.calibration.response.terms import moved, rows, terms_of
 from haploop.instruments import DataError
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Modes", "Plays", "columns_of", "fit_modes", "stack"]
+__all__ = ["Modes", "Plays", "fit_modes"]
 
 _STEPS = 12
 """Largest number of refinement steps."""
@@ -83,12 +84,10 @@ class Modes:
 
     def shares(self, plays: Plays) -> tuple[FloatArray, FloatArray]:
         """Real unknowns (patches, unknowns, points), and the relative residual (points,)."""
-        basis = _Basis.of(self.poles, self.weights, plays)
-        found, left = basis.solution(stack(plays.velocity))
-        size = np.linalg.norm(stack(plays.velocity), axis=0)
-        each = basis.response.shape[1]
-        count = len(plays.patches)
-        return found[: count * each].reshape(count, each, -1), np.linalg.norm(left, axis=0) / size
+        fitted = _Fitted.of(self, plays)
+        count, each = len(plays.patches), len(fitted.terms)
+        left = np.linalg.norm(fitted.left, axis=1) / np.linalg.norm(plays.velocity, axis=0)
+        return fitted.found[: count * each].reshape(count, each, -1), left
 
     def shift(self, plays: Plays) -> float:
         """Relative shift common to all poles, from later plays."""
@@ -102,7 +101,7 @@ class Modes:
 
     def velocity(self, shares: FloatArray, frequencies: FloatArray) -> ComplexArray:
         """(..., frequencies) m/s per linear volt, from unknowns (..., unknowns)."""
-        return np.asarray(shares @ columns_of(self.poles, frequencies)[0].T)
+        return np.asarray(shares @ terms_of(self.poles, frequencies)[0])
 
 
 def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
@@ -114,77 +113,54 @@ def fit_modes(plays: Sequence[Plays], patches: int) -> Modes:
     few = [_mixed(one, _FEW) for one in plays]
     weights = np.zeros((patches, plays[0].operators.shape[1]))
     weights[:, 0] = 1.0
-    modes, cost = Modes(np.zeros(0, dtype=np.complex128), weights), np.inf
+    best, cost = _Fit.of(Modes(np.zeros(0, dtype=np.complex128), weights), few), np.inf
     # Real parameters that a pole brings, over the real numbers that were measured, of each mixture.
     each = max(2 * (len(one.patches) + 1) / (2 * len(one.f)) for one in plays)
     count, candidates = _AT_ONCE, _Candidates.of(plays[0].f)
-    while len(modes.poles) < _MOST:
-        added = _missing(modes, few, candidates)[:count]
+    while len(best.modes.poles) < _MOST:
+        added = _missing(best, candidates)[:count]
         if not len(added):
             raise DataError("Nothing moved while it was played: check the laser's focus and aim.")
-        steps = _STEPS if count == 1 else 3
-        grown, now = _refined(Modes(np.append(modes.poles, added), modes.weights), few, steps)
-        if count > 1 and now > 0.5 * cost:
+        modes = Modes(np.append(best.modes.poles, added), best.modes.weights)
+        grown = _refined(_Fit.of(modes, few), _STEPS if count == 1 else 3)
+        if count > 1 and grown.cost > 0.5 * cost:
             # Near the end, what falls may be the law's doing and not the poles'.
-            modes, cost = _refined(modes, few, _STEPS)
-            count = 1
-        elif count == 1 and now > (1 - _PENALTY * each) * cost:
+            best, count = _refined(best, _STEPS), 1
+            cost = best.cost
+        elif count == 1 and grown.cost > (1 - _PENALTY * each) * cost:
             break
         else:
-            modes, cost = grown, now
-    modes = _pruned(modes, cost, few, _KEEP * each)
-    return _refined(modes, [_mixed(one, _MORE) for one in plays], _STEPS)[0]
+            best, cost = grown, grown.cost
+    modes = _pruned(best, _KEEP * each).modes
+    return _refined(_Fit.of(modes, [_mixed(one, _MORE) for one in plays]), _STEPS).modes
 
 
-def _pruned(modes: Modes, cost: float, plays: Sequence[Plays], worth: float) -> Modes:
+def _pruned(best: _Fit, worth: float) -> _Fit:
     """Remove the poles that the others can replace: those added early, before the others had converged."""
-    while len(modes.poles) > 1:
-        losses = np.sum([_losses(modes, one) for one in plays], axis=0)
-        fewer = Modes(np.delete(modes.poles, int(np.argmin(losses))), modes.weights)
-        tried, now = _refined(fewer, plays, _STEPS)
-        if now > (1 + worth) * cost:
+    while len(best.modes.poles) > 1:
+        losses = np.sum([one.losses() for one in best.parts], axis=0)
+        fewer = Modes(np.delete(best.modes.poles, int(np.argmin(losses))), best.modes.weights)
+        tried = _refined(_Fit.of(fewer, [one.plays for one in best.parts]), _STEPS)
+        if tried.cost > (1 + worth) * best.cost:
             break
-        modes, cost = tried, now
-    return modes
+        best = tried
+    return best
 
 
-def _losses(modes: Modes, plays: Plays) -> FloatArray:
-    """(poles,): increase of the squared residual on removal of each pole, with the others fixed."""
-    basis = _Basis.of(modes.poles, modes.weights, plays)
-    found = basis.solution(stack(plays.velocity))[0] * basis.norms[:, None]
-    inverse = np.linalg.inv(basis.upper)
-    n, each = len(modes.poles), basis.response.shape[1]
-    starts = np.arange(len(plays.patches) + 1) * each
-    losses = np.empty(n)
-    for k in range(n):
-        own = np.concatenate([starts + k, starts + n + k])
-        spread = inverse[own] @ inverse[own].T
-        losses[k] = float(np.sum(found[own] * np.linalg.lstsq(spread, found[own], rcond=None)[0]))
-    return losses
-
-
-def _refined(modes: Modes, plays: Sequence[Plays], steps: int) -> tuple[Modes, float]:
-    """Refine modes to a minimum of the squared residual near the given ones; returns both."""
-    best, cost, tried, damping = modes, np.inf, modes, 1e-3
-    for left in range(steps, -1, -1):
-        fitted = [_Fitted.of(tried, one) for one in plays]
-        now = sum(float((one.left**2).sum()) for one in fitted)
-        better = now < cost
-        if better:
-            best, cost = tried, now
-        if left == 0:
+def _refined(best: _Fit, steps: int) -> _Fit:
+    """Refine modes to a minimum of the squared residual near the given ones."""
+    damping, linear = 1e-4, None
+    for _ in range(steps):
+        normal, gradient = linear = linear or best.linear()
+        modes, step = _stepped(best.modes, normal, gradient, damping)
+        if 2 * step @ gradient - step @ normal @ step < _CONVERGED * best.cost:
             break
-        if better:
-            linear = [one.linear() for one in fitted]
-            normal = np.sum([part[0] for part in linear], axis=0)
-            gradient = np.sum([part[1] for part in linear], axis=0)
-            damping /= 10
+        tried = _Fit.of(modes, [one.plays for one in best.parts])
+        if tried.cost < best.cost:
+            best, damping, linear = tried, damping / 10, None
         else:
             damping = max(30 * damping, 1e-4)
-        tried, step = _stepped(best, normal, gradient, damping)
-        if 2 * step @ gradient - step @ normal @ step < _CONVERGED * cost:
-            break
-    return best, cost
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,19 +178,22 @@ class _Candidates:
     def of(cls, f: FloatArray) -> _Candidates:
         places = 2 * np.pi * np.linspace(f[0], _BEYOND * f[-1], _PLACES)
         poles = places * (1j - np.array(_DAMPINGS)[:, None])
-        shapes = tuple((1 / (2j * np.pi * f[:, None] - row)).astype(np.complex64) for row in poles)
-        return cls(poles, shapes, tuple(np.abs(shape) ** 2 for shape in shapes))
+        shapes, sizes = [], []
+        for row in poles:
+            inverse = (2j * np.pi * f[:, None] - row).astype(np.complex64)
+            size = 1 / (inverse.real**2 + inverse.imag**2)
+            shapes.append(inverse.conj() * size)
+            sizes.append(size)
+        return cls(poles, tuple(shapes), tuple(sizes))
 
 
-def _missing(modes: Modes, plays: Sequence[Plays], candidates: _Candidates) -> ComplexArray:
+def _missing(fit: _Fit, candidates: _Candidates) -> ComplexArray:
     """Poles (rad/s) that explain most of the residual of the modes, strongest first."""
     explained: FloatArray = np.zeros(candidates.poles.shape)
-    for one in plays:
-        basis = _Basis.of(modes.poles, modes.weights, one)
-        rest = basis.solution(stack(one.velocity))[1]
-        left = rest[: len(one.f)] + 1j * rest[len(one.f) :]
-        for linear_volts in basis.linear_volts:
-            share = (left.conj() * linear_volts[:, None]).T.astype(np.complex64)
+    for one in fit.parts:
+        left = one.left.view(np.complex128)
+        for linear_volts in one.linear_volts:
+            share = (left.conj() * linear_volts).astype(np.complex64)
             power = (np.abs(linear_volts) ** 2).astype(np.float32)
             for k, (shape, size) in enumerate(zip(candidates.shapes, candidates.sizes, strict=True)):
                 explained[k] += (np.abs(share @ shape) ** 2).sum(axis=0) / (power @ size)
@@ -285,115 +264,106 @@ def _bounded(normal: FloatArray, gradient: FloatArray, low: FloatArray, high: Fl
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """Modes with the least squares of all other unknowns, (unknowns, points), and what is `left`."""
+    """Modes with the least squares of all other unknowns, `found` (unknowns, points), and what is `left`.
+
+    Rows are the real and imaginary parts of the lines by turns: complex numbers seen as real ones, which
+    needs no copy. `terms` are (unknowns, lines), one patch's without its volts, `columns` (unknowns, rows)
+    of all patches and what rang, `left` (points, rows). `upper` is the triangle of the columns' normal
+    equations at unit length, which are ten times as fast as orthogonal columns would be; what they cost in
+    digits one refinement gives back (Bjorck, Linear Algebra Appl. 88, 1987).
+    """
 
     modes: Modes
     plays: Plays
-    basis: _Basis
+    linear_volts: ComplexArray
+    terms: ComplexArray
+    columns: FloatArray
+    norms: FloatArray
+    upper: FloatArray
     found: FloatArray
     left: FloatArray
 
     @classmethod
     def of(cls, modes: Modes, plays: Plays) -> _Fitted:
-        basis = _Basis.of(modes.poles, modes.weights, plays)
-        return cls(modes, plays, basis, *basis.solution(stack(plays.velocity)))
+        terms, ringing = terms_of(modes.poles, plays.f)
+        linear_volts = np.einsum("pr,prl->pl", modes.weights[list(plays.patches)], plays.operators)
+        columns = np.concatenate([*(x * terms for x in linear_volts), ringing]).view(np.float64)
+        gram = columns @ columns.T
+        norms = np.sqrt(np.diag(gram))
+        # Of columns that coincide, least squares of the least norm.
+        upper = scipy.linalg.cholesky(gram / np.outer(norms, norms) + _ALIKE * np.eye(len(norms)))
+        measured = rows(plays.velocity.T)
+        found, left = np.zeros((len(norms), len(measured))), measured
+        for _ in range(2):
+            within = _solved(upper, (columns @ left.T) / norms[:, None], transposed=True)
+            found += _solved(upper, within) / norms[:, None]
+            left = measured - found.T @ columns
+        return cls(modes, plays, linear_volts, terms, columns, norms, upper, found, left)
+
+    def losses(self) -> FloatArray:
+        """(poles,): increase of the squared residual on removal of each pole, with the others fixed."""
+        inverse = scipy.linalg.cho_solve((self.upper, False), np.eye(len(self.norms)))
+        found, each, n = self.found * self.norms[:, None], len(self.terms), len(self.modes.poles)
+        starts = np.arange(len(self.plays.patches) + 1) * each
+        losses = np.empty(n)
+        for k in range(n):
+            own = np.concatenate([starts + k, starts + n + k])
+            spread = inverse[np.ix_(own, own)]
+            losses[k] = float(np.sum(found[own] * np.linalg.lstsq(spread, found[own], rcond=None)[0]))
+        return losses
 
     def linear(self) -> tuple[FloatArray, FloatArray]:
         """Normal matrix and gradient by logarithms of decay and frequency, and weights."""
-        p, basis, plays = self.modes.poles, self.basis, self.plays
-        near, mirror = (fraction * fraction for fraction in _fractions(p, plays.f))
-        each, n, weights = basis.response.shape[1], len(p), self.modes.weights.shape[1] - 1
+        p, plays, n = self.modes.poles, self.plays, len(self.modes.poles)
+        each, weights = len(self.terms), self.modes.weights.shape[1] - 1
         normal = np.zeros((2 * n + len(self.modes.weights) * weights,) * 2)
         gradient = np.zeros(len(normal))
         # Only those of the patches that played.
         laws = np.add.outer(2 * n + np.array(plays.patches) * weights, np.arange(weights))
         own = np.concatenate([np.arange(2 * n), laws.ravel()])
-        drives = np.array([*basis.linear_volts, np.ones(len(plays.f))]).T
-        for shares, rest in zip(self.found.T, self.left.T, strict=True):
-            ranges = np.array([shares[k * each : k * each + 2 * n] for k in range(drives.shape[1])])
-            one = (drives @ (ranges[:, :n] + 1j * ranges[:, n:])) * near
-            other = (drives @ (ranges[:, :n] - 1j * ranges[:, n:])) * mirror
-            change = [(one + other) * p.real, 1j * (one - other) * p.imag]
-            for k, operators in enumerate(plays.operators):
-                change.append((operators[1:] * (basis.response @ shares[k * each : (k + 1) * each])).T)
-            columns = stack(np.concatenate(change, axis=1))
-            within = basis.within(columns)
-            normal[np.ix_(own, own)] += columns.T @ columns - within.T @ within
-            gradient[own] += columns.T @ rest
+        drives = np.array([*self.linear_volts, np.ones(len(plays.f))])
+        for point, rest in zip(self.found.T, self.left, strict=True):
+            shares = point.reshape(len(drives), each)
+            change = [*moved(p, shares[:, : 2 * n], drives, plays.f)]
+            for own_share, operators in zip(shares, plays.operators, strict=False):
+                response = (own_share @ rows(self.terms)).view(np.complex128)
+                change.append(operators[1:] * response)
+            columns = rows(np.concatenate(change))
+            within = _solved(self.upper, (self.columns @ columns.T) / self.norms[:, None], transposed=True)
+            normal[np.ix_(own, own)] += columns @ columns.T - within.T @ within
+            gradient[own] += columns @ rest
         return normal, gradient
 
 
 @dataclass(frozen=True, eq=False)
-class _Basis:
-    """Columns of unit length for given poles and linear volts, patch by patch, then what rang.
+class _Fit:
+    """The same modes fitted to several plays, and the squared residual of all."""
 
-    With the triangle of their normal equations, which are ten times as fast as orthogonal columns would
-    be; what they cost in digits one refinement gives back (Bjorck, Linear Algebra Appl. 88, 1987).
-    """
-
-    linear_volts: ComplexArray
-    response: ComplexArray
-    columns: FloatArray
-    upper: FloatArray
-    norms: FloatArray
+    modes: Modes
+    parts: tuple[_Fitted, ...]
+    cost: float
 
     @classmethod
-    def of(cls, poles: ComplexArray, weights: FloatArray, plays: Plays) -> _Basis:
-        response, ringing = columns_of(poles, plays.f)
-        linear_volts = np.einsum("pr,prl->pl", weights[list(plays.patches)], plays.operators)
-        columns = stack(np.concatenate([*(x[:, None] * response for x in linear_volts), ringing], axis=1))
-        norms = np.linalg.norm(columns, axis=0)
-        columns /= norms
-        # Of columns that coincide, least squares of the least norm.
-        upper = scipy.linalg.cholesky(columns.T @ columns + _ALIKE * np.eye(len(norms)))
-        return cls(linear_volts, response, columns, upper, norms)
+    def of(cls, modes: Modes, plays: Sequence[Plays]) -> _Fit:
+        parts = tuple(_Fitted.of(modes, one) for one in plays)
+        return cls(modes, parts, sum(float((one.left**2).sum()) for one in parts))
 
-    def within(self, values: FloatArray) -> FloatArray:
-        """(columns, ...): what of `values` (rows, ...) the columns make, in coordinates of unit length."""
-        return np.asarray(scipy.linalg.solve_triangular(self.upper, self.columns.T @ values, trans="T"))
-
-    def solution(self, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found, left = np.zeros((len(self.norms), measured.shape[1])), measured
-        for _ in range(2):
-            found += scipy.linalg.solve_triangular(self.upper, self.within(left))
-            left = measured - self.columns @ found
-        return found / self.norms[:, None], left
+    def linear(self) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix and gradient, as `_Fitted.linear`."""
+        normal, gradient = zip(*(one.linear() for one in self.parts), strict=True)
+        return np.sum(normal, axis=0), np.sum(gradient, axis=0)
 
 
-def columns_of(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Columns (lines, unknowns) of the real unknowns of a response, and of those of what rings."""
-    s = 2j * np.pi * np.asarray(f)[:, None]
-    near, mirror = _fractions(poles, f)
-    pairs = np.concatenate([near + mirror, 1j * (near - mirror)], axis=1)
-    one = np.ones_like(s)
-    return np.concatenate([pairs, one, s], axis=1), np.concatenate([pairs, one, 1j * one], axis=1)
-
-
-def _fractions(poles: ComplexArray, f: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """1 / (s - p) and 1 / (s - conj p), (lines, poles). In real numbers: a complex division takes five times
-    as long.
-    """
-    both = []
-    for imag in (poles.imag, -poles.imag):
-        along = 2 * np.pi * np.asarray(f)[:, None] - imag
-        inverse = 1 / (poles.real**2 + along**2)
-        fraction = np.empty(along.shape, dtype=np.complex128)
-        np.multiply(inverse, -poles.real, out=fraction.real)
-        np.multiply(inverse, -along, out=fraction.imag)
-        both.append(fraction)
-    return both[0], both[1]
+def _solved(upper: FloatArray, values: FloatArray, *, transposed: bool = False) -> FloatArray:
+    return np.asarray(
+        scipy.linalg.solve_triangular(upper, values, trans="T" if transposed else "N", check_finite=False)
+    )
 
 
 def _mixed(plays: Plays, count: int) -> Plays:
     """A few combinations of points. They have the table's poles, and each shows every mode."""
-    left, sizes, _ = np.linalg.svd(stack(plays.velocity), full_matrices=False)
-    strongest = (left * sizes)[:, :_STRONGEST]
-    many = strongest.shape[1]
+    _, sizes, right = np.linalg.svd(rows(plays.velocity.T), full_matrices=False)
+    strongest = (sizes[:, None] * right)[:_STRONGEST]
+    many = len(strongest)
     mixing = np.linalg.qr(np.random.default_rng(0).standard_normal((many, many)))[0][:, :count]
-    mixed, half = strongest @ mixing, len(plays.f)
-    return Plays(plays.f, plays.patches, plays.operators, mixed[:half] + 1j * mixed[half:])
-
-
-def stack(values: ComplexArray) -> FloatArray:
-    """Real parts (lines, ...) above imaginary parts."""
-    return np.concatenate([values.real, values.imag])
+    return replace(plays, velocity=(mixing.T @ strongest).view(np.complex128).T)

@@ -19,7 +19,8 @@ from matplotlib.image import AxesImage
 from haploop import figures, plot
 from haploop.acquisition import Recording, Representative, accepted_presses
 from haploop.calibration import Calibration, Check, VibrationMap, check_feeling, map_plan
-from haploop.calibration.response.modes import Modes, columns_of
+from haploop.calibration.response.modes import Modes
+from haploop.calibration.response.terms import terms_of
 from haploop.console import server
 from haploop.experiments import load_experiment
 from haploop.figures.plotting import colour, legend_under, letter, new_figure, style
@@ -51,7 +52,7 @@ def vibration_map(points: range) -> VibrationMap:
         [np.sin(m * np.pi * (row + 0.5) / rows) * np.sin(n * np.pi * (column + 0.5) / columns)
          for m, n in ((1, 1), (1, 2), (2, 2), (1, 4), (3, 2))]
     )  # fmt: skip
-    unknowns = columns_of(poles, hz)[0].shape[1]
+    unknowns = len(terms_of(poles, hz)[0])
     shares = np.zeros((len(plan.patches), len(points), unknowns))
     shares[:, :, : len(hz)] = 1e-3 * shapes.T * np.array([1, 0.5, 0.3, 0.2])[: len(plan.patches), None, None]
     return VibrationMap(
