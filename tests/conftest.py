@@ -12,6 +12,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from filelock import FileLock
 
 import haploop
 from haploop.pytest_plugin import OpenRig
@@ -75,18 +76,35 @@ def mode(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def common(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """A folder of all workers, for what one of them makes and the others read."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base if worker_id == "master" else base.parent) / "common"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made(common: Path) -> Path:
     """A folder with the digital buttons latch.h5 and push.h5, made in haste on the simulated table."""
-    folder = tmp_path_factory.mktemp("buttons")
+    folder = common / "buttons"
+    with FileLock(common / "buttons.lock"):
+        if not folder.exists():
+            _make_buttons(folder)
+    return folder
+
+
+def _make_buttons(folder: Path) -> None:
+    unfinished = folder.with_name("unfinished-buttons")
     with haploop.open_rig("simulated") as rig:
         calibration = haploop.calibrate(rig, patch="A", point="button")
         for name in ("latch", "push"):
-            recording = haploop.record(rig, button=name, participant="P01", presses=3, out=folder)
+            recording = haploop.record(rig, button=name, participant="P01", presses=3, out=unfinished)
             press = haploop.representative([recording])
             button = haploop.build_button(rig, press, calibration, iterations=0, plays=3)
             assert button.passed
-            button.save(folder / f"{name}.h5")
-    return folder
+            button.save(unfinished / f"{name}.h5")
+    unfinished.rename(folder)
 
 
 @pytest.fixture
