@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import os
 import signal
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 
 import hypothesis
 import pytest
+from filelock import FileLock
 
 import haploop
 from haploop.pytest_plugin import OpenRig
@@ -29,22 +32,43 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """One worker more than cores, as a third of a worker's time is waiting; two a core on the wire, where
-    client and server wait for one another; on hardware there is one program only."""
-    cores = os.cpu_count() or 1
-    return {"twin": cores + 1, "wire": 2 * cores}.get(config.getoption("--rig"), 0)
+    """Two workers a core, because tests wait: for programs that are killed, for real clocks, for disks, and
+    on the wire client and server for one another. On hardware there is one program only."""
+    return 2 * (os.cpu_count() or 1) if config.getoption("--rig") in ("twin", "wire") else 0
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Ctrl-C reaches the tests also where it is ignored (nohup, `&`, some CI); the mark of what would take
     minutes through the wire, and shows nothing there that others do not.
 
-    Workers, and what they start, compute in one thread each: threads of BLAS would wait for one another."""
+    Workers, and what they start, compute in one thread each: threads of BLAS would wait for one another.
+    What they free they keep for what they allocate next, as the kernel takes its time to give out memory.
+    They keep their bytecode, although a container may say that nobody does: a sixth of what a program costs
+    that a test starts is compiling, and workers share what they compile."""
     for library in ("OMP", "OPENBLAS"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    for threshold in ("MMAP", "TRIM"):
+        os.environ.setdefault(f"MALLOC_{threshold}_THRESHOLD_", str(2**30))  # glibc
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.set_threshold(20_000)
     config.addinivalue_line("markers", "many_plays: plays for minutes; on the wire with --full only")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Each worker imports the tests from another file on, and finds those that others have compiled.
+
+    From the same file on all would compile the same at the same time: a third of a worker's start."""
+    worker = getattr(session.config, "workerinput", None)
+    if worker is None or session.config.args != session.config.getini("testpaths"):
+        return
+    paths = sorted((session.config.rootpath / "tests").rglob("test_*.py"))
+    first = len(paths) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+    for path in paths[first:] + paths[:first]:
+        # What cannot be imported, or skips all its tests, says so when it is collected.
+        with suppress(Exception, pytest.skip.Exception):
+            importlib.import_module(".".join(path.relative_to(session.config.rootpath).with_suffix("").parts))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -75,18 +99,35 @@ def mode(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def common(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """A folder of all workers, for what one of them makes and the others read."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base if worker_id == "master" else base.parent) / "common"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made(common: Path) -> Path:
     """A folder with the digital buttons latch.h5 and push.h5, made in haste on the simulated table."""
-    folder = tmp_path_factory.mktemp("buttons")
+    folder = common / "buttons"
+    with FileLock(common / "buttons.lock"):
+        if not folder.exists():
+            _make_buttons(folder)
+    return folder
+
+
+def _make_buttons(folder: Path) -> None:
+    unfinished = folder.with_name("unfinished-buttons")
     with haploop.open_rig("simulated") as rig:
         calibration = haploop.calibrate(rig, patch="A", point="button")
         for name in ("latch", "push"):
-            recording = haploop.record(rig, button=name, participant="P01", presses=3, out=folder)
+            recording = haploop.record(rig, button=name, participant="P01", presses=3, out=unfinished)
             press = haploop.representative([recording])
             button = haploop.build_button(rig, press, calibration, iterations=0, plays=3)
             assert button.passed
-            button.save(folder / f"{name}.h5")
-    return folder
+            button.save(unfinished / f"{name}.h5")
+    unfinished.rename(folder)
 
 
 @pytest.fixture

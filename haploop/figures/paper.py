@@ -54,7 +54,7 @@ __all__ = [
 ]
 
 
-_TITLE = 48
+_TITLE = 42
 """Characters of a title that fit above a panel one column wide."""
 _NAMES = 40
 """Most characters of names side by side below a panel."""

@@ -66,8 +66,9 @@ class YoctoHub(Loopback):
 
     def _notify(self, link: socket.socket) -> None:
         """Send the endless notification stream: a start position, then each channel's changes."""
-        link.sendall(b"HTTP/1.1 200 OK\r\n\r\n" + b"YN01@0\n")
+        # Before the client hears the start position: what it then changes must be told.
         sent = self._values()
+        link.sendall(b"HTTP/1.1 200 OK\r\n\r\n" + b"YN01@0\n")
         while not self.closing.wait(_POLL):
             values = self._values()
             changed = {c: v for c, v in values.items() if v != sent[c]}

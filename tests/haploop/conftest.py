@@ -53,13 +53,10 @@ def run() -> Run:
 
 
 @pytest.fixture(scope="session")
-def demo(tmp_path_factory: pytest.TempPathFactory, worker_id: str, mode: str) -> Demo:
+def demo(common: Path, mode: str) -> Demo:
     """Read only. The worker that needs it first makes it, and the others wait for that."""
-    base = tmp_path_factory.getbasetemp()
-    shared = (base if worker_id == "master" else base.parent) / "front"
-    shared.mkdir(exist_ok=True)
-    folder, told = shared / "demo", shared / "demo.json"
-    with FileLock(shared / "demo.lock"):
+    folder, told = common / "demo", common / "demo.json"
+    with FileLock(common / "demo.lock"):
         if not told.exists():
             simulate = mode if mode in ("twin", "wire") else "twin"
             result = CliRunner().invoke(cli, ["demo", "--json", "--out", str(folder), "--simulate", simulate])
