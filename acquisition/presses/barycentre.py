@@ -18,7 +18,8 @@ from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["alike", "along", "barycentre", "centred", "lags_along", "paths_to", "read_at"]
 
-_ITERATIONS = 5
+_ITERATIONS = 3
+"""After five, presses are no nearer the truth: 200 sets in `benchmarks/README.md`."""
 _ALIKE, _SHARE = 2.0, 0.25
 """A press is unlike the others when its DTW distance from its participant's barycentre exceeds both this
 multiple of the median distance and this fraction of the barycentre's norm. Measured on presses that differ
