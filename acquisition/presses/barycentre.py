@@ -32,7 +32,7 @@ energy that tells an event from silence."""
 def barycentre(curves: FloatArray, window: int) -> FloatArray:
     """Compute the DTW barycentre (samples,) of (curves, samples), starting at the curve nearest the mean."""
     if len(curves) == 1:
-        return curves[0].copy()
+        return np.array(curves[0])
     mean = curves.mean(axis=0)
     near = int(np.argmin([np.sum((curve - mean) ** 2) for curve in curves]))
     rows = [np.ascontiguousarray(curve) for curve in curves]
