@@ -101,7 +101,7 @@ def average(
             masks.append(mask)
             centres.append(centre[None])
             if registering:
-                one = register(group[mask], rate_hz, m, centre, paths)
+                one = register(group[mask], rate_hz, m, (centre, paths))
                 means.append(one.template)
                 each.append(np.concatenate(one.aligned))
         own = _Kept(groups, masks, centres)
@@ -170,8 +170,7 @@ def _registration(
     means: Sequence[FloatArray], each: Iterable[FloatArray], rate_hz: float, m: WarpModel
 ) -> _Template:
     """Register the participants' templates (channels, samples), and with them their presses."""
-    first = barycentre(leads(means), m.window(rate_hz))
-    whole = register(means, rate_hz, m, first)
+    whole = register(means, rate_hz, m, barycentre(leads(means), m.window(rate_hz)))
     aligned = Spool()
     # The participant's warp is applied after each press's own warp.
     for rows, shift in zip(each, chain.from_iterable(whole.shifts), strict=True):
@@ -183,7 +182,7 @@ def _barycentre(
     own: _Kept, rate_hz: float, window: int, in_time: bool, known: list[IntArray] | None = None
 ) -> _Template:
     """The paper's average; `in_time`, brought to the mean time of the presses."""
-    trusted, centre, _ = alike(leads(own.centres), window, keep_paths=False)
+    trusted, centre, _ = alike(leads(own.centres), window)
     template, lag, aligned = np.zeros((0, 0)), np.zeros(len(centre)), Spool()
     for curves, counts in zip(own, trusted, strict=True):
         paths = known or list(paths_to(centre, curves[:, 0], window))

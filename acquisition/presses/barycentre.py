@@ -12,13 +12,13 @@ from itertools import chain
 
 import numpy as np
 import scipy
-from dtaidistance import dtw, dtw_barycenter
+from dtaidistance import dtw
 
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["alike", "along", "barycentre", "centred", "lags_along", "paths_to", "read_at"]
 
-_ITERATIONS = 3
+_ROUNDS = 3
 """After five, presses are no nearer the truth: 200 sets in `benchmarks/README.md`."""
 _ALIKE, _SHARE = 2.0, 0.25
 """A press is unlike the others when its DTW distance from its participant's barycentre exceeds both this
@@ -29,49 +29,50 @@ _STIFF, _SMOOTH = 0.004, 0.002
 energy that tells an event from silence."""
 
 
-def barycentre(curves: FloatArray, window: int) -> FloatArray:
-    """Compute the DTW barycentre (samples,) of (curves, samples), starting at the curve nearest the mean."""
-    if len(curves) == 1:
-        return np.array(curves[0])
-    mean = curves.mean(axis=0)
-    near = int(np.argmin([np.sum((curve - mean) ** 2) for curve in curves]))
-    rows = [np.ascontiguousarray(curve) for curve in curves]
-    return np.asarray(
-        dtw_barycenter.dba_loop(
-            rows, c=rows[near].copy(), max_it=_ITERATIONS, thr=1e-4, window=window, use_c=True
-        )
-    )
+def barycentre(curves: FloatArray, window: int) -> tuple[FloatArray, list[IntArray]]:
+    """Compute the DTW barycentre (samples,) of (curves, samples), starting at the curve nearest the mean.
+
+    Returns with it the path of each curve, see `paths_to`, along which it is the mean of their samples.
+    """
+    mean, samples = curves.mean(axis=0), curves.shape[1]
+    centre = curves[int(np.argmin([np.sum((curve - mean) ** 2) for curve in curves]))]
+    paths = [np.tile(np.arange(samples), (2, 1))] * len(curves)
+    for _ in range(_ROUNDS if len(curves) > 1 else 0):
+        paths = list(paths_to(centre, curves, window, paths))
+        total, met = np.zeros((2, samples))
+        for curve, (to, at) in zip(curves, paths, strict=True):
+            total += np.bincount(to, curve[at], samples)
+            met += np.bincount(to, minlength=samples)
+        centre = total / met
+    return centre, paths
 
 
-def alike(
-    curves: FloatArray, window: int, keep_paths: bool = True
-) -> tuple[BoolArray, FloatArray, list[IntArray]]:
+def alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray, list[IntArray]]:
     """Find the curves (curves, samples) that resemble each other.
 
-    Returns which they are (curves,), their barycentre, and their paths to it: none without `keep_paths`, as
-    a path takes twice the memory of its curve.
+    Returns which they are (curves,), their barycentre, and their paths to it.
     """
-    centre = barycentre(curves, window)
-    far, paths = [], []
-    for one, path in zip(curves, paths_to(centre, curves, window), strict=True):
-        to, at = path
-        far.append(np.linalg.norm(centre[to] - one[at]))
-        if keep_paths:
-            paths.append(path)
+    centre, paths = barycentre(curves, window)
+    far = [np.linalg.norm(centre[to] - one[at]) for one, (to, at) in zip(curves, paths, strict=True)]
     least = max(_ALIKE * float(np.median(far)), _SHARE * float(np.linalg.norm(centre)))
     mask = np.asarray((np.array(far) <= least) | (len(curves) < 4))
-    if mask.all():
-        return mask, centre, paths
-    centre = barycentre(curves[mask], window)
-    return mask, centre, list(paths_to(centre, curves[mask], window)) if keep_paths else []
+    if not mask.all():
+        centre, paths = barycentre(curves[mask], window)
+    return mask, centre, paths
 
 
-def paths_to(template: FloatArray, curves: FloatArray, window: int) -> Iterator[IntArray]:
-    """DTW path (2, steps) of each of (curves, samples) to a template: its samples, and the curve's."""
-    for curve in curves:
-        # The diagonal is a path, so that none that is longer need be followed. Rounding must not exclude it
-        # itself, as it can by `use_pruning`, which then loses the best path.
-        longest = (1 + 1e-9) * float(np.linalg.norm(template - curve))
+def paths_to(
+    template: FloatArray, curves: FloatArray, window: int, known: Sequence[IntArray] | None = None
+) -> Iterator[IntArray]:
+    """DTW path (2, steps) of each of (curves, samples) to a template: its samples, and the curve's.
+
+    `known` are paths of the curves to a template that may be another: none that is longer is followed.
+    """
+    template, diagonal = np.ascontiguousarray(template), np.tile(np.arange(len(template)), (2, 1))
+    for curve, (to, at) in zip(curves, known or [diagonal] * len(curves), strict=True):
+        # Rounding must not exclude the known path itself, as it can by `use_pruning`, which then loses the
+        # best path.
+        longest = (1 + 1e-9) * float(np.linalg.norm(template[to] - curve[at]))
         row = np.ascontiguousarray(curve)
         path = dtw.warping_path(template, row, window=window, max_dist=longest, use_c=True)
         yield np.fromiter(chain.from_iterable(path), np.intp, 2 * len(path)).reshape(-1, 2).T

@@ -121,14 +121,13 @@ def register(
     curves: Sequence[FloatArray] | FloatArray,
     rate_hz: float,
     model: WarpModel | None = None,
-    start: FloatArray | None = None,
-    paths: Sequence[IntArray] | None = None,
+    start: tuple[FloatArray, Sequence[IntArray]] | None = None,
 ) -> Registration:
     """Register curves, each (channels, samples), by the first channel, and average all channels.
 
-    The curves must already be aligned within `reach` at an event common to all. `start` (samples,) is a
-    first template, such as a DTW barycentre. The fit then runs twice, once from the DTW paths to `start`
-    (`paths`, if they are known) and once from zero warps, and the result with the lower cost is kept.
+    The curves must already be aligned within `reach` at an event common to all. `start` is a first template
+    (samples,) with the curves' DTW paths to it, such as `barycentre` returns. The fit then runs twice, once
+    from these paths and once from zero warps, and the result with the lower cost is kept.
     """
     m = model or WarpModel()
     count, (channels, samples) = len(curves), curves[0].shape
@@ -138,7 +137,7 @@ def register(
     # Zero warps are the better start when the curves already agree: DTW paths then follow noise.
     starts = [np.zeros((count, m.knots))]
     if start is not None:
-        starts.append(work.from_paths(start, paths or paths_to(start, work.lead, work.window), count))
+        starts.append(work.from_paths(*start, count))
     warps = min((work.refine(begin, m.rounds) for begin in starts), key=work.cost)
     for _ in range(m.rescues):
         warps = work.refine(work.rescue(warps), m.rounds // 3)

@@ -7,7 +7,7 @@ import tracemalloc
 import h5py
 import numpy as np
 import pytest
-from dtaidistance import dtw
+from dtaidistance import dtw, dtw_barycenter
 
 from benchmarks.representative import unseen
 from benchmarks.synthetic_presses import FAMILIES, RATE, TIMES, error, shape_error, spectrum_error
@@ -111,11 +111,25 @@ def test_a_method_that_is_asked_for_by_name_is_the_only_one_that_is_computed():
         assert (result.method, result.reason, result.scores) == (name, "asked for by name", {})
         assert [*result.leads] == [name]
     window = WarpModel().window(RATE)
-    paper = barycentre(np.stack([barycentre(one, window) for one in presses.curves]), window)
+    paper, _ = barycentre(np.stack([barycentre(one, window)[0] for one in presses.curves]), window)
     np.testing.assert_array_equal(average(groups, RATE, method="barycentre").template[0], paper)
     np.testing.assert_allclose(result.template[0], presses.curves.mean(axis=(0, 1)), atol=1e-12)
     with pytest.raises(ConfigurationError, match=r"no method 'median' .* use automatic, barycentre, reg"):
         average(groups, RATE, method="median")
+
+
+def test_a_barycentre_is_that_of_dtaidistance_and_the_mean_along_its_paths():
+    for kind in (TEMPO.warped, TEMPO.jittered):
+        curves = kind(27_182, 1, 5).curves[0]
+        mean = curves.mean(axis=0)
+        first = min(curves, key=lambda curve: float(np.sum((curve - mean) ** 2)))
+        theirs = dtw_barycenter.dba_loop(list(curves), c=first.copy(), max_it=3, window=150, use_c=True)
+        centre, paths = barycentre(curves, 150)
+        np.testing.assert_allclose(centre, theirs, atol=1e-9)
+        to, at = np.concatenate(paths, axis=1)
+        which = np.repeat(np.arange(5), [path.shape[1] for path in paths])
+        met = [curves[which[to == n], at[to == n]].mean() for n in range(0, len(centre), 100)]
+        np.testing.assert_allclose(centre[::100], met, atol=1e-9)
 
 
 def test_a_barycentre_is_brought_to_the_mean_time_of_its_curves():
@@ -163,13 +177,14 @@ def test_many_curves_are_registered_in_blocks(monkeypatch):
     click, quick = TEMPLATE[700:1300], WarpModel(rounds=2, rescues=1)
     curves = np.array([[click * k, np.sqrt(k) * click] for k in np.linspace(0.8, 1.2, 96)])
     curves += 0.02 * np.random.default_rng(1).normal(size=curves.shape)
-    whole = register(curves, RATE, quick, start=click)
+    paths = list(paths_to(click, curves[:, 0], 150))
+    whole = register(curves, RATE, quick, (click, paths))
     assert len(whole.aligned) == 1
     monkeypatch.setattr(registration, "_BLOCK", 24)
     peaks = []
     for count in (48, 96):
         tracemalloc.start()
-        some = register(curves[:count], RATE, quick, start=click)
+        some = register(curves[:count], RATE, quick, (click, paths[:count]))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert len(some.aligned) == len(some.shifts) == 4
