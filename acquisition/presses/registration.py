@@ -19,7 +19,7 @@ import scipy
 
 from haploop.acquisition.presses.barycentre import paths_to
 from haploop.acquisition.presses.spool import Spool
-from haploop.instruments.arrays import FloatArray, IntArray
+from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["Registration", "WarpModel", "leads", "moved", "register"]
 
@@ -30,6 +30,17 @@ _COARSE = 4
 _BLOCK = 96
 """Curves of a block; the last has up to twice as many. The last digits of a product of matrices depend on its
 size when that is small, and not a multiple of what a processor computes at once: 4 to 24 rows."""
+
+
+_SILENT = 10.0
+"""Squared slope, over the median of a template, up to which it is silence: a path is random there."""
+_EXACT = 0.05
+"""Standard deviation of a path's lag within an event, in samples."""
+_STIFFER = 10.0 ** np.arange(6)
+"""Stiffnesses to try, over the prior's, until a warp that follows a path does not reverse time."""
+_UNLIKE = 0.25
+"""Residual, over the median curve, up to which no curve is an outlier: curves that agree to a percent have
+some that agree to three."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +60,8 @@ class WarpModel:
     floor: float = 0.02
     """Smallest noise estimate, relative to the curves; fits never go below it."""
     outlier: float = 2.5
-    """Residual, in multiples of the median, above which a curve's weight falls with the inverse square."""
+    """Residual, in multiples of the median, above which a curve's weight falls with the inverse square: how
+    loud a curve is does not count, nor does what is below a quarter of a curve."""
 
     def window(self, rate_hz: float) -> int:
         """`reach` in samples."""
@@ -300,8 +312,8 @@ class _Work:
     def _priced(self, rest: FloatArray, warps: FloatArray, shifts: FloatArray, noise: float) -> FloatArray:
         """Residual sum of squares plus noise-weighted bending; infinite for a reversal of time."""
         bent = np.einsum("ik,ik->i", warps @ self.prior, warps)
-        backwards = np.diff(shifts, axis=1).min(axis=1) < -0.7 * self.places[1]
-        return np.asarray(np.where(backwards, np.inf, np.einsum("is,is->i", rest, rest) + noise * bent))
+        price = np.einsum("is,is->i", rest, rest) + noise * bent
+        return np.asarray(np.where(self._backwards(shifts), np.inf, price))
 
     def step(self, warps: FloatArray, template: FloatArray, noise: float, which: IntArray) -> FloatArray:
         """Take one Gauss-Newton step with each of these curves, shortened until it lowers the cost."""
@@ -346,13 +358,25 @@ class _Work:
 
     def _followed(self, template: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
         slope = np.gradient(template) ** 2 / max(self.floor, 1e-30)
+        # The steeper the template, the better a lag is known, down to what a path can tell.
+        event = np.maximum(slope - _SILENT * np.median(slope), 0.0)
+        trust = event / (1 + event * _EXACT**2)
         weights, lags = np.zeros((2, len(paths), len(self.places)))
         for row, (at, there) in enumerate(paths):
-            # A path through silence is random, so lags are weighted by the template's squared slope.
-            weights[row] = (slope * np.bincount(at, minlength=len(slope)))[self.places]
-            lags[row] = (slope * np.bincount(at, there - at, len(slope)))[self.places]
-        normal = self.normal(weights) + self.prior
-        return np.asarray(np.linalg.solve(normal, (lags @ self.basis)[..., None])[..., 0])
+            weights[row] = (trust * np.bincount(at, minlength=len(trust)))[self.places]
+            lags[row] = (trust * np.bincount(at, there - at, len(trust)))[self.places]
+        normal, aims = self.normal(weights), (lags @ self.basis)[..., None]
+        warps, left = np.zeros((len(paths), self.m.knots)), np.arange(len(paths))
+        for stiffness in _STIFFER:
+            warps[left] = np.linalg.solve(normal[left] + stiffness * self.prior, aims[left])[..., 0]
+            left = left[self._backwards(warps[left] @ self.basis.T)]
+            if not len(left):
+                break
+        return warps
+
+    def _backwards(self, shifts: FloatArray) -> BoolArray:
+        """Whether a warp (rows, places) comes near to a reversal of time (rows,)."""
+        return np.asarray(np.diff(shifts, axis=1).min(axis=1) < -0.7 * self.places[1])
 
 
 def _each(blocks: Iterable[FloatArray]) -> Spool:
@@ -385,12 +409,16 @@ def _prior(samples: int, offset: float, m: WarpModel) -> FloatArray:
 
 
 def _weights(coarse: FloatArray, m: WarpModel) -> FloatArray:
-    """Weights (curves,): 1, or less for a curve unusually far from the median curve.
+    """Weights (curves,): 1, or less for a curve unusually far from the median curve, however loud.
 
     `coarse` is (curves, samples) of every _COARSE-th sample.
     """
     if len(coarse) < 4:
         return np.ones(len(coarse))
-    residual = np.sqrt(np.mean((coarse - np.median(coarse, axis=0)) ** 2, axis=1))
-    limit = m.outlier * float(np.median(residual))
+    median = np.median(coarse, axis=0)
+    # A finger presses hard or softly. Were loud presses to count less, the mean of the times would be that
+    # of the others.
+    loudness = np.maximum(coarse @ median, 0.0) / max(float(median @ median), 1e-300)
+    residual = np.sqrt(np.mean((coarse - loudness[:, None] * median) ** 2, axis=1))
+    limit = max(m.outlier * float(np.median(residual)), _UNLIKE * float(np.sqrt(np.mean(median**2))))
     return np.asarray(np.minimum(1.0, (limit / np.maximum(residual, 1e-30)) ** 2))
