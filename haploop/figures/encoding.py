@@ -70,7 +70,8 @@ def png(figure: Figure, dpi: float = DPI) -> bytes:
 
 
 def _png(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
-    canvas.print_png(buffer, metadata={"Software": None})  # type: ignore[no-untyped-call]
+    # A third less time than zlib's default level, for pictures that are a twentieth larger.
+    canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": 2})  # type: ignore[no-untyped-call]
 
 
 def _pdf(canvas: FigureCanvasAgg, buffer: io.BytesIO) -> None:
