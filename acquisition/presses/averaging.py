@@ -21,6 +21,7 @@ from scipy import fft
 from threadpoolctl import threadpool_limits
 
 from haploop.acquisition.presses.barycentre import (
+    WarpingPath,
     alike,
     along,
     barycentre,
@@ -179,7 +180,7 @@ def _registration(
 
 
 def _barycentre(
-    own: _Kept, rate_hz: float, window: int, in_time: bool, known: list[IntArray] | None = None
+    own: _Kept, rate_hz: float, window: int, in_time: bool, known: list[WarpingPath] | None = None
 ) -> _Template:
     """The paper's average; `in_time`, brought to the mean time of the presses."""
     trusted, centre, _ = alike(leads(own.centres), window)

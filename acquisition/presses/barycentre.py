@@ -13,13 +13,17 @@ from itertools import chain
 import numpy as np
 import scipy
 from dtaidistance import dtw
+from numpy.typing import NDArray
 
-from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
+from haploop.instruments.arrays import BoolArray, FloatArray
 
-__all__ = ["alike", "along", "barycentre", "centred", "lags_along", "paths_to", "read_at"]
+__all__ = ["WarpingPath", "alike", "along", "barycentre", "centred", "lags_along", "paths_to", "read_at"]
 
-_ROUNDS = 3
-"""After five, presses are no nearer the truth: 200 sets in `benchmarks/README.md`."""
+WarpingPath = NDArray[np.int32]
+"""(2, steps): samples of a template, and those of a curve that they are compared with."""
+_ROUNDS, _SETTLED = 5, 0.97
+"""Most rounds of a barycentre, and the squared length of new paths, over that of the old ones, from which no
+other round follows: hardly different from always three, or five, on 200 sets in `benchmarks/README.md`."""
 _ALIKE, _SHARE = 2.0, 0.25
 """A press is unlike the others when its DTW distance from its participant's barycentre exceeds both this
 multiple of the median distance and this fraction of the barycentre's norm. Measured on presses that differ
@@ -29,25 +33,35 @@ _STIFF, _SMOOTH = 0.004, 0.002
 energy that tells an event from silence."""
 
 
-def barycentre(curves: FloatArray, window: int) -> tuple[FloatArray, list[IntArray]]:
+def barycentre(curves: FloatArray, window: int) -> tuple[FloatArray, list[WarpingPath]]:
     """Compute the DTW barycentre (samples,) of (curves, samples), starting at the curve nearest the mean.
 
     Returns with it the path of each curve, see `paths_to`, along which it is the mean of their samples.
     """
     mean, samples = curves.mean(axis=0), curves.shape[1]
     centre = curves[int(np.argmin([np.sum((curve - mean) ** 2) for curve in curves]))]
-    paths = [np.tile(np.arange(samples), (2, 1))] * len(curves)
-    for _ in range(_ROUNDS if len(curves) > 1 else 0):
-        paths = list(paths_to(centre, curves, window, paths))
+    paths = [_diagonal(samples)] * len(curves)
+    for number in range(_ROUNDS if len(curves) > 1 else 0):
+        known, paths = paths, list(paths_to(centre, curves, window, paths))
+        settled = number and _far(centre, curves, paths) > _SETTLED * _far(centre, curves, known)
         total, met = np.zeros((2, samples))
         for curve, (to, at) in zip(curves, paths, strict=True):
             total += np.bincount(to, curve[at], samples)
             met += np.bincount(to, minlength=samples)
         centre = total / met
+        if settled:
+            break
     return centre, paths
 
 
-def alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray, list[IntArray]]:
+def _far(template: FloatArray, curves: FloatArray, paths: Sequence[WarpingPath]) -> float:
+    """Sum of the squared lengths of paths of (curves, samples) to a template."""
+    return sum(
+        float(np.sum((template[to] - curve[at]) ** 2)) for curve, (to, at) in zip(curves, paths, strict=True)
+    )
+
+
+def alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray, list[WarpingPath]]:
     """Find the curves (curves, samples) that resemble each other.
 
     Returns which they are (curves,), their barycentre, and their paths to it.
@@ -62,23 +76,27 @@ def alike(curves: FloatArray, window: int) -> tuple[BoolArray, FloatArray, list[
 
 
 def paths_to(
-    template: FloatArray, curves: FloatArray, window: int, known: Sequence[IntArray] | None = None
-) -> Iterator[IntArray]:
-    """DTW path (2, steps) of each of (curves, samples) to a template: its samples, and the curve's.
+    template: FloatArray, curves: FloatArray, window: int, known: Sequence[WarpingPath] | None = None
+) -> Iterator[WarpingPath]:
+    """Find the DTW path of each of (curves, samples) to a template.
 
     `known` are paths of the curves to a template that may be another: none that is longer is followed.
     """
-    template, diagonal = np.ascontiguousarray(template), np.tile(np.arange(len(template)), (2, 1))
-    for curve, (to, at) in zip(curves, known or [diagonal] * len(curves), strict=True):
+    template = np.ascontiguousarray(template)
+    for curve, (to, at) in zip(curves, known or [_diagonal(len(template))] * len(curves), strict=True):
         # Rounding must not exclude the known path itself, as it can by `use_pruning`, which then loses the
         # best path.
         longest = (1 + 1e-9) * float(np.linalg.norm(template[to] - curve[at]))
         row = np.ascontiguousarray(curve)
         path = dtw.warping_path(template, row, window=window, max_dist=longest, use_c=True)
-        yield np.fromiter(chain.from_iterable(path), np.intp, 2 * len(path)).reshape(-1, 2).T
+        yield np.fromiter(chain.from_iterable(path), np.int32, 2 * len(path)).reshape(-1, 2).T
 
 
-def along(curves: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
+def _diagonal(samples: int) -> WarpingPath:
+    return np.tile(np.arange(samples, dtype=np.int32), (2, 1))
+
+
+def along(curves: FloatArray, paths: Sequence[WarpingPath]) -> FloatArray:
     """Warp (curves, channels, samples) along their paths to a template.
 
     Samples that map to the same sample of the template are averaged.
@@ -90,7 +108,7 @@ def along(curves: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
     return result
 
 
-def lags_along(path: IntArray, samples: int) -> FloatArray:
+def lags_along(path: WarpingPath, samples: int) -> FloatArray:
     """Mean lag (samples,) of a curve behind each sample of a template of so many, along their path."""
     return np.asarray(
         np.bincount(path[0], path[1] - path[0], samples) / np.bincount(path[0], minlength=samples)

@@ -17,7 +17,7 @@ from itertools import islice, pairwise
 import numpy as np
 import scipy
 
-from haploop.acquisition.presses.barycentre import paths_to
+from haploop.acquisition.presses.barycentre import WarpingPath, paths_to
 from haploop.acquisition.presses.spool import Spool
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
@@ -133,7 +133,7 @@ def register(
     curves: Sequence[FloatArray] | FloatArray,
     rate_hz: float,
     model: WarpModel | None = None,
-    start: tuple[FloatArray, Sequence[IntArray]] | None = None,
+    start: tuple[FloatArray, Sequence[WarpingPath]] | None = None,
 ) -> Registration:
     """Register curves, each (channels, samples), by the first channel, and average all channels.
 
@@ -350,13 +350,13 @@ class _Work:
         whole[:, a, b] = whole[:, b, a] = weights @ self.products
         return whole
 
-    def from_paths(self, template: FloatArray, paths: Iterable[IntArray], count: int) -> FloatArray:
+    def from_paths(self, template: FloatArray, paths: Iterable[WarpingPath], count: int) -> FloatArray:
         """Warps that follow the DTW paths of so many curves to a template (samples,)."""
         following = iter(paths)
         some = (list(islice(following, one.stop - one.start)) for one in _blocks(count))
         return np.concatenate([self._followed(template, part) for part in some])
 
-    def _followed(self, template: FloatArray, paths: Sequence[IntArray]) -> FloatArray:
+    def _followed(self, template: FloatArray, paths: Sequence[WarpingPath]) -> FloatArray:
         slope = np.gradient(template) ** 2 / max(self.floor, 1e-30)
         # The steeper the template, the better a lag is known, down to what a path can tell.
         event = np.maximum(slope - _SILENT * np.median(slope), 0.0)
