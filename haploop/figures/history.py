@@ -26,6 +26,7 @@ from haploop.figures.plotting import (
     dash,
     legend_under,
     letter,
+    log_scale,
     new_figure,
     style,
 )
@@ -205,7 +206,7 @@ def responses(old: Sequence[Calibration], new: Sequence[Calibration]) -> Figure:
                     axes.plot(f, 1e6 * np.abs(c.model.velocity(f)), color=SKY, linewidth=1.8, label="Before")
                 axes.plot(f, 1e6 * np.abs(now.model.velocity(f)), color=BLUE, linewidth=0.9, label="Now")
                 axes.set_xlim(f[0], f[-1])
-            grid[row, 0].set_yscale("log")
+            log_scale(grid[row, 0])
             grid[row, 0].set_ylabel("Velocity (µm/s per V)")
             room = 1 if row == 0 else 0
             letter(grid[row, 0], 2 * row, f"Patch {place[0]} at the {place[1]} point", room)

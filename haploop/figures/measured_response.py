@@ -18,6 +18,7 @@ from haploop.figures.plotting import (
     continuous_phase,
     legend_under,
     letter,
+    log_scale,
     new_figure,
     style,
 )
@@ -70,7 +71,7 @@ def response(calibration: Calibration, truth: ComplexArray | None = None, column
             coherence.set(xlabel="Frequency (Hz)", xlim=(f[0], f[-1]), ylim=(0, 1.05))
             coherence.xaxis.set_major_locator(MaxNLocator(5 if columns == 2 and not column else 3))
             phase.yaxis.set_major_locator(MaxNLocator(4, steps=[1.8, 3.6, 4.5, 9]))
-        grid[0, 0].set_yscale("log")
+        log_scale(grid[0, 0])
         grid[0, 1].set_ylim(bottom=0)
         grid[0, 0].set_ylabel("Velocity per volt (µm/s/V)")
         grid[1, 0].set_ylabel("Phase (°)")

@@ -10,8 +10,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.legend import Legend
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import FuncFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
@@ -36,6 +37,7 @@ __all__ = [
     "label_below",
     "legend_under",
     "letter",
+    "log_scale",
     "new_figure",
     "panels",
     "spectrum",
@@ -58,6 +60,8 @@ _WIDTHS = {1: 3.46, 2: 7.1}
 """Inches; 88 and 180 mm."""
 _TITLE_PAD, _LEGEND_ROW, _LETTER = 4.0, 11.0, 11.0
 """Points below a panel's title; that each row of a legend adds; from a panel's letter to its title."""
+
+_SUPERSCRIPTS = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
 
 _STYLE: Any = {
     "font.family": "sans-serif",
@@ -199,12 +203,31 @@ def spectrum(signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray
     return np.asarray(np.fft.rfftfreq(points, 1 / rate_hz), dtype=np.float64), density
 
 
+def log_scale(axes: Axes) -> None:
+    """Make the vertical axis of `axes` logarithmic.
+
+    Powers of ten are written with superscript digits where the font has them: as formulas, which matplotlib
+    parses, a dozen of them took as long as four panels.
+    """
+    axes.set_yscale("log")
+    font = get_font(findfont(FontProperties()))
+    if all(font.get_char_index(ord(mark)) for mark in _SUPERSCRIPTS):
+        axes.yaxis.set_major_formatter(FuncFormatter(_power_of_ten))
+
+
+def _power_of_ten(value: float, _position: int | None) -> str:
+    exponent = round(np.log10(value))
+    if not np.isclose(value, 10.0**exponent):
+        return f"{value:g}"
+    return "10" + "".join(_SUPERSCRIPTS["-0123456789".index(mark)] for mark in str(exponent))
+
+
 def density_axis(axes: Axes, stop_hz: float, top: float) -> None:
     """Set up `axes` for spectral densities of acceleration: six decades up to `top`."""
     axes.set_xlim(0, stop_hz)
     axes.set_ylabel("PSD ((m/s²)²/Hz)")
     if top > 0:
-        axes.set_yscale("log")
+        log_scale(axes)
         axes.set_ylim(2e-6 * top, 4 * top)
         # Forty of them on six decades are a grey edge, and take a fifth of a figure's time.
         axes.yaxis.set_minor_locator(NullLocator())
