@@ -131,15 +131,10 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
     inverse = plan.known / (power + rho * (np.abs(constraints) ** 2).sum(axis=0) + ridge)
     begin = np.clip(irfft(constraints * plan.operating_point, n), -bound, bound)
     z, u = state or (begin, np.zeros(bound.shape))
-    # Worked out once, and on the spot: a round is two transforms, and little else.
-    right, shares, relaxed = (
-        right_side * inverse,
-        rho * np.conj(constraints) * inverse,
-        _RELAXATION * constraints,
-    )
-    low = -bound
+    alone, shares = right_side * inverse, rho * np.conj(constraints) * inverse
+    relaxed, low = _RELAXATION * constraints, -bound
     for _ in range(_ITERATIONS):
-        V = right + (shares * rfft(z - u)).sum(axis=0)
+        V = alone + (shares * rfft(z - u)).sum(axis=0)
         v = irfft(relaxed * V, n)
         v += (1 - _RELAXATION) * z
         v += u

@@ -53,10 +53,10 @@ def test_smoothly_warped_presses_give_their_template_as_well_as_their_true_warps
         limits.append(error(presses.limit, presses.template))
         # The template at the mean of the presses' times has the same shape, and is nearer to begin at.
         shapes.append(shape_error(result.template[0], presses.limit))
-        assert error(result.template[0], presses.limit) < 0.3
+        assert error(result.template[0], presses.limit) < 0.05
     print(family, rms(errors), rms(limits), rms(shapes))
-    assert rms(errors) < 1.2 * rms(limits)
-    assert rms(shapes) < 0.06
+    assert rms(errors) < 1.01 * rms(limits)
+    assert rms(shapes) < 0.02
 
 
 @pytest.mark.parametrize("family", ["tempo", "hands"])
