@@ -61,9 +61,10 @@ def from_sweeps(
     lines = slice(int(np.ceil(first)), int(np.floor(last)) + 1)
     f = np.arange(lines.start, lines.stop) * rate_hz / length
     order = rfft(commanded, length)[lines]
-    # Without the mean, zero padding makes no step.
+    # Without the mean, zero padding makes no step. One play at a time: memory that is new costs more than the
+    # transform.
     X, Y = (
-        rfft(signals - signals.mean(axis=1, keepdims=True), length)[:, lines]
+        np.array([rfft(signal - signal.mean(), length)[lines] for signal in signals])
         for signals in (drives, velocities)
     )
     X, Y = X * channels.drive(X[:repeats], order, f), channels.velocity(Y, f)
