@@ -30,7 +30,8 @@ from haploop.acquisition.presses.barycentre import (
     paths_to,
     read_at,
 )
-from haploop.acquisition.presses.registration import WarpModel, leads, moved, register
+from haploop.acquisition.presses.registration import WarpModel, leads, register
+from haploop.acquisition.presses.spline_rows import moved
 from haploop.acquisition.presses.spool import Spool
 from haploop.instruments import ConfigurationError
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray

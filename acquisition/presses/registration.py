@@ -5,7 +5,7 @@ the warps, and their mean is zero. The model assumes that presses differ by a sm
 events that jitter independently are aligned only as far as the stiffness allows.
 
 Of many curves, some at a time are in memory: of each a spline of four coefficients a sample, and what is
-computed with it. Of all there are the curve itself, and an eighth of a curve for their median.
+computed with it. Of all there are the curve itself, its DTW path, and an eighth of a curve for their median.
 """
 
 from __future__ import annotations
@@ -18,20 +18,17 @@ import numpy as np
 import scipy
 
 from haploop.acquisition.presses.barycentre import WarpingPath, paths_to
+from haploop.acquisition.presses.spline_rows import SplineRows, moved, splines
 from haploop.acquisition.presses.spool import Spool
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["Registration", "WarpModel", "leads", "moved", "register"]
+__all__ = ["Registration", "WarpModel", "leads", "register"]
 
-_TOGETHER = 64
-"""Rows that are evaluated at once: these fit into a processor's cache."""
 _COARSE = 4
 """Every so many samples are compared with their median, which is slow to find."""
 _BLOCK = 96
 """Curves of a block; the last has up to twice as many. The last digits of a product of matrices depend on its
 size when that is small, and not a multiple of what a processor computes at once: 4 to 24 rows."""
-
-
 _SILENT = 10.0
 """Squared slope, over the median of a template, up to which it is silence: a path is random there."""
 _EXACT = 0.05
@@ -80,55 +77,6 @@ class Registration:
     """Each (curves, samples), in samples: aligned[i](t) = curve[i](t + shifts[i](t)). Their mean is zero."""
 
 
-class _Rows:
-    """Cubic splines of (rows, samples), constant beyond both ends.
-
-    `places` are the sample numbers at which they are evaluated: all, or every n-th.
-    """
-
-    def __init__(self, pieces: FloatArray, every: int = 1) -> None:
-        self.samples = pieces.shape[1] + 1
-        self.places = np.arange(0, self.samples, every)
-        self._pieces = pieces.reshape(-1, 4)
-
-    def at(self, shifts: FloatArray, which: IntArray | None = None) -> FloatArray:
-        """Values (rows, places) of all rows, or of the rows `which`, at `places` plus shifts."""
-        values = np.empty(shifts.shape)
-        for some, pieces, f in self._find(shifts, which):
-            c3, c2, c1, c0 = pieces
-            values[some] = ((c3 * f + c2) * f + c1) * f + c0
-        return values
-
-    def with_slopes(self, shifts: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Values and derivatives per sample, both (rows, places)."""
-        values, slopes = np.empty((2, *shifts.shape))
-        for some, pieces, f in self._find(shifts, which):
-            c3, c2, c1, c0 = pieces
-            values[some] = ((c3 * f + c2) * f + c1) * f + c0
-            slopes[some] = (3 * c3 * f + 2 * c2) * f + c1
-        return values, slopes
-
-    def _find(
-        self, shifts: FloatArray, which: IntArray | None
-    ) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
-        """Some rows at a time: the coefficients (4, rows, places) there, and the place within the piece."""
-        rows = np.arange(len(shifts)) if which is None else which
-        for start in range(0, len(shifts), _TOGETHER):
-            some = slice(start, start + _TOGETHER)
-            at = np.clip(self.places + shifts[some], 0, self.samples - 1)
-            low = np.minimum(at.astype(np.int64), self.samples - 2)
-            pieces = self._pieces[low + rows[some, None] * (self.samples - 1)]
-            yield some, np.moveaxis(pieces, -1, 0), at - low
-
-
-def _spline(values: FloatArray) -> FloatArray:
-    """Coefficients (rows, samples - 1, 4) of the splines of (rows, samples)."""
-    # With knots at the integers a piece is found without a search, and its four coefficients are
-    # adjacent in memory: three times as fast as calling the spline.
-    spline = scipy.interpolate.CubicSpline(np.arange(values.shape[1]), values, axis=-1)
-    return np.ascontiguousarray(spline.c.transpose(2, 1, 0))
-
-
 def register(
     curves: Sequence[FloatArray] | FloatArray,
     rate_hz: float,
@@ -174,15 +122,6 @@ def leads(curves: Sequence[FloatArray] | FloatArray) -> FloatArray:
     return rows
 
 
-def moved(rows: FloatArray, shifts: FloatArray) -> FloatArray:
-    """Read (rows, samples) at every sample plus its shift, in samples."""
-    # The coefficients of a spline take four times the memory of its row.
-    some = range(0, len(rows), _TOGETHER)
-    return np.concatenate(
-        [_Rows(_spline(rows[at : at + _TOGETHER])).at(shifts[at : at + _TOGETHER]) for at in some]
-    )
-
-
 def _blocks(count: int) -> list[slice]:
     """Slices of so many curves."""
     bounds = [*range(0, max(1, count - _BLOCK + 1), _BLOCK), count]
@@ -226,9 +165,9 @@ class _Work:
         self.m = m
         self.window = m.window(rate_hz)
         self._parts = _blocks(len(lead))
-        splines = (_spline(lead[some]) for some in self._parts)
+        made = (splines(lead[some]) for some in self._parts)
         # One block stays; of several, any curve's spline can be asked for.
-        self._splines = next(splines) if len(self._parts) == 1 else _each(splines)
+        self._splines = next(made) if len(self._parts) == 1 else _each(made)
         self.places = np.arange(0, samples, self._every)
         self.basis = _basis(self.places, samples, m.knots)
         # Only neighbouring B-splines overlap: all other products are zero.
@@ -237,12 +176,12 @@ class _Work:
         self.prior = _prior(samples, self.window / 3, m) / self._every
         self.floor = m.floor**2 * float(np.mean(lead**2))
 
-    def rows(self, which: IntArray) -> tuple[_Rows, IntArray]:
+    def rows(self, which: IntArray) -> tuple[SplineRows, IntArray]:
         """The splines of these curves, of a block at most, and their numbers there."""
         if isinstance(self._splines, Spool):
             pieces = np.stack([self._splines[int(one)] for one in which])
-            return _Rows(pieces, self._every), np.arange(len(which))
-        return _Rows(self._splines, self._every), which
+            return SplineRows(pieces, self._every), np.arange(len(which))
+        return SplineRows(self._splines, self._every), which
 
     def aligned(self, warps: FloatArray) -> Iterator[FloatArray]:
         """The warped curves (curves, places), in blocks."""
@@ -304,7 +243,7 @@ class _Work:
         return np.concatenate(found)
 
     def _distance(
-        self, rows: _Rows, which: IntArray, warps: FloatArray, template: FloatArray, noise: float
+        self, rows: SplineRows, which: IntArray, warps: FloatArray, template: FloatArray, noise: float
     ) -> FloatArray:
         shifts = warps @ self.basis.T
         return self._priced(rows.at(shifts, which) - template, warps, shifts, noise)
@@ -324,7 +263,7 @@ class _Work:
         return warps
 
     def _stepped(
-        self, rows: _Rows, which: IntArray, here: FloatArray, template: FloatArray, noise: float
+        self, rows: SplineRows, which: IntArray, here: FloatArray, template: FloatArray, noise: float
     ) -> FloatArray:
         shifts = here @ self.basis.T
         values, slopes = rows.with_slopes(shifts, which)
