@@ -174,7 +174,7 @@ class _Work:
         self.pairs = np.array([(a, b) for a in range(m.knots) for b in range(a, min(a + 4, m.knots))]).T
         self.products = self.basis[:, self.pairs[0]] * self.basis[:, self.pairs[1]]
         self.prior = _prior(samples, self.window / 3, m) / self._every
-        self.floor = m.floor**2 * float(np.mean(lead**2))
+        self.floor = max(m.floor**2 * float(np.mean(lead**2)), 1e-30)  # silent presses have none
 
     def rows(self, which: IntArray) -> tuple[SplineRows, IntArray]:
         """The splines of these curves, of a block at most, and their numbers there."""
@@ -296,7 +296,7 @@ class _Work:
         return np.concatenate([self._followed(template, part) for part in some])
 
     def _followed(self, template: FloatArray, paths: Sequence[WarpingPath]) -> FloatArray:
-        slope = np.gradient(template) ** 2 / max(self.floor, 1e-30)
+        slope = np.gradient(template) ** 2 / self.floor
         # The steeper the template, the better a lag is known, down to what a path can tell.
         event = np.maximum(slope - _SILENT * np.median(slope), 0.0)
         trust = event / (1 + event * _EXACT**2)
@@ -360,4 +360,5 @@ def _weights(coarse: FloatArray, m: WarpModel) -> FloatArray:
     loudness = np.maximum(coarse @ median, 0.0) / max(float(median @ median), 1e-300)
     residual = np.sqrt(np.mean((coarse - loudness[:, None] * median) ** 2, axis=1))
     limit = max(m.outlier * float(np.median(residual)), _UNLIKE * float(np.sqrt(np.mean(median**2))))
-    return np.asarray(np.minimum(1.0, (limit / np.maximum(residual, 1e-30)) ** 2))
+    # Curves without any difference, or any content, count alike.
+    return np.asarray(np.where(residual > limit, (limit / np.maximum(residual, 1e-30)) ** 2, 1.0))

@@ -394,3 +394,13 @@ def test_a_loud_press_counts_as_much_as_others_in_the_mean_time():
     apart = np.concatenate(louder.shifts) - np.concatenate(same.shifts)
     events = np.gradient(TEMPLATE) ** 2 > 0.02 * np.max(np.gradient(TEMPLATE) ** 2)
     assert np.abs(apart[:, events]).max() < 1.0
+
+
+@pytest.mark.parametrize(
+    "press", [TEMPLATE, np.ones(2000), np.zeros(2000)], ids=["alike", "constant", "silent"]
+)
+def test_presses_without_any_difference_are_averaged(press):
+    result = average([np.tile(press, (5, 1, 1))], RATE)
+    assert result.members == 5
+    np.testing.assert_allclose(result.template[0], press, atol=1e-9)
+    np.testing.assert_allclose(result.spread, 0, atol=1e-9)
