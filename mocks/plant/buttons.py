@@ -20,6 +20,7 @@ import numpy as np
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.operator import Press
+from haploop.mocks.plant.poles import ringing
 
 __all__ = [
     "BUTTONS",
@@ -270,16 +271,12 @@ class SimulatedPress:
             motion[first:stop] = (self.travel(t + h) - 2 * self.travel(t) + self.travel(t - h)) / h**2
         for at, gain, partials in self._clicks:
             first = int(np.searchsorted(times, at, side="right"))
-            since = times[first:] - at
-            # The snap takes a third of a millisecond to build up: a cap has mass. 40 times that is for ever.
-            attack = np.ones(len(since))
-            building = since[: np.searchsorted(since, 40 * _SNAP)]
-            attack[: len(building)] -= np.exp(-building / _SNAP)
-            for frequency, amplitude, decay in partials:
-                ringing = gain * amplitude * attack
-                ringing *= np.exp(-since / decay)
-                ringing *= np.sin(2 * np.pi * frequency * since)
-                motion[first:] += ringing
+            # A snap takes a third of a millisecond to build up, because a cap has mass: 1 - exp(-t / _SNAP)
+            # times a decaying sine is the difference of two decays.
+            own = np.array([2j * np.pi * frequency - 1 / decay for frequency, _, decay in partials])
+            loud = -1j * gain * np.array([amplitude for _, amplitude, _ in partials])
+            decays = np.concatenate([own, own - 1 / _SNAP])
+            motion[first:] += ringing(decays, np.concatenate([loud, -loud]), times[first:] - at)
         return motion
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
-__all__ = ["Course", "Poles", "Stretch"]
+__all__ = ["Course", "Poles", "Stretch", "ringing"]
 
 Owner = TypeVar("Owner")
 
@@ -107,7 +107,7 @@ class Stretch:
             out[:moved] += self._between(step[:moved], since[:moved], weights)
         if moved < len(times):
             level = gains[self._moving] @ self._levels[:, last]
-            out[moved:] += level + self._ringing(weights * self._leaning(last), since[moved:])
+            out[moved:] += level + ringing(of.poles, weights * self._leaning(last), since[moved:])
         return out
 
     def _since(self, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
@@ -192,21 +192,6 @@ class Stretch:
             out += (weights[k] * now).real
         return out
 
-    def _ringing(self, amplitudes: ComplexArray, since: FloatArray) -> FloatArray:
-        """Return the real part of the summed free decay from `amplitudes` (poles,), (times,)."""
-        used = np.abs(amplitudes) > _GONE
-        poles, a = self._of.poles[used], amplitudes[used]
-        count = len(since)
-        if not len(poles):
-            return np.zeros(count)
-        if count < 2 * _BLOCK or np.ptp(np.diff(since)) > _EVEN:
-            return np.asarray((a * np.exp(since[:, None] * poles)).sum(axis=1).real)
-        period = (since[-1] - since[0]) / (count - 1)
-        begins = a * np.exp(since[::_BLOCK, None] * poles)
-        begins[np.abs(begins) < _GONE] = 0.0
-        onward = np.exp(np.arange(_BLOCK)[:, None] * period * poles)
-        return np.asarray((_as_real(begins) @ _as_real(onward.conj()).T).ravel()[:count])
-
 
 class Course(Generic[Owner]):
     """The stretches of the last `remembered` seconds; each has an owner, which knows the poles' weights."""
@@ -241,6 +226,25 @@ class Course(Generic[Owner]):
             if not end:
                 break
         return out
+
+
+def ringing(poles: ComplexArray, amplitudes: ComplexArray, since: FloatArray) -> FloatArray:
+    """Return the real part of the summed free decay from `amplitudes` (poles,), (times,).
+
+    `poles` are (poles,) rad/s. At times since its begin (s) that rise evenly it takes a fiftieth of the time.
+    """
+    used = np.abs(amplitudes) > _GONE
+    poles, a = poles[used], amplitudes[used]
+    count = len(since)
+    if not len(poles):
+        return np.zeros(count)
+    if count < 2 * _BLOCK or np.ptp(np.diff(since)) > _EVEN:
+        return np.asarray((a * np.exp(since[:, None] * poles)).sum(axis=1).real)
+    period = (since[-1] - since[0]) / (count - 1)
+    begins = a * np.exp(since[::_BLOCK, None] * poles)
+    begins[np.abs(begins) < _GONE] = 0.0
+    onward = np.exp(np.arange(_BLOCK)[:, None] * period * poles)
+    return np.asarray((_as_real(begins) @ _as_real(onward.conj()).T).ravel()[:count])
 
 
 def _as_real(values: ComplexArray) -> FloatArray:
