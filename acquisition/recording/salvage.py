@@ -302,7 +302,7 @@ def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
 
 def _records(blocks: h5py.Dataset, first: int = 0) -> Iterator[np.void]:
     """Read the records in steps, because a file preallocated for an hour may not fit into memory."""
-    step = max(1, (1 << 22) // blocks.dtype.itemsize)
+    step = max(1, (1 << 20) // blocks.dtype.itemsize)
     for start in range(first, len(blocks), step):
         yield from blocks[start : start + step]
 

@@ -50,10 +50,11 @@ def convert(
     codes += drawn.T
     np.rint(codes, out=codes)
     end = 2.0 ** (product.ai_bits - 1) - 1
-    np.clip(codes, -end - 1, end, out=codes)
-    overload = (codes.max(axis=1) >= end) | (codes.min(axis=1) <= -end)
+    overload = np.asarray((codes.max(axis=1) >= end) | (codes.min(axis=1) <= -end))
+    if overload.any():
+        np.clip(codes, -end - 1, end, out=codes)
     codes *= width
-    return codes, np.asarray(overload)
+    return codes, overload
 
 
 def put_out(volts: FloatArray, product: Product) -> FloatArray:

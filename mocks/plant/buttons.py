@@ -247,10 +247,11 @@ class SimulatedPress:
     def force(self, times: FloatArray) -> FloatArray:
         """Return the force on the cap along the press direction (N)."""
         t = np.asarray(times)
-        speed = (self.travel(t + 5e-4) - self.travel(t - 5e-4)) / 1e-3
+        travel, later, earlier = self.travel(np.stack([t, t + 5e-4, t - 5e-4]))
+        speed = (later - earlier) / 1e-3
         # Friction lowers the force of the upstroke by as much as it raises that of the downstroke.
         rate = 1 + _VISCOSITY * np.tanh(speed / 0.1)
-        pressed = self._strength * self._model.law(self.travel(t)) * rate
+        pressed = self._strength * self._model.law(travel) * rate
         if self._lean:
             onto, off = (_minimum_jerk((t - at) / _TOUCH) for at in (self.start, self.stop - _TOUCH))
             pressed = np.maximum(pressed, self._lean * (onto - off))

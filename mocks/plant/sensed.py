@@ -39,6 +39,9 @@ CONTACT = 5.0
 VIBROMETER_NOISE = 0.02e-6
 """Noise density of the 20 mm/s range, used in every range (m/s per sqrt(Hz); estimate; docs/hardware.md,
 "PDV-100")."""
+_PRESSED = np.array([0.05, -0.03, 1.0, 0.0, 0.0, 0.0])
+"""Forces (N) and torques (N m) on the sensor for each newton of a press, which is lateral too (estimate;
+docs/hardware.md, "Force sensor")."""
 _SHAKEN = 8
 """Number of presses whose filtered vibration is kept."""
 _RING = 0.2
@@ -110,23 +113,18 @@ def _gauges(
     rest: FloatArray,
     noise: float,
 ) -> FloatArray:
-    force = np.zeros((len(times), 6, times.shape[1]))
-    force[:, 2] = WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
+    own = gauges[list(outputs)]
+    weight = WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
     if scene.loads:
         since = np.searchsorted([at for at, _ in scene.loads], times, side="right")
-        force[:, 2] += np.array([0.0, *(weight for _, weight in scene.loads)])[since]
-    for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), 0.0):
-        # A press also has a lateral force (estimate; docs/hardware.md, "Force sensor").
-        pressed = press.force(times)
-        force[:, 0] += 0.05 * pressed
-        force[:, 1] -= 0.03 * pressed
-        force[:, 2] += pressed
+        weight += np.array([0.0, *(weight for _, weight in scene.loads)])[since]
     volts = np.empty(times.shape)
     for row, rng in enumerate(rngs):
         rng.standard_normal(out=volts[row])
     volts *= noise
-    seen = list(outputs)
-    volts += rest[seen, np.newaxis] + (gauges[seen][:, np.newaxis] @ force)[:, 0]
+    volts += rest[list(outputs), np.newaxis] + own[:, 2, np.newaxis] * weight
+    for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), 0.0):
+        volts += (own @ _PRESSED)[:, np.newaxis] * press.force(times)
     return volts
 
 
