@@ -7,6 +7,7 @@ from .presses import Segmentation as Segmentation
 from .presses import WarpModel as WarpModel
 from .presses import Window as Window
 from .presses import accepted_presses as accepted_presses
+from .presses import activation_forces as activation_forces
 from .presses import find_presses as find_presses
 from .presses import high_pass as high_pass
 from .presses import load_press as load_press

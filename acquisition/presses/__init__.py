@@ -2,7 +2,7 @@
 
 from haploop.acquisition.presses.averaging import AverageMethod
 from haploop.acquisition.presses.protocol import Protocol
-from haploop.acquisition.presses.quality import QualityCheck, accepted_presses
+from haploop.acquisition.presses.quality import QualityCheck, accepted_presses, activation_forces
 from haploop.acquisition.presses.registration import WarpModel
 from haploop.acquisition.presses.representative import (
     Representative,
@@ -33,6 +33,7 @@ __all__ = [
     "WarpModel",
     "Window",
     "accepted_presses",
+    "activation_forces",
     "find_presses",
     "high_pass",
     "load_press",

@@ -30,7 +30,7 @@ from haploop.acquisition.recording import (
 from haploop.instruments import DataError, Sensors
 from haploop.instruments.arrays import FloatArray
 
-__all__ = ["QualityCheck", "accepted_presses"]
+__all__ = ["QualityCheck", "accepted_presses", "activation_forces"]
 
 _RATING = 0.8
 """Largest fraction of the force sensor's rating in a press (a choice; docs/hardware.md, "Force sensor")."""
@@ -59,6 +59,19 @@ def accepted_presses(
     return tuple(
         press for press in found if any(verdict.first <= press.peak < verdict.end for verdict in accepted)
     )
+
+
+def activation_forces(recording: Recording) -> FloatArray:
+    """Return the force at activation of each accepted press that has one, (presses,) N.
+
+    It is that of the verdicts, for which no sample is read; a recording without verdicts has its presses
+    found. Raises DataError.
+    """
+    if Protocol.from_json(recording.header.protocol) is None:
+        found = [press.force_at_activation for press in find_presses(recording)]
+    else:
+        found = [press.force for press in recording.outline()[0] if press.accepted]
+    return np.array([force for force in found if force is not None and np.isfinite(force)])
 
 
 class QualityCheck:

@@ -14,7 +14,7 @@ from haploop import figures
 from haploop.calibration import check_feeling
 from haploop.demo.result import PRESSES, ButtonResult, Demo
 from haploop.report import CaptionedFigure, captions, render
-from haploop.show import feeling_values
+from haploop.show import feeling_values, forces_in
 
 __all__ = ["report", "summarise"]
 
@@ -53,12 +53,12 @@ def summarise(demo: Demo) -> dict[str, Any]:
 
 
 def _button(result: ButtonResult) -> dict[str, Any]:
-    forces = [force for by in _forces(result).values() for force in by]
+    forces = np.concatenate([np.zeros(0), *forces_in(result.recordings).get(result.button, {}).values()])
     measured, drive = result.check, result.check.drive
     return {
         "presses": PRESSES * len(result.recordings),
-        "presses_detected": sum(len(found) for found in result.presses),
-        "activation_force_n": _number(float(np.mean(forces))) if forces else None,
+        "presses_detected": len(forces),
+        "activation_force_n": _number(float(np.mean(forces))) if len(forces) else None,
         "activation_force_true_n": _number(float(np.mean(result.true_forces)))
         if result.true_forces
         else None,
@@ -72,16 +72,6 @@ def _button(result: ButtonResult) -> dict[str, Any]:
         "feeling": feeling_values(check_feeling(measured, result.press)),
         "left_out": list(result.press.left_out),
         "sources": [{"file": r.path.name, "sha256": r.content_hash} for r in result.recordings],
-    }
-
-
-def _forces(result: ButtonResult) -> dict[str, list[float]]:
-    """Force (N) at activation of each press with an activation, by participant."""
-    return {
-        recording.participant: [
-            press.force_at_activation for press in found if press.force_at_activation is not None
-        ]
-        for recording, found in zip(result.recordings, result.presses, strict=True)
     }
 
 
@@ -100,7 +90,7 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
     """Draw the report's figures, each with a caption that names the corresponding figure of the paper."""
     results = demo.buttons
     response = demo.calibration.response
-    forces = {r.button: {p: np.array(f) for p, f in _forces(r).items()} for r in results}
+    forces = forces_in([recording for r in results for recording in r.recordings])
     truth = {r.button: float(np.mean(r.true_forces)) for r in results if r.true_forces}
     carrier = results[0].check.drive.carrier_hz
     drawn = (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from haploop.acquisition import ButtonPress, Recording, Representative
+from haploop.acquisition import Recording, Representative
 from haploop.calibration import Calibration, Check
 from haploop.instruments.arrays import ComplexArray
 
@@ -25,8 +25,6 @@ class ButtonResult:
 
     button: str
     recordings: tuple[Recording, ...]
-    presses: tuple[tuple[ButtonPress, ...], ...]
-    """Presses of each recording."""
     press: Representative
     check: Check
     true_forces: tuple[float, ...]

@@ -8,14 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from haploop.acquisition import (
-    ButtonPress,
-    Recording,
-    Representative,
-    accepted_presses,
-    record,
-    representative,
-)
+from haploop.acquisition import Recording, Representative, record, representative
 from haploop.calibration import Check, Waveforms, calibrate_keeping, drive_for
 from haploop.calibration.drive import check
 from haploop.demo.report import report, summarise
@@ -166,7 +159,6 @@ def _loop(
             ButtonResult(
                 button,
                 tuple(recordings[button]),
-                tuple(_accepted(recording) for recording in recordings[button]),
                 presses[button],
                 checks[button],
                 tuple(
@@ -186,12 +178,6 @@ def _loop(
         simulated_s=rig.clock.now() - start,
         wall_s=wall(),
     )
-
-
-def _accepted(recording: Recording) -> tuple[ButtonPress, ...]:
-    found = accepted_presses(recording)
-    recording.forget()
-    return found
 
 
 def _loss(rig: Rig, resonance_hz: float) -> str | None:

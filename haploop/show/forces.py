@@ -11,7 +11,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from haploop import figures, outputs
-from haploop.acquisition import Recording, accepted_presses, hdf5, load_study
+from haploop.acquisition import Recording, activation_forces, hdf5, load_study
 from haploop.instruments import DataError
 from haploop.instruments.arrays import FloatArray
 from haploop.progress import SIMULATED, print_json, print_line, print_table
@@ -31,11 +31,7 @@ def forces_in(recordings: Sequence[Recording]) -> Forces:
     found: dict[str, dict[str, list[float]]] = {}
     for recording in recordings:
         mine = found.setdefault(recording.button, {}).setdefault(recording.participant, [])
-        mine += [
-            press.force_at_activation
-            for press in accepted_presses(recording)
-            if press.force_at_activation is not None
-        ]
+        mine += activation_forces(recording).tolist()
     return {
         button: {participant: np.array(mine) for participant, mine in sorted(by.items()) if mine}
         for button, by in found.items()

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from haploop.acquisition import Protocol, Recording, accepted_presses, find_presses, record, representative
+from haploop.acquisition import (
+    Protocol,
+    Recording,
+    accepted_presses,
+    activation_forces,
+    find_presses,
+    record,
+    representative,
+)
 from haploop.instruments import DataError, Press
 from tests.acquisition.presses.pressworld import world_rig
 
@@ -48,10 +58,13 @@ def test_what_is_said_live_is_what_the_file_says(tmp_path):
     for verdict, press in zip(recording.verdicts, found, strict=True):
         assert verdict.accepted
         assert verdict.activation == press.activation
-        assert verdict.force == pytest.approx(press.force_at_activation, abs=0.01)
+        assert verdict.force == pytest.approx(press.force_at_activation, abs=0.002)
         assert verdict.first == pytest.approx(press.onset, abs=25)
         assert verdict.end == pytest.approx(press.release, abs=25)
     assert accepted_presses(recording) == found
+    assert activation_forces(recording).tolist() == [verdict.force for verdict in recording.verdicts]
+    recording.header = replace(recording.header, protocol="{}")  # as a recording without verdicts has it
+    assert activation_forces(recording).tolist() == [press.force_at_activation for press in found]
 
 
 def crowded(rig, **flaws):
