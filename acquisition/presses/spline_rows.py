@@ -52,7 +52,7 @@ class SplineRows:
             some = slice(start, start + _TOGETHER)
             at = np.clip(self.places + shifts[some], 0, self.samples - 1)
             low = np.minimum(at.astype(np.int64), self.samples - 2)
-            pieces = self._pieces[low + rows[some, None] * (self.samples - 1)]
+            pieces = self._pieces.take(low + rows[some, None] * (self.samples - 1), axis=0)
             yield some, np.moveaxis(pieces, -1, 0), at - low
 
 
