@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from haploop.experiments.analysis.effect_size import eta_squared_interval
 from haploop.experiments.analysis.linear import between_design, products, within_contrasts
@@ -129,7 +129,7 @@ def _effect(
         df=df,
         error_df=residual_df,
         f=f,
-        p=float(stats.f.sf(f, df, residual_df)),
+        p=float(scipy.stats.f.sf(f, df, residual_df)),
         sphericity=_sphericity(e, error_df, rank, f, cells) if width > 1 else None,
         partial_eta_squared=ss / (ss + error) if ss + error > 0 else np.nan,
         generalized_eta_squared=ss / (ss + all_errors),
@@ -151,7 +151,7 @@ def _sphericity(e: FloatArray, n: int, rank: int, f: float, cells: int) -> Spher
     weight = (width + 2) * (width - 1) * (width - 2) * (2 * width**3 + 6 * width**2 + 3 * cells + 2)
     second = weight / (288 * (n * width * rho) ** 2)
     z, freedom = -n * rho * log_w, width * (width + 1) / 2 - 1
-    first_tail, second_tail = stats.chi2.sf(z, freedom), stats.chi2.sf(z, freedom + 4)
+    first_tail, second_tail = scipy.stats.chi2.sf(z, freedom), scipy.stats.chi2.sf(z, freedom + 4)
     p = first_tail + second * (second_tail - first_tail)
     gg = trace**2 / (width * float(np.sum(e * e)))
     # As car computes it, from the error's degrees of freedom, not from the number of people: Lecoutre (1991).
@@ -159,6 +159,6 @@ def _sphericity(e: FloatArray, n: int, rank: int, f: float, cells: int) -> Spher
     capped = min(hf, 1.0)
 
     def corrected(epsilon: float) -> float:
-        return float(stats.f.sf(f, rank * width * epsilon, n * width * epsilon))
+        return float(scipy.stats.f.sf(f, rank * width * epsilon, n * width * epsilon))
 
     return Sphericity(float(np.exp(log_w)), float(p), gg, hf, corrected(gg), corrected(capped))

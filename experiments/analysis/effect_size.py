@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy import optimize, stats
+import scipy
 
 __all__ = ["cohen_interval", "eta_squared_interval"]
 
@@ -27,12 +27,12 @@ def eta_squared_interval(f: float, df: float, error_df: float, level: float = 0.
     def bound(share: float) -> float:
         def miss(noncentrality: float) -> float:
             with np.errstate(all="ignore"):  # see below
-                return float(stats.ncf.sf(f, df, error_df, noncentrality)) - share
+                return float(scipy.stats.ncf.sf(f, df, error_df, noncentrality)) - share
 
-        if float(stats.f.sf(f, df, error_df)) >= share:
+        if float(scipy.stats.f.sf(f, df, error_df)) >= share:
             return 0.0
         if f > _LARGE**2:
-            return float(f * df * stats.chi2.ppf(share, error_df) / error_df)  # as in cohen_interval
+            return float(f * df * scipy.stats.chi2.ppf(share, error_df) / error_df)  # as in cohen_interval
         return _root(miss, 0.0, max(10.0, f * df))
 
     low, high = (bound(share) for share in (tail, 1 - tail))
@@ -52,16 +52,16 @@ def cohen_interval(t: float, df: float, people: float, level: float = 0.95) -> t
     def bound(share: float) -> float:
         if abs(t) > _LARGE:
             # The deviation alone is uncertain: a chi-square. scipy's noncentral t is 4 % off at 1e6.
-            quantile = stats.chi2.ppf if t > 0 else stats.chi2.isf
+            quantile = scipy.stats.chi2.ppf if t > 0 else scipy.stats.chi2.isf
             return t * math.sqrt(float(quantile(share, df)) / df)
 
         def miss(noncentrality: float) -> float:
             # scipy 1.13 warns of a division by zero on its way to the right number.
             with np.errstate(all="ignore"):
-                return float(stats.nct.sf(t, df, noncentrality)) - share
+                return float(scipy.stats.nct.sf(t, df, noncentrality)) - share
 
         reach = abs(t) + 5 + abs(t) * 5 / math.sqrt(df)
-        return float(optimize.brentq(miss, -reach, reach))
+        return float(scipy.optimize.brentq(miss, -reach, reach))
 
     return bound(tail) / math.sqrt(people), bound(1 - tail) / math.sqrt(people)
 
@@ -70,4 +70,4 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
     """Root of a rising function that is negative at `low`."""
     while function(high) < 0:
         low, high = high, 2 * high
-    return float(optimize.brentq(function, low, high))
+    return float(scipy.optimize.brentq(function, low, high))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, stats
+import scipy
 
 from haploop.experiments.analysis.linear import between_design, products, within_contrasts
 from haploop.instruments.arrays import FloatArray
@@ -87,11 +87,11 @@ def _pillai(name: str, h: FloatArray, e: FloatArray, rank: int, error_df: int) -
     if error_df < variables or np.linalg.matrix_rank(e) < variables:
         return None
     # Eigenvalues of H (H + E)^-1 lie within 0 to 1, those of H E^-1 need not be finite.
-    trace = float(np.sum(linalg.eigh(h, h + e, eigvals_only=True)))
+    trace = float(np.sum(scipy.linalg.eigh(h, h + e, eigvals_only=True)))
     s = min(variables, rank)
     m, n = (abs(variables - rank) - 1) / 2, (error_df - variables - 1) / 2
     df, residual = s * (2 * m + s + 1), s * (2 * n + s + 1)
     f = residual / df * trace / (s - trace)
     return MultivariateEffect(
-        name, trace, f, round(df), round(residual), float(stats.f.sf(f, df, residual)), trace / s
+        name, trace, f, round(df), round(residual), float(scipy.stats.f.sf(f, df, residual)), trace / s
     )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from haploop.experiments.analysis.effect_size import cohen_interval
 from haploop.experiments.analysis.linear import between_design
@@ -60,8 +60,8 @@ def paired(first: str, second: str, differences: FloatArray, groups: Sequence[in
         t = mean / error
     else:
         t = math.nan if mean == 0 else math.copysign(math.inf, mean)
-    half = float(stats.t.ppf(0.975, df)) * error
-    p = float(2 * stats.t.sf(abs(t), df))
+    half = float(scipy.stats.t.ppf(0.975, df)) * error
+    p = float(2 * scipy.stats.t.sf(abs(t), df))
     return Comparison(
         first,
         second,

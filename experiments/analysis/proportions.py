@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
+import scipy
 
 __all__ = ["clustered_interval", "wilson_interval"]
 
@@ -20,7 +20,7 @@ def wilson_interval(hits: float, total: float, level: float = 0.95) -> Interval 
     """
     if total <= 0:
         return None
-    z = float(stats.norm.ppf(0.5 + level / 2))
+    z = float(scipy.stats.norm.ppf(0.5 + level / 2))
     p, spread = hits / total, z * z / total
     middle = (p + spread / 2) / (1 + spread)
     half = z / (1 + spread) * math.sqrt(p * (1 - p) / total + spread / (4 * total))
@@ -47,6 +47,6 @@ def clustered_interval(
     p = float(x.sum()) / total
     variance = people / (people - 1) * float(np.sum((x - p * n) ** 2)) / total**2
     effective = min(total, p * (1 - p) / variance) if variance > 0 and 0 < p < 1 else total
-    quantiles = (stats.norm.ppf(0.5 + level / 2), stats.t.ppf(0.5 + level / 2, people - 1))
+    quantiles = (scipy.stats.norm.ppf(0.5 + level / 2), scipy.stats.t.ppf(0.5 + level / 2, people - 1))
     effective *= float((quantiles[0] / quantiles[1]) ** 2)
     return wilson_interval(p * effective, effective, level)

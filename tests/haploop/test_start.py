@@ -112,6 +112,10 @@ print(json.dumps([*sys.modules]), file=sys.stderr)
             ["record", "push", "-p", "P02", "-n", "1", "--out", "{folder}"],
             SLOW | {"nidaqmx", "grpc", "pyvisa"},
         ),
+        (
+            ["report", "{calibration}", "--out", "{folder}/report.html"],
+            (SLOW | {"nidaqmx", "pyvisa"}) - {"matplotlib"},
+        ),
         (["doctor"], (SLOW | {"nidaqmx", "pyvisa"}) - {"scipy.optimize"}),  # it finds which patch is where
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
