@@ -55,15 +55,18 @@ class Hysteresis:
         if np.all(volts == self._last):
             return _bent(np.asarray(self._linear * volts + self._weights @ self._play))
         _, ends, rising, lengths = sections(self._last, volts)
+        section = np.repeat(np.arange(len(ends)), lengths)
+        turns = list(zip(ends.tolist(), rising.tolist(), strict=True))
         out = np.asarray(self._linear * volts)
         lower, upper = np.empty_like(volts), np.empty_like(volts)
-        for i, (radius, weight) in enumerate(zip(_RADII, self._weights, strict=True)):
-            at = float(self._play[i])
-            begin = np.empty(len(ends))
-            for k, (end, rises) in enumerate(zip(ends.tolist(), rising.tolist(), strict=True)):
-                begin[k] = at
-                at = max(at, end - radius) if rises else min(at, end + radius)
-            np.maximum(np.repeat(begin, lengths), np.subtract(volts, radius, out=lower), out=lower)
+        for i, (radius, weight) in enumerate(zip(_RADII.tolist(), self._weights.tolist(), strict=True)):
+            at, begin = float(self._play[i]), []
+            for end, rises in turns:
+                begin.append(at)
+                pushed = end - radius if rises else end + radius
+                if (pushed > at) is rises:
+                    at = pushed
+            np.maximum(np.array(begin).take(section), np.subtract(volts, radius, out=lower), out=lower)
             np.minimum(lower, np.add(volts, radius, out=upper), out=lower)
             out += np.multiply(weight, lower, out=lower)
             self._play[i] = at
