@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import irfft, rfft, rfftfreq
+import scipy
 
 from haploop.instruments.arrays import FloatArray
 
@@ -34,12 +34,12 @@ def band_window(frequencies: FloatArray, low: float, high: float, outside: bool 
 
 def resample(signal: FloatArray, samples: int) -> FloatArray:
     """Resample a periodic band-limited signal to another number of samples over the same period."""
-    spectrum = rfft(signal)
+    spectrum = scipy.fft.rfft(signal)
     lines = samples // 2 + 1
     kept = np.zeros(lines, dtype=np.complex128)
     n = min(lines, len(spectrum))
     kept[:n] = spectrum[:n]
-    return np.asarray(irfft(kept, samples) * (samples / len(signal)))
+    return np.asarray(scipy.fft.irfft(kept, samples) * (samples / len(signal)))
 
 
 def third_octaves(
@@ -54,7 +54,7 @@ def third_octaves(
     centres = 1000.0 * 10.0 ** (numbers / 10)
     half = 10.0**0.05
     kept = centres[(centres >= low) & (centres <= high)]
-    power = 2 * np.abs(rfft(signal) / len(signal)) ** 2
-    f = rfftfreq(len(signal), 1 / rate_hz)
+    power = 2 * np.abs(scipy.fft.rfft(signal) / len(signal)) ** 2
+    f = scipy.fft.rfftfreq(len(signal), 1 / rate_hz)
     levels = [power[(f >= c / half) & (f < c * half)].sum() for c in kept]
     return kept, 10 * np.log10(np.maximum(levels, 1e-30))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import rfft, rfftfreq
+import scipy
 
 from haploop.instruments.arrays import FloatArray
 
@@ -43,8 +43,8 @@ def mains_hum(signal: FloatArray, rate_hz: float) -> Hum | None:
     t = np.arange(n)
     still = signal - np.polyval(np.polyfit(t, signal, 2), t)
     window = np.hanning(n + 1)[:-1]
-    power = 2 * np.abs(rfft(still * window)) ** 2 / (n * (window**2).sum())
-    f = rfftfreq(n, 1 / rate_hz)
+    power = 2 * np.abs(scipy.fft.rfft(still * window)) ** 2 / (n * (window**2).sum())
+    f = scipy.fft.rfftfreq(n, 1 / rate_hz)
     found = [hum for mains_hz in _MAINS if (hum := _lines(power, f, mains_hz))]
     return max(found, key=lambda hum: hum.rms) if found else None
 

@@ -17,7 +17,6 @@ from typing import Literal, get_args
 
 import numpy as np
 import scipy
-from scipy import fft
 from threadpoolctl import threadpool_limits
 
 from haploop.acquisition.presses.barycentre import (
@@ -253,7 +252,9 @@ def _misfits(
     pieces, around = _pieces(rows, starts, length), np.pad(others, ((0, 0), (reach, reach)))
     # Not by FFT over the whole row: its rounding would exceed what quiet segments hold.
     there = scipy.ndimage.correlate1d(around**2, taper, axis=1)[:, length // 2 :]
-    size = fft.next_fast_len(length + 2 * reach, real=True)
-    spectra = fft.rfft(_pieces(around, starts, length + 2 * reach), size)
-    both = fft.irfft(spectra * np.conj(fft.rfft(pieces * taper, size)), size)[..., : 2 * reach + 1]
+    size = scipy.fft.next_fast_len(length + 2 * reach, real=True)
+    spectra = scipy.fft.rfft(_pieces(around, starts, length + 2 * reach), size)
+    both = scipy.fft.irfft(spectra * np.conj(scipy.fft.rfft(pieces * taper, size)), size)[
+        ..., : 2 * reach + 1
+    ]
     return np.asarray((pieces**2 @ taper)[..., None] - 2 * both + _pieces(there, starts, 2 * reach + 1))

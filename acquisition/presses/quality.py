@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from haploop.acquisition.presses.protocol import Protocol
 from haploop.acquisition.presses.restlessness import crept, hum_of
@@ -105,7 +105,7 @@ class QualityCheck:
         if found:
             begin, end = found[0].onset, found[-1].release + 1
         width = max(1, round(p.segmentation.bin * rate_hz))
-        force = np.asarray(ndimage.uniform_filter1d(excerpt.force, width))
+        force = np.asarray(scipy.ndimage.uniform_filter1d(excerpt.force, width))
         peak = float(force[begin:end].max())
 
         wrong: dict[str, str] = {}

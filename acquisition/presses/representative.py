@@ -10,7 +10,6 @@ from typing import Self
 
 import numpy as np
 import scipy
-from scipy import fft
 
 from haploop.acquisition import hdf5
 from haploop.acquisition.presses.averaging import AverageMethod, average
@@ -314,10 +313,10 @@ def _undone(recording: Recording, acceleration: FloatArray, band: tuple[float, f
     # FFT filtering is circular: a second of edge padding keeps one end out of the other.
     pad = round(recording.rate_hz)
     padded = np.pad(acceleration, pad, mode="edge")
-    length = fft.next_fast_len(len(padded), real=True)
-    frequencies = np.asarray(fft.rfftfreq(length, 1 / recording.rate_hz))
-    spectrum = fft.rfft(padded, length) * _restoring(recording, band, frequencies)
-    return np.asarray(fft.irfft(spectrum, length)[pad : pad + len(acceleration)])
+    length = scipy.fft.next_fast_len(len(padded), real=True)
+    frequencies = np.asarray(scipy.fft.rfftfreq(length, 1 / recording.rate_hz))
+    spectrum = scipy.fft.rfft(padded, length) * _restoring(recording, band, frequencies)
+    return np.asarray(scipy.fft.irfft(spectrum, length)[pad : pad + len(acceleration)])
 
 
 def _noise_gain(recording: Recording, band: tuple[float, float]) -> float:

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from scipy import ndimage
 
 from haploop.acquisition.recording import Recording
 from haploop.instruments.arrays import BoolArray, FloatArray
@@ -202,7 +201,7 @@ def find_presses(recording: Recording, parameters: Segmentation | None = None) -
     detector.feed(force)
     detector.finish()
     width = max(1, round(p.bin * rate_hz))
-    smooth = np.asarray(ndimage.uniform_filter1d(force, width)) if len(force) else force
+    smooth = np.asarray(scipy.ndimage.uniform_filter1d(force, width)) if len(force) else force
     margin = round(p.margin * rate_hz)
     spans = detector.spans
     shaken = _shaken(recording, p) if spans else force

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+import scipy
 
 from haploop.calibration.model import Calibration, Model, standard_deviation
 from haploop.calibration.response import Response
@@ -121,9 +121,11 @@ def _arriving(calibration: Calibration, volts: FloatArray) -> FloatArray:
     equal amplitudes.
     """
     rate_hz = calibration.rate_hz
-    length = next_fast_len(len(volts) + round(_SETTLED * rate_hz), real=True)
-    f = rfftfreq(length, 1 / rate_hz)
-    return np.asarray(irfft(rfft(volts, length) * _path(calibration, f), length)[: len(volts)])
+    length = scipy.fft.next_fast_len(len(volts) + round(_SETTLED * rate_hz), real=True)
+    f = scipy.fft.rfftfreq(length, 1 / rate_hz)
+    return np.asarray(
+        scipy.fft.irfft(scipy.fft.rfft(volts, length) * _path(calibration, f), length)[: len(volts)]
+    )
 
 
 def _path(calibration: Calibration, f: FloatArray) -> ComplexArray:

@@ -10,8 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import rfft, rfftfreq
-from scipy.special import fdtri, stdtrit
+import scipy
 
 from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -72,7 +71,7 @@ def error_spectra(accelerations: FloatArray, target: FloatArray) -> ComplexArray
 
 def lines_inside(band: tuple[float, float], samples: int, rate_hz: float) -> BoolArray:
     """(lines,) True for those within a band (Hz), its ends included."""
-    f = rfftfreq(samples, 1 / rate_hz)
+    f = scipy.fft.rfftfreq(samples, 1 / rate_hz)
     return np.asarray((f >= band[0]) & (f <= band[1]))
 
 
@@ -118,7 +117,7 @@ def trend(spectra: ComplexArray) -> float:
     around = (np.abs(spectra - spectra.mean(axis=0)) ** 2).sum(axis=0)
     noise = (float(around.sum()) - changed) / (plays - 2)
     freedom = 2 * float(around.sum() ** 2 / max((around**2).sum(), 1e-300))
-    if not changed > noise * fdtri(freedom, freedom * (plays - 2), 1 - _UNLIKELY):
+    if not changed > noise * scipy.special.fdtri(freedom, freedom * (plays - 2), 1 - _UNLIKELY):
         return 0.0
     return float(np.sqrt(changed - noise) * (plays - 1) / size)
 
@@ -139,7 +138,7 @@ def odd_play(spectra: ComplexArray) -> tuple[int, float]:
 
 
 def _quantile(plays: int) -> float:
-    return float(stdtrit(plays - 1, 0.5 + CONFIDENCE / 2))
+    return float(scipy.special.stdtrit(plays - 1, 0.5 + CONFIDENCE / 2))
 
 
 def _common(products: FloatArray, kept: IntArray) -> float:
@@ -150,7 +149,7 @@ def _common(products: FloatArray, kept: IntArray) -> float:
 def _lines(signals: FloatArray) -> ComplexArray:
     """(..., lines) of (..., samples), scaled so that the sum of the squared magnitudes is the mean square."""
     samples = signals.shape[-1]
-    spectra = rfft(signals) * (np.sqrt(2) / samples)
+    spectra = scipy.fft.rfft(signals) * (np.sqrt(2) / samples)
     spectra[..., 0] /= np.sqrt(2)
     if samples % 2 == 0:
         spectra[..., -1] /= np.sqrt(2)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import scipy
-from scipy.fft import irfft, rfft
 
 from haploop.acquisition import hdf5
 from haploop.calibration.drive.agreement import (
@@ -236,7 +235,7 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
     whole, within = shared_power(missed), shared_power(missed[:, inside])
     outside, motion = shared_power(moved[:, ~inside]), shared_power(moved)
     mean = accelerations.mean(axis=0)
-    band_only = irfft(np.where(inside, rfft(mean), 0.0), len(mean))
+    band_only = scipy.fft.irfft(np.where(inside, scipy.fft.rfft(mean), 0.0), len(mean))
     octaves_hz, target_db = third_octaves(target, rate_hz, _LOWEST_OCTAVE, played.judged_hz)
     _, measured_db = third_octaves(mean, rate_hz, _LOWEST_OCTAVE, played.judged_hz)
     difference = (measured_db - target_db)[target_db > target_db.max(initial=-np.inf) - _HELD]

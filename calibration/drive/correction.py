@@ -13,8 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from haploop.calibration.drive import actuation
 from haploop.calibration.drive.drive import FADE, Drive, plan_for
@@ -96,13 +95,13 @@ class ResponseEstimate:
         """
         grid, path = self.grid, actuation.path_gain(self.calibration)
         linear_volts, motion, noise = self._spectra(volts, played)
-        target = rfft(grid.down(self.drive.target))
+        target = scipy.fft.rfft(grid.down(self.drive.target))
         missed = target - motion
         power = grid.pooled(np.abs(missed) ** 2)
         missed *= np.maximum(0.0, 1 - noise / np.maximum(power, 1e-30))
 
         limit = self.calibration.hysteresis.reach(limits.peak * min(1.0, path))
-        periodic = irfft(target, grid.samples)
+        periodic = scipy.fft.irfft(target, grid.samples)
         plan = plan_for(self.calibration, periodic, grid.window, grid.rate_hz, self.drive.band, limits)
         plan = replace(
             plan,
@@ -116,7 +115,7 @@ class ResponseEstimate:
         _, state = within(plan, limit)
         for _ in range(_TRIES):
             planned, state = within(plan, limit, state)
-            changed = now + step * grid.up(planned - irfft(linear_volts, grid.samples))
+            changed = now + step * grid.up(planned - scipy.fft.irfft(linear_volts, grid.samples))
             new = actuation.commanded(self.calibration, changed, grid.smooth)
             headroom, _ = actuation.headroom(self.calibration, new, limits)
             if headroom >= 1:
@@ -151,7 +150,7 @@ class ResponseEstimate:
     def _spectra(self, volts: FloatArray, played: Played) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """(lines,) linear volts and mean acceleration, and the noise power left in the mean."""
         scale = self.drive.rate_hz / played.rate_hz
-        motions = np.array([rfft(self.grid.sampled(a, scale)) for a in played.accelerations])
+        motions = np.array([scipy.fft.rfft(self.grid.sampled(a, scale)) for a in played.accelerations])
         noise = self.grid.pooled(np.var(motions, axis=0, ddof=1) / len(motions))
         return self._linear_volts(volts), motions.mean(axis=0), noise
 
@@ -161,7 +160,7 @@ class ResponseEstimate:
         linear_volts = self.calibration.hysteresis.to_linear_volts(at_patch)
         # The offset that hysteresis leaves at the end is removed slowly, far below the band, without a step.
         linear_volts -= linear_volts[-1] * fade(len(linear_volts), len(linear_volts), 0)
-        return np.asarray(rfft(self.grid.down(linear_volts)))
+        return np.asarray(scipy.fft.rfft(self.grid.down(linear_volts)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +184,7 @@ class _Grid:
         factor = max(1, int(drive.rate_hz // _PLAN_RATE))
         ringing = actuation.ringing(calibration.model) * drive.rate_hz
         edge = round(FADE * drive.rate_hz)
-        samples = next_fast_len(int(np.ceil((played + ringing) / factor)), real=True)
+        samples = scipy.fft.next_fast_len(int(np.ceil((played + ringing) / factor)), real=True)
         return cls(played, factor, samples, drive.rate_hz / factor, fade(played, edge, edge))
 
     @property
@@ -214,4 +213,4 @@ class _Grid:
     def pooled(self, power: FloatArray) -> FloatArray:
         """Power (lines,) averaged over neighbouring lines."""
         lines = max(1, round(_POOL_HZ * self.samples / self.rate_hz))
-        return np.asarray(uniform_filter1d(power, lines, mode="nearest"))
+        return np.asarray(scipy.ndimage.uniform_filter1d(power, lines, mode="nearest"))

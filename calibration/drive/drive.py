@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+import scipy
 
 from haploop.acquisition import hdf5
 from haploop.calibration.drive import actuation
@@ -154,14 +154,14 @@ class TargetGrid:
     @property
     def frequencies(self) -> FloatArray:
         """Frequencies of its lines (Hz)."""
-        return np.asarray(rfftfreq(len(self.window), 1 / self.rate_hz))
+        return np.asarray(scipy.fft.rfftfreq(len(self.window), 1 / self.rate_hz))
 
     def within(self, band: tuple[float, float]) -> tuple[FloatArray, float]:
         """(grid,) m/s^2 cut to `band` (Hz), and the share of the energy that is left."""
-        spectrum = rfft(self.acceleration)
+        spectrum = scipy.fft.rfft(self.acceleration)
         cut = spectrum * band_window(self.frequencies, *band)
         share = float((np.abs(cut) ** 2).sum() / (np.abs(spectrum) ** 2).sum())
-        return np.asarray(irfft(cut, len(self.window))), share
+        return np.asarray(scipy.fft.irfft(cut, len(self.window))), share
 
     def on_drive(self, signal: FloatArray) -> FloatArray:
         """(grid,) at the press's rate to the drive's length and rate."""
@@ -188,7 +188,7 @@ def target_grid(press: Representative, calibration: Calibration, method: Method)
     before = round(BEFORE * press.rate_hz)
     drive_length = before + len(own) + round(_AFTER * press.rate_hz)
     ringing = round(actuation.ringing(calibration.model) * press.rate_hz)
-    length = next_fast_len(drive_length + ringing, real=True)
+    length = scipy.fft.next_fast_len(drive_length + ringing, real=True)
     acceleration, window = np.zeros(length), np.zeros(length)
     acceleration[before : before + len(own)] = own
     fading = round(FADE * press.rate_hz)
@@ -236,7 +236,7 @@ def drive_for(
     length = len(grid.window)
     played = resample(np.pad(linear_volts, (0, length * grid.oversampling - len(linear_volts))), length)
     omega = 2j * np.pi * np.maximum(grid.frequencies, 1.0)
-    velocity = irfft(rfft(played) * plan.gain / omega, length)
+    velocity = scipy.fft.irfft(scipy.fft.rfft(played) * plan.gain / omega, length)
     range_scale = _RANGE_USED * response.velocity_range / float(np.abs(velocity).max())
     scale = min(limit / float(np.abs(linear_volts).max()), range_scale)
     volts, scale = _within(limits, calibration, linear_volts, smooth, scale)
@@ -278,13 +278,13 @@ def plan_for(
 
     Motion that is not wanted counts wherever the response was measured, also outside the band.
     """
-    f = rfftfreq(len(target), 1 / rate_hz)
+    f = scipy.fft.rfftfreq(len(target), 1 / rate_hz)
     low, high = actuation.known(calibration)
     known = (f >= low) & (f <= high)
     gain = np.where(known, actuation.gain(calibration, np.clip(f, low, high)), 0.0)
     slew = min(limits.slew, limits.current_peak / limits.capacitance if limits.capacitance else np.inf)
     return Plan(
-        target=rfft(target),
+        target=scipy.fft.rfft(target),
         gain=gain,
         known=known,
         uncertainty=actuation.uncertainty(calibration, f),
@@ -302,7 +302,7 @@ def _distorted(calibration: Calibration, plan: Plan, linear_volts: FloatArray) -
     """
     target = np.abs(plan.target) ** 2
     inside = target > 1e-6 * target.max()
-    spread = (np.abs(rfft(linear_volts)) ** 2).sum() / inside.sum()
+    spread = (np.abs(scipy.fft.rfft(linear_volts)) ** 2).sum() / inside.sum()
     missed = calibration.distortion**2 * spread * (np.abs(plan.gain[plan.known]) ** 2).sum()
     return float(_SPREAD * np.sqrt(missed / target.sum()))
 
@@ -362,8 +362,8 @@ def _unreached(
         sentences.append(
             f"{1 - in_band:.0%} of the energy lies outside {band[0]:.0f} to {band[1]:.0f} Hz and is left out."
         )
-    missed = irfft((plan.target - plan.gain * rfft(played)) * plan.known, len(played))
-    error = float(np.linalg.norm(missed) / np.linalg.norm(irfft(plan.target, len(played))))
+    missed = scipy.fft.irfft((plan.target - plan.gain * scipy.fft.rfft(played)) * plan.known, len(played))
+    error = float(np.linalg.norm(missed) / np.linalg.norm(scipy.fft.irfft(plan.target, len(played))))
     if error > _BUDGET:
         centres, levels = third_octaves(missed, rate_hz, *band)
         sentences.append(

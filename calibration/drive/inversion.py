@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, rfft
+import scipy
 
 from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
 
@@ -55,7 +55,7 @@ class Plan:
 
     def error(self, drive: FloatArray) -> float:
         """Expected rms error of `drive` over the target's rms, uncertainty included."""
-        return float(np.sqrt(self.left(rfft(drive)) / (np.abs(self.target) ** 2).sum()))
+        return float(np.sqrt(self.left(scipy.fft.rfft(drive)) / (np.abs(self.target) ** 2).sum()))
 
 
 def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
@@ -69,7 +69,7 @@ def min_peak(plan: Plan, budget: float) -> tuple[FloatArray, float]:
     found = []
     for share in _REGULARISATIONS:
         V = plan.known * np.conj(plan.gain) * plan.target / (power + share * plan.typical)
-        drive = irfft(V, len(plan.window)) * (plan.window > 0)
+        drive = scipy.fft.irfft(V, len(plan.window)) * (plan.window > 0)
         found.append((drive, plan.error(drive)))
     within = [candidate for candidate in found if candidate[1] <= budget]
     if within:
@@ -129,13 +129,13 @@ def within(plan: Plan, limit: float, state: State | None = None) -> tuple[FloatA
     rho = _SPLITTING * plan.typical
     # Where nothing is known, the drive has no power.
     inverse = plan.known / (power + rho * (np.abs(constraints) ** 2).sum(axis=0) + ridge)
-    begin = np.clip(irfft(constraints * plan.operating_point, n), -bound, bound)
+    begin = np.clip(scipy.fft.irfft(constraints * plan.operating_point, n), -bound, bound)
     z, u = state or (begin, np.zeros(bound.shape))
     alone, shares = right_side * inverse, rho * np.conj(constraints) * inverse
     relaxed, low = _RELAXATION * constraints, -bound
     for _ in range(_ITERATIONS):
-        V = alone + (shares * rfft(z - u)).sum(axis=0)
-        v = irfft(relaxed * V, n)
+        V = alone + (shares * scipy.fft.rfft(z - u)).sum(axis=0)
+        v = scipy.fft.irfft(relaxed * V, n)
         v += (1 - _RELAXATION) * z
         v += u
         z = np.clip(v, low, bound)

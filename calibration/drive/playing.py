@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+import scipy
 
 from haploop.calibration.drive.drive import Drive
 from haploop.calibration.response import overloaded, settle
@@ -96,13 +96,13 @@ def _acceleration(rig: Rig, capture: Capture, top: float, factor: int) -> FloatA
     velocity = rig.vibrometer.to_velocity(capture.volts[laser])
     velocity = velocity - velocity[: max(1, round(_BEFORE * capture.rate_hz))].mean()
     edge = round(_TAIL / 4 * capture.rate_hz)
-    samples = next_fast_len(-(-len(velocity) // factor), real=True)
-    f = rfftfreq(samples * factor, 1 / capture.rate_hz)
+    samples = scipy.fft.next_fast_len(-(-len(velocity) // factor), real=True)
+    f = scipy.fft.rfftfreq(samples * factor, 1 / capture.rate_hz)
     kept = f < top
     late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.vibrometer.response(f)
-    spectrum = rfft(velocity * fade(len(velocity), 0, edge), samples * factor)
+    spectrum = scipy.fft.rfft(velocity * fade(len(velocity), 0, edge), samples * factor)
     moved = np.where(kept, spectrum * 2j * np.pi * f / late, 0.0)[: samples // 2 + 1]
-    return np.asarray(irfft(moved, samples) / factor)
+    return np.asarray(scipy.fft.irfft(moved, samples) / factor)
 
 
 def _peak(rig: Rig, capture: Capture) -> float:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.fft import rfft, rfftfreq
 
 from haploop.calibration.examination.finding import Finding
 from haploop.calibration.response import linear_sweep
@@ -143,7 +142,7 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
         0 * sweep if silent else sweep, patches, (sensor.channels[0], rig.vibrometer.channel), _TAIL
     )
     samples, rate_hz = capture.volts.shape[1], capture.rate_hz
-    f = rfftfreq(samples, 1 / rate_hz)
+    f = scipy.fft.rfftfreq(samples, 1 / rate_hz)
     inside = (f > _BAND[0]) & (f < _BAND[1])
     f = np.asarray(f[inside])
     commanded = _spectrum(sweep, samples, inside)
@@ -162,7 +161,7 @@ def _play(rig: Rig, sweep: FloatArray, patches: tuple[str, ...], silent: bool = 
 
 
 def _spectrum(signal: FloatArray, samples: int, inside: BoolArray) -> ComplexArray:
-    return np.asarray(rfft(signal - signal.mean(), samples)[inside])
+    return np.asarray(scipy.fft.rfft(signal - signal.mean(), samples)[inside])
 
 
 def _overload(rig: Rig, capture: Capture) -> str | None:

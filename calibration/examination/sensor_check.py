@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.fft import irfft, rfft, rfftfreq
+import scipy
 
 from haploop.calibration.examination.finding import Finding, Status
 from haploop.instruments import Capture, HaploopError, Press, Rest, Rig
@@ -201,18 +201,18 @@ def _lag(force: FloatArray, acceleration: FloatArray, rate_hz: float) -> float |
     """Delay (s) of a press in the acceleration relative to the force; None without a press."""
     low, high = _PRESS_BAND
     size = 2 * len(force)
-    f = rfftfreq(size, 1 / rate_hz)
+    f = scipy.fft.rfftfreq(size, 1 / rate_hz)
     # A Butterworth band-pass of second order, forwards and backwards; scipy.signal takes longer to load than
     # all else that is examined.
     aside = np.divide(f**2 - low * high, f * (high - low), out=np.full(len(f), np.inf), where=f > 0)
     spectra = []
     for signal in (force, acceleration):
-        band = irfft(rfft(signal - np.median(signal), size) / (1 + aside**4), size)
+        band = scipy.fft.irfft(scipy.fft.rfft(signal - np.median(signal), size) / (1 + aside**4), size)
         shape = np.abs(band[: len(force)])
         if shape.max() < 8 * np.median(shape):
             return None
-        spectra.append(rfft(shape, size))
-    pair = irfft(spectra[1] * spectra[0].conj(), size)
+        spectra.append(scipy.fft.rfft(shape, size))
+    pair = scipy.fft.irfft(spectra[1] * spectra[0].conj(), size)
     late = int(pair.argmax())
     return (late - size if late >= len(force) else late) / rate_hz
 

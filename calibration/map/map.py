@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.fft import irfft, rfft
+import scipy
 from threadpoolctl import threadpool_limits
 
 from haploop.acquisition import hdf5
@@ -269,10 +269,10 @@ def _operators(plan: MapPlan, drive: ComplexArray, lines: IntArray) -> ComplexAr
     coarse = plan.parallel.samples(plan.rate_hz)
     spectrum = np.zeros(count // 2 + 1, dtype=np.complex128)
     spectrum[first : last + 1] = drive
-    volts = irfft(spectrum, count) * (count / coarse)
+    volts = scipy.fft.irfft(spectrum, count) * (count / coarse)
     # In the second period the operators start from their state at the end of the first.
     bent = operators(np.tile(volts, 2), plan.level)[:, count:]
-    return np.asarray(rfft(bent)[:, first : last + 1] * (coarse / count))
+    return np.asarray(scipy.fft.rfft(bent)[:, first : last + 1] * (coarse / count))
 
 
 def _gains(plan: MapPlan, modes: Modes) -> ComplexArray:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from scipy.fft import rfft
+import scipy
 
 from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement, Step
 from haploop.calibration.response import Channels, overloaded, refuse_silent_drive
@@ -180,13 +180,13 @@ class _Player:
                     seen[monitor] = self._volts(
                         capture.volts, capture.channels, capture.delays, monitor, drive[patch]
                     )
-                    _refuse_silent_drive(seen[monitor], rfft(drive[patch])[self._lines], patch)
+                    _refuse_silent_drive(seen[monitor], scipy.fft.rfft(drive[patch])[self._lines], patch)
                 drives.append(seen[monitor])
                 rows.append((number, patch))
             laser = capture.channels.index(rig.vibrometer.channel)
             paths = Channels(capture.rate_hz, 0.0, float(capture.delays[laser]), rig.vibrometer.response)
             speed = rig.vibrometer.to_velocity(capture.volts[laser])[: len(self._all)]
-            velocity = paths.velocity(rfft(speed)[self._lines], self._f)
+            velocity = paths.velocity(scipy.fft.rfft(speed)[self._lines], self._f)
             if not self._follows(velocity, name):
                 source = f"patch {name}" if name in drive else "the patches"
                 return f"Point {step.point} does not follow {source}: check the laser's focus and aim."
@@ -216,8 +216,8 @@ class _Player:
         row, divider = channels.index(monitor), self._rig.sensors.drive
         assert divider is not None
         paths = Channels(self._plan.rate_hz, float(delays[row]), 0.0, self._rig.vibrometer.response)
-        sampled = rfft(divider.to_si(volts[[row]])[0][: len(commanded)])[self._lines]
-        order = rfft(commanded)[self._lines]
+        sampled = scipy.fft.rfft(divider.to_si(volts[[row]])[0][: len(commanded)])[self._lines]
+        order = scipy.fft.rfft(commanded)[self._lines]
         return np.asarray(sampled * paths.drive(sampled[None], order, self._f))
 
     def _follows(self, velocity: ComplexArray, name: str) -> bool:

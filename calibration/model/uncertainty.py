@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 
@@ -43,9 +43,12 @@ def _known(calibration: Calibration, frequencies: bytes) -> FloatArray:
     spacing = float(np.median(np.diff(lines)))
     near, wide = (max(1, round(hz / spacing)) for hz in (_MISFIT_HZ, _POWER_HZ))
     residual = response.velocity - model.velocity(lines)
-    smooth = uniform_filter1d(residual.real, near) + 1j * uniform_filter1d(residual.imag, near)
+    smooth = scipy.ndimage.uniform_filter1d(residual.real, near) + 1j * scipy.ndimage.uniform_filter1d(
+        residual.imag, near
+    )
     misfit, scatter = (
-        uniform_filter1d(np.abs(values) ** 2, wide, mode="nearest") for values in (smooth, residual)
+        scipy.ndimage.uniform_filter1d(np.abs(values) ** 2, wide, mode="nearest")
+        for values in (smooth, residual)
     )
     common = np.zeros(len(lines))
     if len(response.deviation):

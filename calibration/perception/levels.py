@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+import scipy
 
 from haploop.calibration.perception.thresholds import REFERENCE, thresholds
 from haploop.instruments.arrays import ComplexArray, FloatArray
@@ -144,14 +144,17 @@ class _Spectrum:
 
     @classmethod
     def of(cls, signal: FloatArray, rate_hz: float) -> _Spectrum:
-        length = next_fast_len(len(signal) + round(_PAD * rate_hz), real=True)
+        length = scipy.fft.next_fast_len(len(signal) + round(_PAD * rate_hz), real=True)
         return cls(
-            np.asarray(rfft(signal, length)), np.asarray(rfftfreq(length, 1 / rate_hz)), len(signal), length
+            np.asarray(scipy.fft.rfft(signal, length)),
+            np.asarray(scipy.fft.rfftfreq(length, 1 / rate_hz)),
+            len(signal),
+            length,
         )
 
     def filtered(self, gain: FloatArray) -> FloatArray:
         """(samples,) without delay; `gain` is (lines,)."""
-        return np.asarray(irfft(self.lines * gain, self.length)[: self.samples])
+        return np.asarray(scipy.fft.irfft(self.lines * gain, self.length)[: self.samples])
 
     def energy(self, gain: FloatArray) -> float:
         """Mean square over the signal's own length; `gain` is (lines,)."""

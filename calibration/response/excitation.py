@@ -8,7 +8,7 @@ from math import ceil, exp, log
 from typing import Literal
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+import scipy
 
 from haploop.calibration.spectra import fade
 from haploop.instruments import ConfigurationError
@@ -156,7 +156,7 @@ class Multisine:
 
     def crest(self) -> float:
         """Crest factor, peak over rms; that of a sweep is 1.4."""
-        one = _period(self, next_fast_len(round(8 * self.high * self.period), real=True))
+        one = _period(self, scipy.fft.next_fast_len(round(8 * self.high * self.period), real=True))
         return float(1 / np.sqrt(np.mean(one**2)))
 
     def __str__(self) -> str:
@@ -279,20 +279,20 @@ def _lines(multisine: Multisine) -> tuple[IntArray, IntArray, IntArray]:
 def _period(multisine: Multisine, samples: int) -> FloatArray:
     """One period (samples,) with a peak of one, starting where the waveform is closest to zero."""
     lines = multisine.excited()
-    coarse = next_fast_len(8 * int(lines[-1]), real=True)
+    coarse = scipy.fft.next_fast_len(8 * int(lines[-1]), real=True)
     rng = np.random.default_rng([multisine.seed, 1])
     phases = np.exp(2j * np.pi * rng.random(len(lines)))
     for step in range(_CLIPPINGS):
         spectrum = np.zeros(coarse // 2 + 1, dtype=np.complex128)
         spectrum[lines] = phases
-        wave = irfft(spectrum, coarse)
+        wave = scipy.fft.irfft(spectrum, coarse)
         # Hard clipping at first, later only of the highest peaks.
         ceiling = np.abs(wave).max() * (0.65 + 0.27 * step / _CLIPPINGS)
-        clipped = rfft(np.clip(wave, -ceiling, ceiling))[lines]
+        clipped = scipy.fft.rfft(np.clip(wave, -ceiling, ceiling))[lines]
         phases = clipped / np.abs(clipped)
     spectrum = np.zeros(samples // 2 + 1, dtype=np.complex128)
     spectrum[lines] = phases
-    wave = irfft(spectrum, samples)
+    wave = scipy.fft.irfft(spectrum, samples)
     ends = np.maximum(np.abs(wave), np.abs(np.roll(wave, 1)))
     one = np.roll(wave, -int(np.argmin(ends))) / np.abs(wave).max()
     one.setflags(write=False)

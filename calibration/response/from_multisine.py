@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy
-from scipy.fft import rfft
-from scipy.ndimage import uniform_filter1d
 from threadpoolctl import threadpool_limits
 
 from haploop.calibration.response.channels import Channels
@@ -65,7 +63,7 @@ def from_multisine(
     def spectra(signals: FloatArray) -> ComplexArray:
         signals = signals[..., start : start + multisine.periods * one]
         periods = signals.reshape(*signals.shape[:-1], multisine.periods, one).mean(axis=-2)
-        return np.asarray(rfft(periods)[..., lines])
+        return np.asarray(scipy.fft.rfft(periods)[..., lines])
 
     level = float(np.abs(drive[: len(commanded)]).max()) if hysteresis is None else hysteresis.level
     volts = drive[: len(commanded)]
@@ -128,9 +126,11 @@ def _misfit(even: IntArray, odd: IntArray, unexplained: FloatArray, moved: Float
     """
     own, size = unexplained[odd], moved[odd]
     if len(even):
-        noise = uniform_filter1d(unexplained[even], 4 * _LAW, mode="nearest")
+        noise = scipy.ndimage.uniform_filter1d(unexplained[even], 4 * _LAW, mode="nearest")
         own = own - np.interp(odd, even, noise)
-        near = uniform_filter1d(own, _LAW, mode="nearest") / uniform_filter1d(size, _LAW, mode="nearest")
+        near = scipy.ndimage.uniform_filter1d(own, _LAW, mode="nearest") / scipy.ndimage.uniform_filter1d(
+            size, _LAW, mode="nearest"
+        )
         share = np.maximum(near, max(float(own.sum() / size.sum()), 0.0))
         return np.asarray(_ALIKE**2 * np.interp(np.arange(len(moved)), odd, share))
     weights, columns = np.ones(len(own)), np.array([np.full(len(own), own.mean()), size]).T
@@ -143,4 +143,4 @@ def _misfit(even: IntArray, odd: IntArray, unexplained: FloatArray, moved: Float
 
 def _smoothed(power: FloatArray, size: int, lines: IntArray, at: IntArray) -> FloatArray:
     """Power averaged over `size` of the `lines` on which it was measured, interpolated `at` others."""
-    return np.asarray(np.interp(at, lines, uniform_filter1d(power, size, mode="nearest")))
+    return np.asarray(np.interp(at, lines, scipy.ndimage.uniform_filter1d(power, size, mode="nearest")))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import fft, ifft, next_fast_len, rfft
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from haploop.calibration.response.channels import Channels
 from haploop.calibration.response.estimate import FrfEstimate
@@ -55,16 +54,16 @@ def from_sweeps(
     """
     rate_hz, repeats = channels.rate_hz, sweep.repeats
     samples = drives.shape[1]
-    length = next_fast_len(samples + round(_ROOM * rate_hz), real=True)
+    length = scipy.fft.next_fast_len(samples + round(_ROOM * rate_hz), real=True)
     low, high = _LOWEST, sweep.stop_hz - _END
     first, last = (edge * length / rate_hz for edge in (low - _MORE[0], high + _MORE[1]))
     lines = slice(int(np.ceil(first)), int(np.floor(last)) + 1)
     f = np.arange(lines.start, lines.stop) * rate_hz / length
-    order = rfft(commanded, length)[lines]
+    order = scipy.fft.rfft(commanded, length)[lines]
     # Without the mean, zero padding makes no step. One play at a time: memory that is new costs more than the
     # transform.
     X, Y = (
-        np.array([rfft(signal - signal.mean(), length)[lines] for signal in signals])
+        np.array([scipy.fft.rfft(signal - signal.mean(), length)[lines] for signal in signals])
         for signals in (drives, velocities)
     )
     X, Y = X * channels.drive(X[:repeats], order, f), channels.velocity(Y, f)
@@ -74,14 +73,16 @@ def from_sweeps(
     H = (np.conj(x) * y).sum(axis=0) / power
     # The drive is far above its noise, so the part that does not repeat is the velocity's noise.
     residual = (np.abs(y - H * x) ** 2).sum(axis=0) / (repeats - 1)
-    residual = np.maximum(*(uniform_filter1d(residual, pool, mode="nearest") for pool in (_NEAR, _POOL)))
+    residual = np.maximum(
+        *(scipy.ndimage.uniform_filter1d(residual, pool, mode="nearest") for pool in (_NEAR, _POOL))
+    )
     speed = sweep.stop_hz / sweep.seconds
     raw = H
     H = _without_harmonics(raw, f, speed)
     smaller = [_without_harmonics(b / a, f, speed) for a, b in zip(X[repeats:], Y[repeats:], strict=True)]
     kept = (f >= low) & (f <= high)
     level_gain = np.array([np.vdot(H[kept], h[kept]) for h in smaller]) / np.linalg.norm(H[kept]) ** 2
-    removed = uniform_filter1d(np.abs(raw - H) ** 2, _POOL, mode="nearest")
+    removed = scipy.ndimage.uniform_filter1d(np.abs(raw - H) ** 2, _POOL, mode="nearest")
     # Where noise is most of what the gates remove, that much less stays.
     scatter = np.maximum(residual / power - removed, _STAYS * residual / power)
     left_in = _left_in(np.maximum(removed - residual / power, 0.0), sweep.stop_hz - f)
@@ -125,7 +126,7 @@ def _cut_off(
     floor = noise * window / len(velocity)
     smooth = max(1, round(length / window))
     before, last = (
-        uniform_filter1d(np.abs(rfft(part - part.mean(), length)[lines]) ** 2, smooth)
+        scipy.ndimage.uniform_filter1d(np.abs(scipy.fft.rfft(part - part.mean(), length)[lines]) ** 2, smooth)
         for part in (velocity[-2 * window : -window], velocity[-window:])
     )
     decay = np.sqrt(last / np.maximum(before, 1e-300))
@@ -146,7 +147,7 @@ def _drift(
     slope = f * np.gradient(H, f)
     change = repeated[-1] - repeated[0]
     size, seen, noise = (
-        uniform_filter1d(values, _SHIFT, mode="nearest")
+        scipy.ndimage.uniform_filter1d(values, _SHIFT, mode="nearest")
         for values in (
             np.abs(slope) ** 2,
             (np.conj(slope) * change).real,
@@ -170,7 +171,7 @@ def _of_shape(
     found = np.zeros(len(H))
     for one, gain, variance in zip(smaller, level_gain, variances, strict=True):
         changed = np.abs(one / gain - H) ** 2 - _CHANGED * variance / np.abs(gain) ** 2
-        found = np.maximum(found, uniform_filter1d(changed, _POOL, mode="nearest"))
+        found = np.maximum(found, scipy.ndimage.uniform_filter1d(changed, _POOL, mode="nearest"))
     return _FURTHER**2 * found
 
 
@@ -195,5 +196,5 @@ def _without_harmonics(H: ComplexArray, frequencies: FloatArray, speed: float) -
         begin = 1 / step - max((centre - _PART) / speed / 4, 0.1)
         end = 1 / step - (centre + _PART) / speed
         gate = np.interp(time, [end - 0.1, end, begin, begin + 0.05], [1, 0, 0, 1])
-        gated += fft(gate * ifft(longer * weight))
+        gated += scipy.fft.fft(gate * scipy.fft.ifft(longer * weight))
     return gated[more : more + len(H)]

@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import uniform_filter1d
 
 from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
 
@@ -69,7 +69,7 @@ def local_rational(drive: ComplexArray, output: ComplexArray, lines: IntArray) -
     solution = np.einsum("lij,lj->li", inverse, seen)
     variance = (np.abs(left) ** 2).sum(axis=1) / (2 * half + 1 - columns.shape[2])
     # Thirteen degrees of freedom estimate a variance within 28 %: the neighbours' are averaged in.
-    variance = uniform_filter1d(variance, 2 * half + 1, mode="nearest")
+    variance = scipy.ndimage.uniform_filter1d(variance, 2 * half + 1, mode="nearest")
     covariance = (np.abs(inverse[:, 0, :]) ** 2).sum(axis=1)
     weight = (np.abs(q[:, half, :]) ** 2).sum(axis=1)
     return Local(

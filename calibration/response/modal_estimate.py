@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from haploop.calibration.response.modes import Modes, Plays
 from haploop.calibration.response.terms import moved, rows, terms_of
@@ -71,7 +71,9 @@ def modal_estimate(modes: Modes, plays: Plays, gain: complex, gains: ComplexArra
         np.concatenate([gain * response, np.zeros_like(ringing), gain * own_moved, gains[free, None] * H])
     )
     power = np.abs(left) ** 2 * len(f) / max(len(f) - len(J) / 2, 1)
-    power = np.maximum(*(uniform_filter1d(power, size, mode="nearest") for size in (_NEAR, _FAR)))
+    power = np.maximum(
+        *(scipy.ndimage.uniform_filter1d(power, size, mode="nearest") for size in (_NEAR, _FAR))
+    )
     norms = np.linalg.norm(J, axis=1)[:, None]
     values, vectors = np.linalg.eigh((J @ J.T) / (norms * norms.T))
     # Along the eigenvectors, where what is hardly seen stays apart from what is seen well.

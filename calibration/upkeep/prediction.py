@@ -8,7 +8,7 @@ drive has learnt, is in both. On a simulated table it agreed with the measured g
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+import scipy
 
 from haploop.calibration.drive import Drive
 from haploop.calibration.model import Calibration, Model
@@ -38,12 +38,12 @@ def motion_change(
 
 def _acceleration(drive: Drive, linear_volts: FloatArray, model: Model, lag: complex) -> FloatArray:
     """(samples,) m/s^2 within the drive's band."""
-    length = next_fast_len(len(linear_volts) + round(_RING * drive.rate_hz), real=True)
-    f = rfftfreq(length, 1 / drive.rate_hz)
+    length = scipy.fft.next_fast_len(len(linear_volts) + round(_RING * drive.rate_hz), real=True)
+    f = scipy.fft.rfftfreq(length, 1 / drive.rate_hz)
     inside = (f >= drive.band[0]) & (f <= drive.band[1])
     spectrum = np.zeros(len(f), dtype=np.complex128)
     # Without the steps at both ends, hysteresis leaves an offset that would leak into the band.
     slope = np.linspace(linear_volts[0], linear_volts[-1], len(linear_volts))
-    driven = rfft(linear_volts - slope, length)[inside]
+    driven = scipy.fft.rfft(linear_volts - slope, length)[inside]
     spectrum[inside] = driven * model.velocity(f[inside]) * 2j * np.pi * f[inside] / lag
-    return np.asarray(irfft(spectrum, length)[: len(linear_volts)])
+    return np.asarray(scipy.fft.irfft(spectrum, length)[: len(linear_volts)])

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from scipy.fft import irfft, rfft, rfftfreq
-from scipy.ndimage import binary_dilation, find_objects, label, maximum_filter1d
 
 from haploop.calibration.drive import BAND, Check
 from haploop.instruments import Capture, Rest, Rig
@@ -129,7 +127,7 @@ def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
     """
     laser = capture.channels.index(rig.vibrometer.channel)
     hit = _spikes(capture.volts[laser], capture.rate_hz)
-    found, count = label(hit)
+    found, count = scipy.ndimage.label(hit)
     groups = np.asarray(found, dtype=np.int64)
     if not count:
         return capture, 0
@@ -163,13 +161,13 @@ def _spikes(signal: FloatArray, rate_hz: float) -> BoolArray:
         scipy.signal.butter(4, min(_FAST, 0.3 * rate_hz), "high", fs=rate_hz, output="sos"), signal
     )
     spread = float(np.median(np.abs(fast))) / 0.6745
-    near = maximum_filter1d(np.abs(fast), 2 * round(_REACH * rate_hz) + 1)
+    near = scipy.ndimage.maximum_filter1d(np.abs(fast), 2 * round(_REACH * rate_hz) + 1)
     hit = np.abs(fast) > np.maximum(_SPIKE * spread, _SHARE * near)
     edge = round(_REACH * rate_hz)  # where the filter sees the signal begin and end
     hit[:edge] = hit[len(hit) - edge :] = False
     if not spread or not hit.any():
         return np.zeros(len(signal), dtype=np.bool_)
-    return np.asarray(binary_dilation(hit, iterations=max(1, round(_AROUND * rate_hz))))
+    return np.asarray(scipy.ndimage.binary_dilation(hit, iterations=max(1, round(_AROUND * rate_hz))))
 
 
 def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float) -> FloatArray:
@@ -181,7 +179,7 @@ def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float
     middle = len(kernel) // 2
     for _ in range(2):  # the second time with the neighbouring gaps filled
         fast = scipy.signal.fftconvolve(filled, kernel, mode="same")
-        for gap in find_objects(groups):
+        for gap in scipy.ndimage.find_objects(groups):
             column = kernel[middle : middle + gap[0].stop - gap[0].start].copy()
             column[0] *= 1 + _FLOOR
             filled[gap] -= scipy.linalg.solve_toeplitz(column, fast[gap])
@@ -190,10 +188,10 @@ def _filled(signal: FloatArray, hit: BoolArray, groups: IntArray, rate_hz: float
 
 def _in_band(velocity: FloatArray, rate_hz: float) -> float:
     """Acceleration within the band of drives (m/s^2 rms)."""
-    f = rfftfreq(len(velocity), 1 / rate_hz)
-    spectrum = rfft(velocity - velocity.mean()) * 2j * np.pi * f
+    f = scipy.fft.rfftfreq(len(velocity), 1 / rate_hz)
+    spectrum = scipy.fft.rfft(velocity - velocity.mean()) * 2j * np.pi * f
     spectrum[(f < BAND[0]) | (f > BAND[1])] = 0
-    return float(irfft(spectrum, len(velocity)).std())
+    return float(scipy.fft.irfft(spectrum, len(velocity)).std())
 
 
 def _captured(rig: Rig, channels: Sequence[str], rate_hz: float, seconds: float) -> Capture:

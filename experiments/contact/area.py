@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from haploop.instruments import Camera, DataError, Frame
 from haploop.instruments.arrays import FloatArray
@@ -127,7 +127,7 @@ def learn_background(camera: Camera, frames: int = 30) -> Background:
         raise DataError("The image without a finger is too bright: lower the exposure, or shade the table.")
     if noise == 0 and float(mean.max()) == 0:
         raise DataError("The image is black: open the camera's lens, and switch the lamps on.")
-    moved = ndimage.uniform_filter(seen[-1] - seen[0], _SMOOTHED)
+    moved = scipy.ndimage.uniform_filter(seen[-1] - seen[0], _SMOOTHED)
     if float(np.abs(moved).max()) > 8 * max(noise, 0.5):
         raise DataError(
             "Something moved while the background was learnt: take hands off the surface, and repeat."
@@ -174,7 +174,7 @@ def _raised(frame: Frame, background: Background) -> tuple[FloatArray, float]:
             f"A frame has {frame.pixels.shape} pixels and the background {background.mean.shape}: "
             "learn it anew."
         )
-    difference = ndimage.uniform_filter(frame.pixels - background.mean, _SMOOTHED)
+    difference = scipy.ndimage.uniform_filter(frame.pixels - background.mean, _SMOOTHED)
     # At the border, because a firm finger may cover half of a small image.
     edge = np.concatenate([difference[:_EDGE].ravel(), difference[-_EDGE:].ravel()])
     sides = np.concatenate([difference[:, :_EDGE].ravel(), difference[:, -_EDGE:].ravel()])
@@ -185,9 +185,9 @@ def _raised(frame: Frame, background: Background) -> tuple[FloatArray, float]:
 def _blobs(raised: FloatArray, background: Background) -> list[tuple[int, float, float]]:
     """Pixels above half brightness, blur of the edge (pixels), and brightness of each blob, largest first."""
     least = max(_DETECTED * background.noise / _SMOOTHED, 12.0)
-    labels, _ = ndimage.label(raised > least)
+    labels, _ = scipy.ndimage.label(raised > least)
     found = []
-    for number, place in enumerate(ndimage.find_objects(labels), 1):
+    for number, place in enumerate(scipy.ndimage.find_objects(labels), 1):
         inside = labels[place] == number
         if int(inside.sum()) < _SMALLEST:
             continue

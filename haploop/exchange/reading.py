@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from scipy.ndimage import gaussian_filter1d
 
 import haploop
 from haploop.acquisition import Recording, Representative, Study, content_hash, open_part
@@ -245,14 +244,14 @@ def _envelope(title: str, acceleration: FloatArray, rate_hz: float, about: About
     analytic = np.asarray(scipy.signal.hilbert(acceleration))
     # Hilbert's amplitude of a click has notches where its partials beat: the window fills them.
     width = _SMOOTHING * rate_hz
-    power = gaussian_filter1d(np.abs(analytic) ** 2, width)
+    power = scipy.ndimage.gaussian_filter1d(np.abs(analytic) ** 2, width)
     amplitude = np.sqrt(power)
     peak = float(amplitude.max(initial=0.0))
     if not np.isfinite(peak) or peak == 0:
         raise DataError(f"{about['source']} holds no motion that a phone could play.")
     turned = np.angle(analytic[1:] * np.conj(analytic[:-1])) * rate_hz / (2 * np.pi)
     turned = np.append(turned, turned[-1:])
-    weighted = gaussian_filter1d(turned * np.abs(analytic) ** 2, width)
+    weighted = scipy.ndimage.gaussian_filter1d(turned * np.abs(analytic) ** 2, width)
     frequency = np.clip(weighted / np.maximum(power, 1e-12 * power.max()), 0.0, 1000.0)
     strong = np.flatnonzero(amplitude > _AUDIBLE * peak)
     samples = np.arange(len(amplitude))

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from matplotlib import colormaps
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from scipy.ndimage import zoom
 
 from haploop.calibration.map import ALL, VibrationMap
 from haploop.figures.encoding import mark_simulated
@@ -131,7 +131,7 @@ def _surface(
 
 def _nodal_lines(axes: Axes, shape: FloatArray) -> None:
     """Draw where a mode shape (rows, columns) is zero, interpolated as the picture is."""
-    finer = zoom(shape, 8, order=3)
+    finer = scipy.ndimage.zoom(shape, 8, order=3)
     rows = np.linspace(0, shape.shape[0] - 1, finer.shape[0])
     columns = np.linspace(0, shape.shape[1] - 1, finer.shape[1])
     if finer.min() < 0 < finer.max():

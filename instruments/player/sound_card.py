@@ -14,8 +14,8 @@ from fractions import Fraction
 from typing import Annotated, Any, Literal, Protocol, Self
 
 import numpy as np
+import scipy
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.fft import irfft, next_fast_len, rfft
 
 from haploop.instruments.arrays import ComplexArray, FloatArray
 from haploop.instruments.clock import Clock
@@ -249,8 +249,8 @@ def at_rate(volts: FloatArray, rate_hz: float, wanted_hz: float) -> FloatArray:
     """Resample a waveform ((samples,), at rest at both ends) by FFT; the result is `_GUARD` s longer."""
     ratio = Fraction(wanted_hz / rate_hz).limit_denominator(10_000)
     blocks = -(-(len(volts) + round(_GUARD * rate_hz)) // ratio.denominator)
-    blocks = next_fast_len(blocks, real=True)
+    blocks = scipy.fft.next_fast_len(blocks, real=True)
     before, after = blocks * ratio.denominator, blocks * ratio.numerator
-    spectrum = rfft(volts, before)[: after // 2 + 1]
-    longer = irfft(spectrum, after) * (after / before)
+    spectrum = scipy.fft.rfft(volts, before)[: after // 2 + 1]
+    longer = scipy.fft.irfft(spectrum, after) * (after / before)
     return np.asarray(longer[: round((len(volts) / rate_hz + _GUARD) * wanted_hz)])

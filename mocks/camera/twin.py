@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.camera.opencv import OpenCvCamera
@@ -121,4 +121,4 @@ class CameraTwin(Camera):
         length = width * aspect
         inside = 1 - np.hypot((self._x - x) / length, (self._y - y) / width)
         distance = inside * math.sqrt(width * length)
-        return np.asarray(ndtr(distance / max(blur, 1e-3)))
+        return np.asarray(scipy.special.ndtr(distance / max(blur, 1e-3)))

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.sensors import low_pass
@@ -161,8 +160,8 @@ def _filtered(scene: Scene, press: SimulatedPress, pole_hz: float, times: FloatA
     key = (press.start, pole_hz)
     if key not in scene.shaken:
         rate_hz, lead = 50_000.0, 0.05
-        # A length without large prime factors: others take ten times as long. Both ends are at rest.
-        count = next_fast_len(round((press.stop - press.start + _RING + 2 * lead) * rate_hz), real=True)
+        # In steps of 0.1 s a length has no large prime factor, which takes ten times as long. Both ends rest.
+        count = 5000 * int(np.ceil((press.stop - press.start + _RING + 2 * lead) * rate_hz / 5000))
         grid = press.start - lead + np.arange(count) / rate_hz
         spectrum = np.fft.rfft(press.acceleration(grid))
         passed = spectrum * low_pass(

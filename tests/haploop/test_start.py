@@ -33,8 +33,13 @@ finally:
     print(json.dumps([*sys.modules]), file=sys.stderr)
 """
 
-SLOW = {"matplotlib", "scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"}
+SLOW = {
+    "matplotlib", "scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "scipy.signal",
+    "scipy.special", "scipy.stats",
+}  # fmt: skip
 """What takes longest to load; most commands compute nothing with it."""
+FILTERS = {"scipy.ndimage", "scipy.special"}
+"""What is loaded to find presses."""
 
 
 def commands(group: click.Group = cli, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
@@ -106,17 +111,18 @@ print(json.dumps([*sys.modules]), file=sys.stderr)
         (["log"], SLOW | {"h5py"}),
         (["verify", "{recording}"], SLOW | {"scipy", "nidaqmx", "pyvisa"}),
         (["list", "--in", "{folder}"], SLOW | {"nidaqmx", "pyvisa"}),
-        (["show", "{recording}"], SLOW | {"nidaqmx", "pyvisa"}),
+        (["show", "{recording}"], (SLOW | {"nidaqmx", "pyvisa"}) - FILTERS),
         (["show", "{calibration}"], SLOW | {"nidaqmx", "pyvisa"}),
         (
             ["record", "push", "-p", "P02", "-n", "1", "--out", "{folder}"],
-            SLOW | {"nidaqmx", "grpc", "pyvisa"},
+            (SLOW | {"nidaqmx", "grpc", "pyvisa"}) - FILTERS,
         ),
         (
             ["report", "{calibration}", "--out", "{folder}/report.html"],
-            (SLOW | {"nidaqmx", "pyvisa"}) - {"matplotlib"},
+            (SLOW | {"nidaqmx", "pyvisa"}) - FILTERS - {"matplotlib", "scipy.fft"},
         ),
-        (["doctor"], (SLOW | {"nidaqmx", "pyvisa"}) - {"scipy.optimize"}),  # it finds which patch is where
+        # It finds which patch is where.
+        (["doctor"], (SLOW | {"nidaqmx", "pyvisa"}) - {"scipy.optimize", "scipy.fft", "scipy.special"}),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import coherence, welch
+import scipy
 
 from haploop.console.server.buckets import Buckets
 from haploop.instruments import DataError, HaploopError, LiveBlock, RealClock, RigFile, Tap, watch_live
@@ -189,7 +189,7 @@ def driven_coherence(drive: FloatArray, velocity: FloatArray, rate_hz: float) ->
     length = round(_SEGMENT * rate_hz)
     if len(drive) < 4 * length:
         return None
-    f, found = coherence(drive, velocity, rate_hz, nperseg=length)
-    density = welch(drive, rate_hz, nperseg=length)[1]
+    f, found = scipy.signal.coherence(drive, velocity, rate_hz, nperseg=length)
+    density = scipy.signal.welch(drive, rate_hz, nperseg=length)[1]
     inside = found[(f > _BAND[0]) & (f < _BAND[1]) & (density > _DRIVEN * density.max())]
     return float(np.median(inside)) if len(inside) and np.isfinite(inside).all() else None
