@@ -161,14 +161,19 @@ def test_what_moves_is_no_background(change: float, refused: bool) -> None:
         assert learnt(still, still, moved).noise == 0.3
 
 
-@pytest.mark.parametrize(("kept", "took", "read"), [(0, 0.6, 1), (3, 0.6, 4), (100, 0.6, 30), (0, 0.5, 30)])
-def test_frames_are_dropped_until_one_takes_its_time(kept: int, took: float, read: int) -> None:
-    """`took` is in times between two frames, an eighth of a second."""
+@pytest.mark.parametrize(
+    ("kept", "slow", "took", "read"),
+    [(0, (), 0.6, 2), (3, (), 0.6, 5), (3, (1,), 0.6, 5), (100, (), 0.6, 30), (0, (), 0.5, 30)],
+)
+def test_frames_are_dropped_until_two_in_a_row_take_their_time(
+    kept: int, slow: tuple[int, ...], took: float, read: int
+) -> None:
+    """`took` is in times between two frames, an eighth of a second, also of those kept that are `slow`."""
     times, now = [], 0.0
 
     def one() -> None:
         nonlocal now
-        now += 0.0 if len(times) < kept else took * 0.125
+        now += 0.0 if len(times) < kept and len(times) not in slow else took * 0.125
         times.append(now)
 
     camera: Any = SimpleNamespace(read=one, rate_hz=8.0)

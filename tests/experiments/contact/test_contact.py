@@ -141,7 +141,7 @@ SPOILT = (
 )
 WHILE_IT_LEARNS = (
     ('{ kind = "ambient-light", after = 0.1 }', "Something moved"),
-    ('{ kind = "second-finger", after = 0.24 }', "2 bright spots|differs by more than 1 %"),
+    ('{ kind = "second-finger", after = 0.26 }', "2 bright spots|differs by more than 1 %"),
 )
 
 
