@@ -60,7 +60,8 @@ class Average:
     spread: FloatArray
     """(samples,): standard deviation of the first channel of the presses, warped to the template's time."""
     kept: tuple[BoolArray, ...]
-    """(presses,) for each participant: True when the press resembles the others and was used."""
+    """(presses,) for each participant: True when the press resembles the others and was used. A participant
+    who is unlike the others has no True."""
     scores: Mapping[str, float]
     """Score of each method that was compared, see `average`."""
     leads: Mapping[str, FloatArray]
@@ -76,17 +77,19 @@ def average(
     """Average all presses at two levels; `groups` holds (presses, channels, samples) for each participant.
 
     Alignment uses the first channel; the other channels get the same warps. A participant with four or
-    more presses has those left out that are unlike the others. One participant's presses are in memory at a
+    more presses has those left out that are unlike the others, and so are participants, of four or more,
+    whose barycentre is unlike the others', were all as loud. One participant's presses are in memory at a
     time, and of each participant a template. Raises ConfigurationError for an unknown method, DataError when
     the disk for temporary files is full.
 
     "automatic" scores each template on presses that it does not hold: each press is compared with the
-    template less that press's own share, its alignment kept. Segments of 20 ms of a press are matched to
-    the template, and segments of the template to the press, each at its best lag within
-    `WarpModel.reach`; the score is the root of the residual power of all segments, relative to the
-    presses. It penalises blur, missing or spurious events, and copied noise; and, at a tenth of its weight,
-    the error of a template whose segments come early or late on the mean of the presses. It favours neither
-    method's warps: segments are shifted, and never stretched.
+    template less that press's own share, its alignment kept. Segments of two thirds of `WarpModel.reach` of
+    a press are matched to the template, and segments of the template to the press, each at its best lag
+    within `reach`; the score is the root of the residual power of all segments, relative to the presses. It
+    penalises blur, missing or spurious events, and copied noise; and, at a tenth of its weight, the error of
+    a template whose segments come early or late on the mean of the presses. It favours neither method's
+    warps: segments are shifted, and never stretched. Of two presses it registers: without one of them the
+    other is the template.
     """
     if method not in get_args(AverageMethod):
         names = ", ".join(get_args(AverageMethod))
@@ -105,19 +108,23 @@ def average(
                 one = register(group[mask], rate_hz, m, (centre, paths))
                 means.append(one.template)
                 each.append(np.concatenate(one.aligned))
-        own = _Kept(groups, masks, centres)
-        single = own.members == 1
+        known = paths if len(groups) == 1 else None
+        if known is None:
+            trusted, centre, _ = alike(leads(centres), window)
+            masks = [mask & like for mask, like in zip(masks, trusted, strict=True)]
+            if registering:
+                means, each = _those(means, trusted), _those(each, trusted)
+        own = _Kept(groups, masks)
+        single, two = own.members == 1, own.members == 2
         made: dict[str, _Template] = {}
         if method == "mean" or single:
             made[MEAN] = _mean(own)
         if method == "barycentre" and not single:
-            made[BARYCENTRE] = _barycentre(own, rate_hz, window, in_time=False)
+            made[BARYCENTRE] = _barycentre(own, centre, rate_hz, window, known, in_time=False)
         if registering and not single:
             made[REGISTRATION] = _registration(means, each, rate_hz, m)
-        if method == "automatic" and not single:
-            # Of one participant, whose barycentre is that of all, the paths are known already.
-            known = paths if len(groups) == 1 else None
-            made[CENTRED] = _barycentre(own, rate_hz, window, in_time=True, known=known)
+        if method == "automatic" and not (single or two):
+            made[CENTRED] = _barycentre(own, centre, rate_hz, window, known, in_time=True)
         scores = {name: _score(one, own, window) for name, one in made.items() if len(made) > 1}
     name = min(scores, key=scores.__getitem__) if scores else next(iter(made))
     reason = (
@@ -125,11 +132,13 @@ def average(
         if scores
         else "a single press stands for itself"
         if single
+        else "two presses cannot tell which method is better"
+        if two and method == "automatic"
         else "asked for by name"
     )
-    leads = {each: one.curves[0] for each, one in made.items()}
     template, aligned = made[name].curves, made[name].aligned
-    return Average(name, reason, template, own.members, _deviation(aligned), tuple(own.masks), scores, leads)
+    first = {each: one.curves[0] for each, one in made.items()}
+    return Average(name, reason, template, own.members, _deviation(aligned), tuple(own.masks), scores, first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +147,13 @@ class _Kept:
 
     groups: Sequence[FloatArray]
     masks: Sequence[BoolArray]
-    centres: Sequence[FloatArray]
-    """Each (1, samples): barycentre of the first channel."""
 
     def __iter__(self) -> Iterator[FloatArray]:
-        return (group[mask] for group, mask in zip(self.groups, self.masks, strict=True))
+        return (group[mask] for group, mask in zip(self.groups, self.masks, strict=True) if mask.any())
+
+    @property
+    def participants(self) -> int:
+        return sum(bool(mask.any()) for mask in self.masks)
 
     @property
     def members(self) -> int:
@@ -167,6 +178,16 @@ def _mean(own: _Kept) -> _Template:
     return _Template(np.mean(means, axis=0), aligned)
 
 
+def _those(spool: Spool, which: BoolArray) -> Spool:
+    """The arrays of a spool that are meant by (arrays,)."""
+    if which.all():
+        return spool
+    some = Spool()
+    for number in np.flatnonzero(which):
+        some.append(spool[int(number)])
+    return some
+
+
 def _registration(
     means: Sequence[FloatArray], each: Iterable[FloatArray], rate_hz: float, m: WarpModel
 ) -> _Template:
@@ -180,20 +201,26 @@ def _registration(
 
 
 def _barycentre(
-    own: _Kept, rate_hz: float, window: int, in_time: bool, known: list[WarpingPath] | None = None
+    own: _Kept,
+    centre: FloatArray,
+    rate_hz: float,
+    window: int,
+    known: list[WarpingPath] | None,
+    *,
+    in_time: bool,
 ) -> _Template:
-    """The paper's average; `in_time`, brought to the mean time of the presses."""
-    trusted, centre, _ = alike(leads(own.centres), window)
+    """The paper's average, of which the first channel is the `centre`; `in_time`, brought to the mean time of
+    the presses. Of one participant the paths to the centre are `known` already.
+    """
     template, lag, aligned = np.zeros((0, 0)), np.zeros(len(centre)), Spool()
-    for curves, counts in zip(own, trusted, strict=True):
+    for curves in own:
         paths = known or list(paths_to(centre, curves[:, 0], window))
         warped = along(curves, paths)
         aligned.append(warped[:, 0])
         lag += np.sum([lags_along(path, len(centre)) for path in paths], axis=0)
-        if counts:
-            mean = warped.mean(axis=0)
-            template = template + mean if template.size else mean
-    template /= np.sum(trusted)
+        mean = warped.mean(axis=0)
+        template = template + mean if template.size else mean
+    template /= own.participants
     template[0] = centre
     if not in_time:
         return _Template(template, aligned)
@@ -204,10 +231,11 @@ def _barycentre(
 
 
 def _deviation(aligned: Sequence[FloatArray]) -> FloatArray:
-    """Standard deviation (samples,) of all rows of these arrays."""
+    """Standard deviation (samples,) of all rows of these arrays, 0 of one."""
     count = sum(len(rows) for rows in aligned)
     mean = sum(rows.sum(axis=0) for rows in aligned) / count
-    return np.asarray(np.sqrt(sum(np.sum((rows - mean) ** 2, axis=0) for rows in aligned) / count))
+    squares = sum(np.sum((rows - mean) ** 2, axis=0) for rows in aligned)
+    return np.asarray(np.sqrt(squares / max(count - 1, 1)))
 
 
 def _score(template: _Template, own: _Kept, reach: int) -> float:
@@ -219,7 +247,9 @@ def _score(template: _Template, own: _Kept, reach: int) -> float:
     trusts, lags = np.zeros((2, len(starts)))
     left = power = 0.0
     for curves, aligned in zip(own, template.aligned, strict=True):
-        presses, without = curves[:, 0], (count * lead - aligned) / (count - 1)
+        # A press's share: participants count alike, however many presses they have.
+        shares = own.participants * len(curves)
+        presses, without = curves[:, 0], (shares * lead - aligned) / (shares - 1)
         unlike = _misfits(presses, without, starts, taper, reach)
         missing = _misfits(without, presses, starts, taper, reach)
         least = missing.min(axis=2)

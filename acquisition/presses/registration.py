@@ -1,8 +1,8 @@
 """Register curves to a common time by smooth warps.
 
 Every curve gets a warp t + d(t), with d a cubic spline on a few knots. The noise sets the stiffness of
-the warps, and their mean is zero. The model assumes that presses differ by a smooth change of tempo;
-events that jitter independently are aligned only as far as the stiffness allows.
+the warps, and their mean, weighted as the curves are, is zero. The model assumes that presses differ by a
+smooth change of tempo; events that jitter independently are aligned only as far as the stiffness allows.
 
 Of many curves, some at a time are in memory: of each a spline of four coefficients a sample, and what is
 computed with it. Of all there are the curve itself, its DTW path, and an eighth of a curve for their median.
@@ -20,6 +20,7 @@ import scipy
 from haploop.acquisition.presses.barycentre import WarpingPath, paths_to
 from haploop.acquisition.presses.spline_rows import SplineRows, moved, splines
 from haploop.acquisition.presses.spool import Spool
+from haploop.instruments import ConfigurationError
 from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["Registration", "WarpModel", "leads", "register"]
@@ -60,6 +61,14 @@ class WarpModel:
     """Residual, in multiples of the median, above which a curve's weight falls with the inverse square: how
     loud a curve is does not count, nor does what is below a quarter of a curve."""
 
+    def __post_init__(self) -> None:
+        """Raises ConfigurationError."""
+        positive = (self.stretch, self.reach, self.rounds, self.floor, self.outlier)
+        if not (self.knots >= 4 and min(positive) > 0 and self.rescues >= 0 and np.isfinite(sum(positive))):
+            raise ConfigurationError(
+                f"{self} is no model of warps: use four knots or more, and numbers above zero."
+            )
+
     def window(self, rate_hz: float) -> int:
         """`reach` in samples."""
         return max(2, round(self.reach * rate_hz))
@@ -74,7 +83,8 @@ class Registration:
     aligned: Sequence[FloatArray]
     """Each (curves, samples): their first channel."""
     shifts: Sequence[FloatArray]
-    """Each (curves, samples), in samples: aligned[i](t) = curve[i](t + shifts[i](t)). Their mean is zero."""
+    """Each (curves, samples), in samples: aligned[i](t) = curve[i](t + shifts[i](t)). Their weighted mean is
+    zero, nearly: the weights are those before the last step."""
 
 
 def register(

@@ -94,7 +94,7 @@ def test_a_press_is_scored_against_a_template_that_does_not_hold_it():
     noise = np.random.default_rng(8).standard_normal((2, 2000))
 
     def score(template, aligned, presses):
-        own = _Kept([presses[:, None]], [np.ones(len(presses), dtype=bool)], template[None])
+        own = _Kept([presses[:, None]], [np.ones(len(presses), dtype=bool)])
         return _score(_Template(template[None], [aligned]), own, 10)
 
     held = score(noise.mean(axis=0), noise, noise)
