@@ -29,6 +29,13 @@ __all__ = ["Representative", "Window", "high_pass", "load_press", "representativ
 _LARGEST = 1e9
 """Samples/s, N and m/s^2 that no press reaches."""
 _KIND = "representative"
+_BETWEEN = 0.6
+"""Part of the time between activation and opening in which time is stretched."""
+_LATER = 0.8 * _BETWEEN * 8 / 15
+"""How much later a press's opening can be moved, over the common opening: the steepest slope of the stretch
+is 15/8 of the mean one, and time must not run backwards."""
+_SHORT = 0.5
+"""Shortest time for which a contact is closed, over the median of the presses."""
 _RIPPLE = 1e-4
 """Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
 low."""
@@ -49,6 +56,20 @@ class Window:
     """Length of the cosine taper at both ends of the acceleration, so that it begins and ends at zero."""
     high_pass_hz: float = 10.0
     """Cut-off from the paper; removes gravity, drift and the motion of the hand."""
+
+    def __post_init__(self) -> None:
+        """Raises ConfigurationError."""
+        times = (self.before, self.after, self.ring, self.longest, self.taper)
+        shortest = self.before + min(self.after, self.longest)
+        if not (min(times) >= 0 and sum(times) < np.inf and shortest > 2 * self.taper):
+            raise ConfigurationError(
+                f"{self} is no window of a press: times are not negative, and the window is longer than its "
+                "two tapers."
+            )
+        if not (min(self.after, self.longest) > 0 and 0 < self.high_pass_hz < np.inf):
+            raise ConfigurationError(
+                f"{self} is no window of a press: it ends after the activation, and high_pass_hz is above 0."
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,17 +185,19 @@ def representative(
     """Compute the representative press of one button: the average per participant, then over participants
     (the paper, figure 5). Alignment uses the vertical acceleration; force and activation are warped with it.
 
-    Presses are aligned at the activation, and at the opening of the contact. `method` then averages them:
-    "barycentre" as the paper does, by dynamic time warping; "registration" by smooth warps; "mean" without
-    any further alignment. "automatic" computes a registration and a barycentre at the presses' mean time,
-    and takes the one that leaves less of presses that it does not hold; the result holds both scores.
+    Presses are aligned at the activation, and at the opening of the contact, which is moved to their median
+    or to what the shortest can be stretched to. `method` then averages them: "barycentre" as the paper does,
+    by dynamic time warping; "registration" by smooth warps; "mean" without any further alignment. "automatic"
+    computes a registration and a barycentre at the presses' mean time, and takes the one that leaves less of
+    presses that it does not hold; the result holds both scores.
 
     `undo_low_pass` is a band (Hz) in which the accelerometer's response stated in the rig file is divided
     out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz. The
     correction fades out over a third of an octave beyond the band. It amplifies noise by `noise_gain`.
 
-    Presses that were rejected, saturated a sensor, did not activate the button, or differ from the
-    participant's other presses are left out and listed. Raises DataError when no press is left,
+    Presses that were rejected, saturated a sensor, did not activate the button, were held for less than half
+    the median time, or differ from the participant's other presses are left out and listed, as are
+    participants whose presses differ from the others'. Raises DataError when no press is left,
     ConfigurationError for recordings that cannot be combined, an invalid band, or an unknown method.
     """
     w, m = window or Window(), model or WarpModel()
@@ -186,10 +209,10 @@ def representative(
             f"{rate_hz / 2:g} Hz, its lower edge first."
         )
     left_out: list[str] = []
-    segmentations = {recording.path.name: _segmentation(recording) for recording in recordings}
+    segmentations = [_segmentation(recording) for recording in recordings]
     usable, signals = [], Spool()
-    for recording in recordings:
-        if presses := _usable(recording, segmentations[recording.path.name], left_out):
+    for recording, segmentation in zip(recordings, segmentations, strict=True):
+        if presses := _usable(recording, segmentation, left_out):
             vertical = recording.acceleration[2]
             if undo_low_pass is not None:
                 vertical = _undone(recording, vertical, undo_low_pass)
@@ -202,13 +225,15 @@ def representative(
             f"The recordings hold no usable press of the {first.button} button "
             f"({'; '.join(left_out) or 'none was found'}): record more presses."
         )
-    openings = [p.opened - at for p, at in every if p.opened is not None]
-    opening = float(np.median(openings)) if openings else 0.0
+    opening, least = _common_opening([p.opened - at for p, at in every if p.opened is not None])
+    usable = [(one, _held(one, presses, least, left_out)) for one, presses in usable]
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     names: dict[str, list[str]] = defaultdict(list)
     by: dict[str, list[tuple[int, Recording, list[tuple[ButtonPress, float]]]]] = defaultdict(list)
     for number, (recording, presses) in enumerate(usable):
+        if not presses:
+            continue
         by[recording.participant].append((number, recording, presses))
         names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
     curves = Spool()
@@ -221,6 +246,9 @@ def representative(
 
     found = average(curves, rate_hz, m, method)
     for participant, kept in zip(sorted(by), found.kept, strict=True):
+        if not kept.any():
+            left_out.append(f"{participant}: the presses differ from the other participants'")
+            continue
         odd = [name for name, alike in zip(names[participant], kept, strict=True) if not alike]
         left_out += [f"{participant}, {name}: it differs from this participant's others" for name in odd]
     acceleration, pressed, activation = found.template
@@ -241,7 +269,10 @@ def representative(
         simulated=any(r.simulated for r in recordings),
         scores=found.scores,
         parameters={"window": asdict(w), "warps": asdict(m)}
-        | {name: asdict(segmentation) for name, segmentation in segmentations.items()},
+        | {
+            _name(recording, recordings): asdict(segmentation)
+            for recording, segmentation in zip(recordings, segmentations, strict=True)
+        },
         undone_hz=undo_low_pass,
         noise_gain=1.0 if undo_low_pass is None else _noise_gain(first, undo_low_pass),
     )
@@ -293,7 +324,47 @@ def _usable(
             left_out.append(f"{recording.participant}, press {number}: the contact did not change")
         else:
             good.append((press, press.activation))
+    left_out += [
+        f"{recording.participant}, press {verdict.number}, attempt {verdict.attempt}: it is not found with "
+        "the recording's segmentation"
+        for verdict in recording.accepted
+        if not any(verdict.first <= press.peak < verdict.end for press in accepted)
+    ]
     return good
+
+
+def _common_opening(openings: Sequence[float]) -> tuple[float, float]:
+    """Samples after the activation at which all contacts will open, and below which a press is too short.
+
+    That is the median of the presses' own `openings`, or as much earlier as is needed to stretch the shortest
+    to it; 0 where no contact opens.
+    """
+    if not openings:
+        return 0.0, 0.0
+    least = _SHORT * float(np.median(openings))
+    shortest = min(opening for opening in openings if opening >= least)
+    return min(float(np.median(openings)), shortest / (1 - _LATER)), least
+
+
+def _held(
+    recording: Recording, presses: Sequence[tuple[ButtonPress, float]], least: float, left_out: list[str]
+) -> list[tuple[ButtonPress, float]]:
+    """The presses whose contact was closed for `least` samples; the others are added to `left_out`."""
+    long = [(press, at) for press, at in presses if press.opened is None or press.opened - at >= least]
+    left_out += [
+        f"{recording.participant}, press at {at / recording.rate_hz:.2f} s: it was held for less than half "
+        "the time of the others"
+        for press, at in presses
+        if (press, at) not in long
+    ]
+    return long
+
+
+def _name(recording: Recording, among: Sequence[Recording]) -> str:
+    """The name of a recording's file, with its hash where another has the same."""
+    name = recording.path.name
+    alone = sum(other.path.name == name for other in among) == 1
+    return name if alone else f"{name} ({recording.content_hash[:12]})"
 
 
 def _restoring(recording: Recording, band: tuple[float, float], frequencies: FloatArray) -> ComplexArray:
@@ -363,10 +434,8 @@ def _stretch(lags: FloatArray, late: float, opening: float) -> FloatArray:
     """
     if opening <= 0:
         return np.zeros(len(lags))
-    x = np.clip((lags / opening - 0.25) / 0.6, 0.0, 1.0)
-    # The steepest slope is 15/8 of the mean one, and time must not run backwards.
-    most = 0.8 * 0.6 * opening * 8 / 15
-    return float(np.clip(late, -most, most)) * x**3 * (10 - 15 * x + 6 * x**2)
+    x = np.clip((lags / opening - 0.25) / _BETWEEN, 0.0, 1.0)
+    return max(late, -_LATER * opening) * x**3 * (10 - 15 * x + 6 * x**2)
 
 
 def _sampled(row: FloatArray, instants: FloatArray) -> FloatArray:
