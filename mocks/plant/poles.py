@@ -231,7 +231,7 @@ class Course(Generic[Owner]):
 def ringing(poles: ComplexArray, amplitudes: ComplexArray, since: FloatArray) -> FloatArray:
     """Return the real part of the summed free decay from `amplitudes` (poles,), (times,).
 
-    `poles` are (poles,) rad/s. At times since its begin (s) that rise evenly it takes a fiftieth of the time.
+    `poles` are (poles,) rad/s. At times since its begin (s) that rise evenly it takes a 30th of the time.
     """
     used = np.abs(amplitudes) > _GONE
     poles, a = poles[used], amplitudes[used]
