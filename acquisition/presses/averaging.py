@@ -115,7 +115,7 @@ def average(
             if registering:
                 means, each = _those(means, trusted), _those(each, trusted)
         own = _Kept(groups, masks)
-        single, two = own.members == 1, own.members == 2
+        single = own.members == 1
         made: dict[str, _Template] = {}
         if method == "mean" or single:
             made[MEAN] = _mean(own)
@@ -123,22 +123,30 @@ def average(
             made[BARYCENTRE] = _barycentre(own, centre, rate_hz, window, known, in_time=False)
         if registering and not single:
             made[REGISTRATION] = _registration(means, each, rate_hz, m)
-        if method == "automatic" and not (single or two):
+        if method == "automatic" and own.members > 2:
             made[CENTRED] = _barycentre(own, centre, rate_hz, window, known, in_time=True)
         scores = {name: _score(one, own, window) for name, one in made.items() if len(made) > 1}
     name = min(scores, key=scores.__getitem__) if scores else next(iter(made))
-    reason = (
-        "it leaves less of presses that it does not hold"
-        if scores
-        else "a single press stands for itself"
-        if single
-        else "two presses cannot tell which method is better"
-        if two and method == "automatic"
-        else "asked for by name"
-    )
     template, aligned = made[name].curves, made[name].aligned
     first = {each: one.curves[0] for each, one in made.items()}
-    return Average(name, reason, template, own.members, _deviation(aligned), tuple(own.masks), scores, first)
+    return Average(
+        name,
+        _reason(method, own.members, scores),
+        template,
+        own.members,
+        _deviation(aligned),
+        tuple(own.masks),
+        scores,
+        first,
+    )
+
+
+def _reason(method: AverageMethod, members: int, scores: Mapping[str, float]) -> str:
+    if scores:
+        return "it leaves less of presses that it does not hold"
+    if members == 1:
+        return "a single press stands for itself"
+    return "two presses cannot tell which method is better" if method == "automatic" else "asked for by name"
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,9 @@ _ROUNDS, _SETTLED = 5, 0.97
 other round follows: hardly different from always three, or five, on 200 sets in `benchmarks/README.md`."""
 _ALIKE, _SHARE = 2.0, 0.25
 """A press is unlike the others when its DTW distance from the barycentre of all exceeds both this multiple of
-the median distance and this fraction of the barycentre's norm, were all as loud. Measured on presses that
-differ by warps and jitter: 2.2 and 0.19 at most; on a press of another button of ten: 3.4 and 0.45."""
+the median distance and this fraction of the barycentre's norm, were all as loud. Chosen by raw distances of
+presses that differ by warps, jitter and 10 % in amplitude: 2.2 and 0.19 at most; of another button: 3.4 and
+0.45."""
 _SUSPECT, _ALONE, _APART = 1.3, 3.0, 0.55
 """One of few presses draws the barycentre towards itself. So the farthest is unlike the others also when it
 exceeds this multiple, and `_SHARE`, and from the barycentre of the others the other multiple and fraction. In

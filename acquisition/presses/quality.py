@@ -30,7 +30,7 @@ from haploop.acquisition.recording import (
 from haploop.instruments import DataError, Sensors
 from haploop.instruments.arrays import FloatArray
 
-__all__ = ["QualityCheck", "accepted_presses", "activation_forces"]
+__all__ = ["QualityCheck", "accepted_presses", "activation_forces", "is_of"]
 
 _RATING = 0.8
 """Largest fraction of the force sensor's rating in a press (a choice; docs/hardware.md, "Force sensor")."""
@@ -56,13 +56,16 @@ def accepted_presses(
     if protocol is None:
         return tuple(found)
     accepted = recording.accepted
-    return tuple(
-        press for press in found if any(verdict.first <= press.peak < verdict.end for verdict in accepted)
-    )
+    return tuple(press for press in found if any(is_of(verdict, press) for verdict in accepted))
 
 
-def activation_forces(recording: Recording) -> FloatArray:
-    """Return the force at activation of each accepted press that has one, (presses,) N.
+def is_of(verdict: PressVerdict, press: ButtonPress) -> bool:
+    """Return True when a verdict is on this press."""
+    return verdict.first <= press.peak < verdict.end
+
+
+def activation_forces(recording: Recording) -> list[float]:
+    """Return the force at activation (N) of each accepted press that has one.
 
     It is that of the verdicts, for which no sample is read; a recording without verdicts has its presses
     found. Raises DataError.
@@ -71,7 +74,7 @@ def activation_forces(recording: Recording) -> FloatArray:
         found = [press.force_at_activation for press in find_presses(recording)]
     else:
         found = [press.force for press in recording.outline()[0] if press.accepted]
-    return np.array([force for force in found if force is not None and np.isfinite(force)])
+    return [force for force in found if force is not None and np.isfinite(force)]
 
 
 class QualityCheck:

@@ -13,10 +13,11 @@ import scipy
 
 from haploop.acquisition import hdf5
 from haploop.acquisition.presses.averaging import AverageMethod, average
+from haploop.acquisition.presses.cutting import Activated, common_opening, cut_out
 from haploop.acquisition.presses.protocol import Protocol
-from haploop.acquisition.presses.quality import accepted_presses
+from haploop.acquisition.presses.quality import accepted_presses, is_of
 from haploop.acquisition.presses.registration import WarpModel
-from haploop.acquisition.presses.segmentation import ButtonPress, Segmentation, find_presses, segmentation_for
+from haploop.acquisition.presses.segmentation import Segmentation, segmentation_for
 from haploop.acquisition.presses.spool import Spool
 from haploop.acquisition.recording import Recording
 from haploop.instruments import ConfigurationError, DataError
@@ -29,13 +30,6 @@ __all__ = ["Representative", "Window", "high_pass", "load_press", "representativ
 _LARGEST = 1e9
 """Samples/s, N and m/s^2 that no press reaches."""
 _KIND = "representative"
-_BETWEEN = 0.6
-"""Part of the time between activation and opening in which time is stretched."""
-_LATER = 0.8 * _BETWEEN * 8 / 15
-"""How much later a press's opening can be moved, over the common opening: the steepest slope of the stretch
-is 15/8 of the mean one, and time must not run backwards."""
-_SHORT = 0.5
-"""Shortest time for which a contact is closed, over the median of the presses."""
 _RIPPLE = 1e-4
 """Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
 low."""
@@ -209,10 +203,9 @@ def representative(
             f"{rate_hz / 2:g} Hz, its lower edge first."
         )
     left_out: list[str] = []
-    segmentations = [_segmentation(recording) for recording in recordings]
     usable, signals = [], Spool()
-    for recording, segmentation in zip(recordings, segmentations, strict=True):
-        if presses := _usable(recording, segmentation, left_out):
+    for recording in recordings:
+        if presses := _usable(recording, left_out):
             vertical = recording.acceleration[2]
             if undo_low_pass is not None:
                 vertical = _undone(recording, vertical, undo_low_pass)
@@ -225,21 +218,19 @@ def representative(
             f"The recordings hold no usable press of the {first.button} button "
             f"({'; '.join(left_out) or 'none was found'}): record more presses."
         )
-    opening, least = _common_opening([p.opened - at for p, at in every if p.opened is not None])
-    usable = [(one, _held(one, presses, least, left_out)) for one, presses in usable]
+    opening, least = common_opening([p.opened - at for p, at in every if p.opened is not None])
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     names: dict[str, list[str]] = defaultdict(list)
-    by: dict[str, list[tuple[int, Recording, list[tuple[ButtonPress, float]]]]] = defaultdict(list)
+    by: dict[str, list[tuple[int, Recording, list[Activated]]]] = defaultdict(list)
     for number, (recording, presses) in enumerate(usable):
-        if not presses:
-            continue
-        by[recording.participant].append((number, recording, presses))
-        names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in presses]
+        if held := _held(recording, presses, least, left_out):
+            by[recording.participant].append((number, recording, held))
+            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in held]
     curves = Spool()
     for participant in sorted(by):
         cut = [
-            _cut(recording, signals[n], presses, before, after, opening)
+            cut_out(recording, signals[n], presses, before, after, opening)
             for n, recording, presses in by[participant]
         ]
         curves.append(np.concatenate(cut))
@@ -269,10 +260,7 @@ def representative(
         simulated=any(r.simulated for r in recordings),
         scores=found.scores,
         parameters={"window": asdict(w), "warps": asdict(m)}
-        | {
-            _name(recording, recordings): asdict(segmentation)
-            for recording, segmentation in zip(recordings, segmentations, strict=True)
-        },
+        | {_name(recording, recordings): asdict(_segmentation(recording)) for recording in recordings},
         undone_hz=undo_low_pass,
         noise_gain=1.0 if undo_low_pass is None else _noise_gain(first, undo_low_pass),
     )
@@ -306,12 +294,10 @@ def _segmentation(recording: Recording) -> Segmentation:
     return protocol.segmentation if protocol else segmentation_for(recording.button)
 
 
-def _usable(
-    recording: Recording, segmentation: Segmentation, left_out: list[str]
-) -> list[tuple[ButtonPress, float]]:
+def _usable(recording: Recording, left_out: list[str]) -> list[Activated]:
     """Presses with their activation instants (samples); the others are added to `left_out`."""
     good = []
-    accepted = accepted_presses(recording, find_presses(recording, segmentation))
+    accepted = accepted_presses(recording)
     left_out += [
         f"{recording.participant}, press {bad.number}, attempt {bad.attempt}: {bad.reason}"
         for bad in recording.verdicts
@@ -328,35 +314,24 @@ def _usable(
         f"{recording.participant}, press {verdict.number}, attempt {verdict.attempt}: it is not found with "
         "the recording's segmentation"
         for verdict in recording.accepted
-        if not any(verdict.first <= press.peak < verdict.end for press in accepted)
+        if not any(is_of(verdict, press) for press in accepted)
     ]
     return good
 
 
-def _common_opening(openings: Sequence[float]) -> tuple[float, float]:
-    """Samples after the activation at which all contacts will open, and below which a press is too short.
-
-    That is the median of the presses' own `openings`, or as much earlier as is needed to stretch the shortest
-    to it; 0 where no contact opens.
-    """
-    if not openings:
-        return 0.0, 0.0
-    least = _SHORT * float(np.median(openings))
-    shortest = min(opening for opening in openings if opening >= least)
-    return min(float(np.median(openings)), shortest / (1 - _LATER)), least
-
-
 def _held(
-    recording: Recording, presses: Sequence[tuple[ButtonPress, float]], least: float, left_out: list[str]
-) -> list[tuple[ButtonPress, float]]:
+    recording: Recording, presses: Sequence[Activated], least: float, left_out: list[str]
+) -> list[Activated]:
     """The presses whose contact was closed for `least` samples; the others are added to `left_out`."""
-    long = [(press, at) for press, at in presses if press.opened is None or press.opened - at >= least]
-    left_out += [
-        f"{recording.participant}, press at {at / recording.rate_hz:.2f} s: it was held for less than half "
-        "the time of the others"
-        for press, at in presses
-        if (press, at) not in long
-    ]
+    long = []
+    for press, at in presses:
+        if press.opened is None or press.opened - at >= least:
+            long.append((press, at))
+        else:
+            left_out.append(
+                f"{recording.participant}, press at {at / recording.rate_hz:.2f} s: it was held for less "
+                "than half the time of the others"
+            )
     return long
 
 
@@ -394,56 +369,6 @@ def _noise_gain(recording: Recording, band: tuple[float, float]) -> float:
     """Compute `Representative.noise_gain`."""
     frequencies = np.linspace(0, recording.rate_hz / 2, 5001)
     return float(np.sqrt(np.mean(np.abs(_restoring(recording, band, frequencies)) ** 2)))
-
-
-def _cut(
-    recording: Recording,
-    signals: FloatArray,
-    presses: list[tuple[ButtonPress, float]],
-    before: int,
-    after: int,
-    opening: float,
-) -> FloatArray:
-    """Cut the presses (presses, 3, samples) out of acceleration and force (2, samples): these, and the
-    activation, aligned at the activation.
-
-    Presses are stretched so that each contact opens `opening` samples after the activation.
-    """
-    rate_hz = recording.rate_hz
-    force = signals[1]
-    rows = tuple(zip(signals, (recording.delay("acceleration"), recording.delay("force")), strict=True))
-    lags = np.arange(-before, after, dtype=np.float64)
-    curves = []
-    for press, at in presses:
-        late = 0.0 if press.opened is None else press.opened - at - opening
-        instants = at + lags + _stretch(lags, late, opening)
-        curve = [_sampled(row, instants - delay * rate_hz) for row, delay in rows]
-        curve[1] = curve[1] - np.mean(force[press.start : max(press.start + 1, press.onset)])
-        closed = np.where(lags < 0, 0.0, 1.0)
-        if press.opened is not None:
-            closed[instants >= press.opened] = 0.0
-        curves.append(np.array([*curve, closed]))
-    return np.array(curves)
-
-
-def _stretch(lags: FloatArray, late: float, opening: float) -> FloatArray:
-    """Shift to add to lags (samples), so that an event `late` samples after `opening` moves to `opening`.
-
-    The holding time of a finger varies by more than a warp can follow. Time is stretched between the two
-    clicks only, so neither changes its frequency.
-    """
-    if opening <= 0:
-        return np.zeros(len(lags))
-    x = np.clip((lags / opening - 0.25) / _BETWEEN, 0.0, 1.0)
-    return max(late, -_LATER * opening) * x**3 * (10 - 15 * x + 6 * x**2)
-
-
-def _sampled(row: FloatArray, instants: FloatArray) -> FloatArray:
-    """Interpolate a signal at instants (samples); constant beyond both ends."""
-    low = max(0, int(instants[0]) - 8)
-    high = min(len(row), int(instants[-1]) + 9)
-    part = scipy.interpolate.CubicSpline(np.arange(low, high), row[low:high])
-    return np.asarray(part(np.clip(instants, low, high - 1)))
 
 
 def _taper(samples: int, length: int) -> FloatArray:

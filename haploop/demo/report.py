@@ -14,7 +14,7 @@ from haploop import figures
 from haploop.calibration import check_feeling
 from haploop.demo.result import PRESSES, ButtonResult, Demo
 from haploop.report import CaptionedFigure, captions, render
-from haploop.show import feeling_values, forces_in
+from haploop.show import feeling_values
 
 __all__ = ["report", "summarise"]
 
@@ -53,7 +53,7 @@ def summarise(demo: Demo) -> dict[str, Any]:
 
 
 def _button(result: ButtonResult) -> dict[str, Any]:
-    forces = np.concatenate([np.zeros(0), *forces_in(result.recordings).get(result.button, {}).values()])
+    forces = np.concatenate([np.zeros(0), *result.forces.values()])
     measured, drive = result.check, result.check.drive
     return {
         "presses": PRESSES * len(result.recordings),
@@ -90,7 +90,7 @@ def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
     """Draw the report's figures, each with a caption that names the corresponding figure of the paper."""
     results = demo.buttons
     response = demo.calibration.response
-    forces = forces_in([recording for r in results for recording in r.recordings])
+    forces = {r.button: r.forces for r in results if r.forces}
     truth = {r.button: float(np.mean(r.true_forces)) for r in results if r.true_forces}
     carrier = results[0].check.drive.carrier_hz
     drawn = (

@@ -9,7 +9,7 @@ from typing import Any
 
 from haploop.acquisition import Recording, Representative
 from haploop.calibration import Calibration, Check
-from haploop.instruments.arrays import ComplexArray
+from haploop.instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["BUTTONS", "PRESSES", "ButtonResult", "Demo"]
 
@@ -25,6 +25,8 @@ class ButtonResult:
 
     button: str
     recordings: tuple[Recording, ...]
+    forces: Mapping[str, FloatArray]
+    """Force at activation (N) of each press, by participant."""
     press: Representative
     check: Check
     true_forces: tuple[float, ...]

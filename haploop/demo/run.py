@@ -19,6 +19,7 @@ from haploop.instruments.driver import Mode
 from haploop.instruments.files import new_file
 from haploop.instruments.progress import Progress, part_of, prefixed, silent
 from haploop.live import published
+from haploop.show import forces_in
 
 __all__ = ["claim_folder", "run_demo"]
 
@@ -159,6 +160,7 @@ def _loop(
             ButtonResult(
                 button,
                 tuple(recordings[button]),
+                forces_in(recordings[button]).get(button, {}),
                 presses[button],
                 checks[button],
                 tuple(

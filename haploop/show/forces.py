@@ -31,7 +31,7 @@ def forces_in(recordings: Sequence[Recording]) -> Forces:
     found: dict[str, dict[str, list[float]]] = {}
     for recording in recordings:
         mine = found.setdefault(recording.button, {}).setdefault(recording.participant, [])
-        mine += activation_forces(recording).tolist()
+        mine += activation_forces(recording)
     return {
         button: {participant: np.array(mine) for participant, mine in sorted(by.items()) if mine}
         for button, by in found.items()

@@ -116,7 +116,7 @@ def _gauges(
     weight = WEIGHT + FORCE_DRIFT * np.minimum(times, FORCE_WARM)
     if scene.loads:
         since = np.searchsorted([at for at, _ in scene.loads], times, side="right")
-        weight += np.array([0.0, *(weight for _, weight in scene.loads)])[since]
+        weight += np.array([0.0, *(added for _, added in scene.loads)])[since]
     volts = np.empty(times.shape)
     for row, rng in enumerate(rngs):
         rng.standard_normal(out=volts[row])

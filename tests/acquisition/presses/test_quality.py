@@ -62,9 +62,9 @@ def test_what_is_said_live_is_what_the_file_says(tmp_path):
         assert verdict.first == pytest.approx(press.onset, abs=25)
         assert verdict.end == pytest.approx(press.release, abs=25)
     assert accepted_presses(recording) == found
-    assert activation_forces(recording).tolist() == [verdict.force for verdict in recording.verdicts]
+    assert activation_forces(recording) == [verdict.force for verdict in recording.verdicts]
     recording.header = replace(recording.header, protocol="{}")  # as a recording without verdicts has it
-    assert activation_forces(recording).tolist() == [press.force_at_activation for press in found]
+    assert activation_forces(recording) == [press.force_at_activation for press in found]
 
 
 def crowded(rig, **flaws):

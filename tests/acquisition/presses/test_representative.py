@@ -144,19 +144,6 @@ def test_a_barycentre_is_brought_to_the_mean_time_of_its_curves():
     assert error(moved, np.roll(TEMPLATE, 10)) < 0.05 < error(curves[3], np.roll(TEMPLATE, 10))
 
 
-def test_one_outlier_press_in_ten_hardly_changes_it(full):
-    """Each participant makes one press that is another one altogether."""
-    presses = TEMPO.warped(100, 12 if full else 1)
-    clean = average(list(presses.curves[:, :-1, None]), RATE)
-    for loudness in (1.0, 3.0):
-        corrupted = presses.curves.copy()
-        corrupted[:, -1] = loudness * FAMILIES["hands"].jittered(7, len(corrupted), 1).curves[:, 0]
-        result = average(list(corrupted[:, :, None]), RATE)
-        assert result.method == clean.method
-        assert error(result.template[0], clean.template[0]) < 0.05
-        assert all(kept.tolist() == [True] * 9 + [False] for kept in result.kept)
-
-
 def test_120_presses_take_at_most_ten_seconds(full):
     if not full:
         pytest.skip("long; run with --full")

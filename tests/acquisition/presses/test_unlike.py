@@ -28,6 +28,19 @@ def test_presses_of_another_button_are_left_out(count: int, wrong: int, full: bo
         assert kept.tolist() == [True] * (count - wrong) + [False] * wrong
 
 
+def test_one_outlier_press_in_ten_hardly_changes_it(full: bool) -> None:
+    """Each participant makes one press that is another one altogether."""
+    presses = TEMPO.warped(100, 12 if full else 1)
+    clean = average(list(presses.curves[:, :-1, None]), RATE)
+    for loudness in (1.0, 3.0):
+        corrupted = presses.curves.copy()
+        corrupted[:, -1] = loudness * HANDS.jittered(7, len(corrupted), 1).curves[:, 0]
+        result = average(list(corrupted[:, :, None]), RATE)
+        assert result.method == clean.method
+        assert error(result.template[0], clean.template[0]) < 0.05
+        assert all(kept.tolist() == [True] * 9 + [False] for kept in result.kept)
+
+
 @pytest.mark.parametrize("method", ["automatic", "registration", "barycentre", "mean"])
 def test_a_participant_who_pressed_another_button_is_left_out_by_every_method(method: AverageMethod) -> None:
     right = [curves[:, None] for curves in TEMPO.warped(80, 4, 4).curves]
