@@ -19,8 +19,8 @@ from typing import Any, BinaryIO
 
 import h5py
 
-from haploop.instruments import DataError
-from haploop.instruments.signals import uninterrupted
+from ..instruments import DataError
+from ..instruments.signals import uninterrupted
 
 __all__ = [
     "UNREADABLE",

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from haploop.acquisition.checksum import add_checksum, bounded, created, opened, stated, unreadable
-from haploop.acquisition.packing import write_packed
-from haploop.instruments import DataError
-from haploop.instruments.arrays import scalar_of
-from haploop.instruments.files import new_file
+from ..instruments import DataError
+from ..instruments.arrays import scalar_of
+from ..instruments.files import new_file
+from .checksum import add_checksum, bounded, created, opened, stated, unreadable
+from .packing import write_packed
 
 __all__ = ["Flat", "digest", "flatten", "kind_of", "read", "restore", "write"]
 

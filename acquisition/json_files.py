@@ -15,10 +15,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from haploop.instruments import DataError, InstrumentError, RealClock
-from haploop.instruments.files import new_file, os_error_text, whole_file
-from haploop.instruments.json_text import KEYS, VERSION, as_file, content_hash, from_text
-from haploop.instruments.safety import marked
+from ..instruments import DataError, InstrumentError, RealClock
+from ..instruments.files import new_file, os_error_text, whole_file
+from ..instruments.json_text import KEYS, VERSION, as_file, content_hash, from_text
+from ..instruments.safety import marked
 
 __all__ = [
     "append_json",

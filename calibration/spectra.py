@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import FloatArray
+from ..instruments.arrays import FloatArray
 
 __all__ = ["band_window", "fade", "resample", "third_octaves"]
 

@@ -8,9 +8,9 @@ from typing import Any, Literal, Protocol
 
 from pydantic import BaseModel
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.config import Device, validate
-from haploop.instruments.frozen import frozen_fields
+from .clock import Clock
+from .config import Device, validate
+from .frozen import frozen_fields
 
 __all__ = ["Driver", "Mode", "Simulation", "hardware_of", "one_name", "settings_of"]
 

@@ -15,8 +15,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.signals import uninterrupted
+from .errors import ConfigurationError
+from .signals import uninterrupted
 
 __all__ = [
     "DRIVERS",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from haploop.instruments.errors import ConfigurationError
+from .errors import ConfigurationError
 
 __all__ = ["optional"]
 

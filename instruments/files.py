@@ -19,8 +19,8 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
-from haploop.instruments.clock import RealClock
-from haploop.instruments.errors import ConfigurationError, DataError
+from .clock import RealClock
+from .errors import ConfigurationError, DataError
 
 __all__ = [
     "WRITE_ERRORS",

@@ -6,7 +6,7 @@ from typing import Any, NoReturn, TypeVar
 
 from pydantic import BaseModel
 
-from haploop.instruments.errors import ConfigurationError
+from .errors import ConfigurationError
 
 __all__ = ["Frozen", "FrozenDict", "FrozenList", "FrozenSet", "frozen", "frozen_fields"]
 

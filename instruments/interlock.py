@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.errors import LimitError
-from haploop.instruments.frozen import Frozen
-from haploop.instruments.sweep import Sweep
+from .arrays import FloatArray
+from .errors import LimitError
+from .frozen import Frozen
+from .sweep import Sweep
 
 __all__ = ["Interlock", "Interlocked"]
 

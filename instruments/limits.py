@@ -7,8 +7,8 @@ from typing import Self
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.errors import LimitError
+from .arrays import FloatArray
+from .errors import LimitError
 
 __all__ = ["Limits", "sounding"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import FloatArray
+from .arrays import FloatArray
 
 __all__ = ["Hum", "mains_hum"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from haploop.instruments import entry_points
+from . import entry_points
 
 __all__ = ["NOTEBOOK", "InNotebook"]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from haploop.instruments.clock import Clock
+from .clock import Clock
 
 __all__ = ["NewFile", "Reading", "RecordedAlong"]
 

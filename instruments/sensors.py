@@ -14,8 +14,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
-from haploop.instruments.frozen import FrozenDict
+from .arrays import BoolArray, ComplexArray, FloatArray
+from .frozen import FrozenDict
 
 __all__ = [
     "Accelerometer",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haploop.instruments.errors import ConfigurationError
+from .errors import ConfigurationError
 
 __all__ = ["Sweep"]
 

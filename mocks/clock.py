@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from haploop.instruments.clock import Clock, RealClock
+from ..instruments.clock import Clock, RealClock
 
 __all__ = ["RealTimeClock", "VirtualClock"]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import Any
 
-from haploop.instruments import entry_points
-from haploop.instruments.clock import Clock
-from haploop.instruments.config import Device, RigFile
-from haploop.instruments.driver import Driver, Mode, settings_of
-from haploop.instruments.errors import ConfigurationError
-from haploop.mocks.clock import RealTimeClock, VirtualClock
-from haploop.mocks.plant import KINDS, Faults, Plant, PlantSource, Truth
-from haploop.mocks.transport import ReplyFault, faulty_line
+from ..instruments import entry_points
+from ..instruments.clock import Clock
+from ..instruments.config import Device, RigFile
+from ..instruments.driver import Driver, Mode, settings_of
+from ..instruments.errors import ConfigurationError
+from .clock import RealTimeClock, VirtualClock
+from .plant import KINDS, Faults, Plant, PlantSource, Truth
+from .transport import ReplyFault, faulty_line
 
 __all__ = ["Simulation"]
 

@@ -13,7 +13,7 @@ import pytest
 __all__ = ["context"]
 
 _IMPORTED = (
-    "haploop.processing",
+    "haploop.exchange.processing",
     "scipy.signal",
     "pytest",
     "tests.acquisition.recording.pattern",

@@ -25,7 +25,7 @@ import pytest
 
 from haploop.acquisition import Recording, recover
 from haploop.calibration import Calibration
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.instruments import Press, RealClock, load_rig_file
 from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq

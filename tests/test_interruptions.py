@@ -22,11 +22,11 @@ import pytest
 
 from haploop.acquisition import recover, verify
 from haploop.calibration.upkeep.history import History
-from haploop.cli import cli
-from haploop.exits import Commands
+from haploop.commands.cli import cli
 from haploop.instruments import signals
 from haploop.mocks.plant import Plant
 from haploop.mocks.simulation import Simulation
+from haploop.terminal.exits import Commands
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX timers")
 

@@ -1,18 +1,18 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
-from haploop.acquisition.presses.averaging import AverageMethod
-from haploop.acquisition.presses.protocol import Protocol
-from haploop.acquisition.presses.quality import QualityCheck, accepted_presses, activation_forces
-from haploop.acquisition.presses.registration import WarpModel
-from haploop.acquisition.presses.representative import (
+from .averaging import AverageMethod
+from .protocol import Protocol
+from .quality import QualityCheck, accepted_presses, activation_forces
+from .registration import WarpModel
+from .representative import (
     Representative,
     Window,
     high_pass,
     load_press,
     representative,
 )
-from haploop.acquisition.presses.restlessness import restlessness
-from haploop.acquisition.presses.segmentation import (
+from .restlessness import restlessness
+from .segmentation import (
     SEGMENTATIONS,
     ButtonPress,
     Detector,

@@ -19,7 +19,9 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from haploop.acquisition.presses.barycentre import (
+from ...instruments import ConfigurationError
+from ...instruments.arrays import BoolArray, FloatArray, IntArray
+from .barycentre import (
     WarpingPath,
     alike,
     along,
@@ -29,11 +31,9 @@ from haploop.acquisition.presses.barycentre import (
     paths_to,
     read_at,
 )
-from haploop.acquisition.presses.registration import WarpModel, leads, register
-from haploop.acquisition.presses.spline_rows import moved
-from haploop.acquisition.presses.spool import Spool
-from haploop.instruments import ConfigurationError
-from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
+from .registration import WarpModel, leads, register
+from .spline_rows import moved
+from .spool import Spool
 
 __all__ = ["BARYCENTRE", "CENTRED", "MEAN", "REGISTRATION", "Average", "AverageMethod", "average"]
 

@@ -15,7 +15,7 @@ import scipy
 from dtaidistance import dtw
 from numpy.typing import NDArray
 
-from haploop.instruments.arrays import BoolArray, FloatArray
+from ...instruments.arrays import BoolArray, FloatArray
 
 __all__ = ["WarpingPath", "alike", "along", "barycentre", "centred", "lags_along", "paths_to", "read_at"]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from haploop.acquisition.presses.segmentation import ButtonPress
-from haploop.acquisition.recording import Recording
-from haploop.instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray
+from ..recording import Recording
+from .segmentation import ButtonPress
 
 __all__ = ["Activated", "common_opening", "cut_out"]
 

@@ -6,8 +6,8 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Self
 
-from haploop.acquisition.presses.segmentation import Segmentation
-from haploop.instruments import DataError
+from ...instruments import DataError
+from .segmentation import Segmentation
 
 __all__ = ["Protocol"]
 

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from haploop.acquisition.presses.protocol import Protocol
-from haploop.acquisition.presses.restlessness import crept, hum_of
-from haploop.acquisition.presses.segmentation import ButtonPress, Segmentation, Span, find_presses
-from haploop.acquisition.recording import (
+from ...instruments import DataError, Sensors
+from ...instruments.arrays import FloatArray
+from ..recording import (
     BLOCK,
     EVENT,
     FLAGS,
@@ -27,8 +26,9 @@ from haploop.acquisition.recording import (
     Recording,
     to_codes,
 )
-from haploop.instruments import DataError, Sensors
-from haploop.instruments.arrays import FloatArray
+from .protocol import Protocol
+from .restlessness import crept, hum_of
+from .segmentation import ButtonPress, Segmentation, Span, find_presses
 
 __all__ = ["QualityCheck", "accepted_presses", "activation_forces", "is_of"]
 

@@ -17,11 +17,11 @@ from itertools import islice, pairwise
 import numpy as np
 import scipy
 
-from haploop.acquisition.presses.barycentre import WarpingPath, paths_to
-from haploop.acquisition.presses.spline_rows import SplineRows, moved, splines
-from haploop.acquisition.presses.spool import Spool
-from haploop.instruments import ConfigurationError
-from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
+from ...instruments import ConfigurationError
+from ...instruments.arrays import BoolArray, FloatArray, IntArray
+from .barycentre import WarpingPath, paths_to
+from .spline_rows import SplineRows, moved, splines
+from .spool import Spool
 
 __all__ = ["Registration", "WarpModel", "leads", "register"]
 

@@ -11,19 +11,19 @@ from typing import Self
 import numpy as np
 import scipy
 
-from haploop.acquisition import hdf5
-from haploop.acquisition.presses.averaging import AverageMethod, average
-from haploop.acquisition.presses.cutting import Activated, common_opening, cut_out
-from haploop.acquisition.presses.protocol import Protocol
-from haploop.acquisition.presses.quality import accepted_presses, is_of
-from haploop.acquisition.presses.registration import WarpModel
-from haploop.acquisition.presses.segmentation import Segmentation, segmentation_for
-from haploop.acquisition.presses.spool import Spool
-from haploop.acquisition.recording import Recording
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.files import check_destination, private_files
-from haploop.instruments.notebook import InNotebook
+from ...instruments import ConfigurationError, DataError
+from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.files import check_destination, private_files
+from ...instruments.notebook import InNotebook
+from .. import hdf5
+from ..recording import Recording
+from .averaging import AverageMethod, average
+from .cutting import Activated, common_opening, cut_out
+from .protocol import Protocol
+from .quality import accepted_presses, is_of
+from .registration import WarpModel
+from .segmentation import Segmentation, segmentation_for
+from .spool import Spool
 
 __all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
 

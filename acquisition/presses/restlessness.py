@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.mains import mains_hum
+from ...instruments.arrays import FloatArray
+from ...instruments.mains import mains_hum
 
 __all__ = ["crept", "hum_of", "restlessness"]
 

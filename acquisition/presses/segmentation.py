@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from haploop.acquisition.recording import Recording
-from haploop.instruments.arrays import BoolArray, FloatArray
+from ...instruments.arrays import BoolArray, FloatArray
+from ..recording import Recording
 
 __all__ = [
     "SEGMENTATIONS",

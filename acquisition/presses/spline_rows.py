@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import FloatArray, IntArray
+from ...instruments.arrays import FloatArray, IntArray
 
 __all__ = ["SplineRows", "moved", "splines"]
 

@@ -9,8 +9,8 @@ from typing import overload
 
 import numpy as np
 
-from haploop.instruments import DataError
-from haploop.instruments.arrays import FloatArray
+from ...instruments import DataError
+from ...instruments.arrays import FloatArray
 
 __all__ = ["Spool"]
 

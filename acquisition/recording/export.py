@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from haploop.acquisition.recording.readings import AlongReading
-from haploop.acquisition.recording.recording import Recording
-from haploop.instruments import ConfigurationError
+from ...instruments import ConfigurationError
+from .readings import AlongReading
+from .recording import Recording
 
 if TYPE_CHECKING:
     import pandas as pd

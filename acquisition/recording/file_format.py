@@ -19,9 +19,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from haploop.acquisition.recording.rows import Codes
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.arrays import BoolArray, FloatArray
+from ...instruments import ConfigurationError, DataError
+from ...instruments.arrays import BoolArray, FloatArray
+from .rows import Codes
 
 __all__ = [
     "CODES",

@@ -8,14 +8,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from haploop.acquisition.checksum import opened, unreadable
-from haploop.acquisition.recording.file_format import Header, from_codes, read_header
-from haploop.acquisition.recording.recording import Recording
-from haploop.acquisition.recording.rejections import without_rejected
-from haploop.acquisition.recording.rows import Event, PressVerdict, events_in, verdicts_in
-from haploop.acquisition.recording.salvage import codes_between, records_after, tables
-from haploop.instruments import DataError, Sensor
-from haploop.instruments.arrays import FloatArray
+from ...instruments import DataError, Sensor
+from ...instruments.arrays import FloatArray
+from ..checksum import opened, unreadable
+from .file_format import Header, from_codes, read_header
+from .recording import Recording
+from .rejections import without_rejected
+from .rows import Event, PressVerdict, events_in, verdicts_in
+from .salvage import codes_between, records_after, tables
 
 __all__ = ["PartReader"]
 

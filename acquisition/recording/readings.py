@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from haploop.acquisition.recording.rows import EVENT, Event
-from haploop.instruments import DataError, NewFile, Reading
+from ...instruments import DataError, NewFile, Reading
+from .rows import EVENT, Event
 
 __all__ = ["AlongFile", "AlongReading", "file_problems", "files_in", "reading_event", "readings_in"]
 

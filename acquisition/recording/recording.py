@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from haploop.acquisition.checksum import opened
-from haploop.acquisition.recording.file_format import CODES, Contents, Header, from_codes, read_header
-from haploop.acquisition.recording.readings import AlongFile, AlongReading, files_in, readings_in
-from haploop.acquisition.recording.rejections import without_rejected
-from haploop.acquisition.recording.rows import Event, PressVerdict, events_in, verdicts_in
-from haploop.acquisition.recording.salvage import read_contents, tables
-from haploop.instruments import DataError, Sensor, Sensors
-from haploop.instruments.arrays import BoolArray, FloatArray
-from haploop.instruments.notebook import InNotebook
-from haploop.instruments.safety import is_marked
+from ...instruments import DataError, Sensor, Sensors
+from ...instruments.arrays import BoolArray, FloatArray
+from ...instruments.notebook import InNotebook
+from ...instruments.safety import is_marked
+from ..checksum import opened
+from .file_format import CODES, Contents, Header, from_codes, read_header
+from .readings import AlongFile, AlongReading, files_in, readings_in
+from .rejections import without_rejected
+from .rows import Event, PressVerdict, events_in, verdicts_in
+from .salvage import read_contents, tables
 
 __all__ = ["Recording"]
 

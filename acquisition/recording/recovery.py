@@ -14,15 +14,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-from haploop.acquisition.checksum import opened, stated, unreadable
-from haploop.acquisition.own_process import allow_memory, answer_of
-from haploop.acquisition.recording.file_format import Contents, Header, read_header
-from haploop.acquisition.recording.recording import Recording
-from haploop.acquisition.recording.rows import EVENT, Event, event_row, verdicts_in
-from haploop.acquisition.recording.salvage import intact_part, later_rows, read_blocks, write_finished
-from haploop.instruments import ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import existing, os_error_text, publish
-from haploop.instruments.safety import is_marked, marked
+from ...instruments import ConfigurationError, DataError, InstrumentError
+from ...instruments.files import existing, os_error_text, publish
+from ...instruments.safety import is_marked, marked
+from ..checksum import opened, stated, unreadable
+from ..own_process import allow_memory, answer_of
+from .file_format import Contents, Header, read_header
+from .recording import Recording
+from .rows import EVENT, Event, event_row, verdicts_in
+from .salvage import intact_part, later_rows, read_blocks, write_finished
 
 __all__ = ["recover", "set_aside"]
 

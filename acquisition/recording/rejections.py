@@ -9,10 +9,10 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from haploop.acquisition.json_files import append_json, read_json
-from haploop.acquisition.recording.rows import PressVerdict
-from haploop.instruments import DataError
-from haploop.instruments.files import private_files
+from ...instruments import DataError
+from ...instruments.files import private_files
+from ..json_files import append_json, read_json
+from .rows import PressVerdict
 
 __all__ = ["Rejection", "add_rejections", "without_rejected"]
 

@@ -10,13 +10,16 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from haploop.acquisition import hdf5
-from haploop.acquisition.checksum import add_checksum, bounded, created, opened
-from haploop.acquisition.json_files import is_json, json_hash, read_lines
-from haploop.acquisition.packing import write_packed
-from haploop.acquisition.recording.file_format import CODES, Contents, Header, read_header, write_header
-from haploop.acquisition.recording.readings import file_problems
-from haploop.acquisition.recording.rows import (
+from ...instruments import ConfigurationError, DataError, InstrumentError
+from ...instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
+from ...instruments.safety import is_marked, log_problems
+from .. import hdf5
+from ..checksum import add_checksum, bounded, created, opened
+from ..json_files import is_json, json_hash, read_lines
+from ..packing import write_packed
+from .file_format import CODES, Contents, Header, read_header, write_header
+from .readings import file_problems
+from .rows import (
     BLOCK,
     EVENT,
     VERDICT,
@@ -27,9 +30,6 @@ from haploop.acquisition.recording.rows import (
     samples_crc,
     whole,
 )
-from haploop.instruments import ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
-from haploop.instruments.safety import is_marked, log_problems
 
 __all__ = [
     "CHUNK",

@@ -21,9 +21,11 @@ from typing import Self
 
 import numpy as np
 
-from haploop.acquisition.checksum import add_checksum, created
-from haploop.acquisition.recording.file_format import Header, codes_per_volt, convert, write_header
-from haploop.acquisition.recording.rows import (
+from ...instruments import Block, ConfigurationError, DataError, InstrumentError
+from ...instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
+from ..checksum import add_checksum, created
+from .file_format import Header, codes_per_volt, convert, write_header
+from .rows import (
     EVENT,
     VERDICT,
     Event,
@@ -33,8 +35,6 @@ from haploop.acquisition.recording.rows import (
     event_row,
     verdict_row,
 )
-from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
-from haploop.instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
 
 __all__ = ["Writer"]
 

@@ -1,7 +1,7 @@
 """Recording sessions: from the DAQ's stream to a study of many sessions."""
 
-from haploop.acquisition.session.recorder import record
-from haploop.acquisition.session.study import (
+from .recorder import record
+from .study import (
     Study,
     StudyProgress,
     load_study,
@@ -9,7 +9,7 @@ from haploop.acquisition.session.study import (
     run_study,
     with_presses,
 )
-from haploop.acquisition.session.study_file import williams_row
+from .study_file import williams_row
 
 __all__ = [
     "Study",

@@ -16,9 +16,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from haploop.acquisition.recording import Event, Writer, reading_event
-from haploop.instruments import Clock, ConfigurationError, HaploopError, InstrumentError, RecordedAlong, Rig
-from haploop.instruments.safety import run_within
+from ...instruments import Clock, ConfigurationError, HaploopError, InstrumentError, RecordedAlong, Rig
+from ...instruments.safety import run_within
+from ..recording import Event, Writer, reading_event
 
 __all__ = ["Along"]
 

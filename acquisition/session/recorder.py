@@ -11,20 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.acquisition.presses import Protocol, segmentation_for
-from haploop.acquisition.recording import (
-    Header,
-    PressVerdict,
-    Recording,
-    Writer,
-    file_name,
-    finish,
-    set_aside,
-)
-from haploop.acquisition.session.along import Along
-from haploop.acquisition.session.session_run import Session, SessionRun, ignore
-from haploop.acquisition.session.stream_reader import GapError, OverrunError, StreamReader
-from haploop.instruments import (
+from ...instruments import (
     Block,
     Clock,
     ConfigurationError,
@@ -36,10 +23,23 @@ from haploop.instruments import (
     Sensor,
     Stream,
 )
-from haploop.instruments.files import check_destination, private_files
-from haploop.instruments.progress import Progress, silent
-from haploop.instruments.safety import marked
-from haploop.instruments.signals import uninterrupted
+from ...instruments.files import check_destination, private_files
+from ...instruments.progress import Progress, silent
+from ...instruments.safety import marked
+from ...instruments.signals import uninterrupted
+from ..presses import Protocol, segmentation_for
+from ..recording import (
+    Header,
+    PressVerdict,
+    Recording,
+    Writer,
+    file_name,
+    finish,
+    set_aside,
+)
+from .along import Along
+from .session_run import Session, SessionRun, ignore
+from .stream_reader import GapError, OverrunError, StreamReader
 
 __all__ = ["MOST_PRESSES", "record", "run_session"]
 

@@ -12,13 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.acquisition.presses import Detector, Protocol, QualityCheck, restlessness
-from haploop.acquisition.recording import (
-    Header,
-    PressVerdict,
-    Writer,
-)
-from haploop.instruments import (
+from ...instruments import (
     Block,
     DataError,
     ForceTorque,
@@ -28,8 +22,14 @@ from haploop.instruments import (
     Rest,
     Rig,
 )
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.progress import Progress
+from ...instruments.arrays import FloatArray
+from ...instruments.progress import Progress
+from ..presses import Detector, Protocol, QualityCheck, restlessness
+from ..recording import (
+    Header,
+    PressVerdict,
+    Writer,
+)
 
 __all__ = ["Session", "SessionRun", "ignore"]
 

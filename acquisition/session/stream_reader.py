@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
-from haploop.instruments import Block, Clock, InstrumentError, Stream
+from ...instruments import Block, Clock, InstrumentError, Stream
 
 __all__ = ["GapError", "OverrunError", "StreamReader"]
 

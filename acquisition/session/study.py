@@ -17,19 +17,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from haploop.acquisition.presses import AverageMethod, Representative, representative
-from haploop.acquisition.recording import (
-    PressVerdict,
-    Recording,
-    Rejection,
-    add_rejections,
-    file_name,
-    finish,
-)
-from haploop.acquisition.session.recorder import run_session
-from haploop.acquisition.session.session_run import Session, ignore
-from haploop.acquisition.session.study_file import StudyFile, load_study_file
-from haploop.instruments import (
+from ...instruments import (
     ConfigurationError,
     Consent,
     DataError,
@@ -38,8 +26,20 @@ from haploop.instruments import (
     Request,
     Rig,
 )
-from haploop.instruments.progress import Progress, silent
-from haploop.instruments.safety import hold
+from ...instruments.progress import Progress, silent
+from ...instruments.safety import hold
+from ..presses import AverageMethod, Representative, representative
+from ..recording import (
+    PressVerdict,
+    Recording,
+    Rejection,
+    add_rejections,
+    file_name,
+    finish,
+)
+from .recorder import run_session
+from .session_run import Session, ignore
+from .study_file import StudyFile, load_study_file
 
 __all__ = ["Study", "StudyProgress", "load_study", "open_part", "run_study", "with_presses"]
 

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, field_validator
 
-from haploop.acquisition.presses import AverageMethod, Protocol, Segmentation, segmentation_for
-from haploop.acquisition.recording import file_name
-from haploop.instruments import ConfigurationError
-from haploop.instruments.config import load_model
+from ...instruments import ConfigurationError
+from ...instruments.config import load_model
+from ..presses import AverageMethod, Protocol, Segmentation, segmentation_for
+from ..recording import file_name
 
 __all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file", "williams_row"]
 

@@ -12,10 +12,10 @@ from typing import TypeVar
 import numpy as np
 import scipy
 
-from haploop.calibration.model import Calibration, Model, standard_deviation
-from haploop.calibration.response import Response
-from haploop.instruments import DataError, Limits
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments import DataError, Limits
+from ...instruments.arrays import ComplexArray, FloatArray
+from ..model import Calibration, Model, standard_deviation
+from ..response import Response
 
 __all__ = [
     "commanded",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from ...instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 __all__ = [
     "CONFIDENCE",

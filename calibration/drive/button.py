@@ -7,14 +7,14 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from haploop.acquisition import Representative, hdf5
-from haploop.calibration.drive.check import Check, check
-from haploop.calibration.drive.drive import Drive, Method, drive_for
-from haploop.calibration.drive.learning import Learning, learn
-from haploop.calibration.model import Calibration
-from haploop.instruments import ConfigurationError, Rig
-from haploop.instruments.notebook import InNotebook
-from haploop.instruments.progress import Progress, silent
+from ...acquisition import Representative, hdf5
+from ...instruments import ConfigurationError, Rig
+from ...instruments.notebook import InNotebook
+from ...instruments.progress import Progress, silent
+from ..model import Calibration
+from .check import Check, check
+from .drive import Drive, Method, drive_for
+from .learning import Learning, learn
 
 __all__ = ["DigitalButton", "build_button", "play_button"]
 

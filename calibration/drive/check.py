@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 import scipy
 
-from haploop.acquisition import hdf5
-from haploop.calibration.drive.agreement import (
+from ...acquisition import hdf5
+from ...instruments import ConfigurationError, DataError, Rig
+from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.notebook import InNotebook
+from ...instruments.progress import Progress, part_of, silent
+from ..perception import feeling_of
+from ..response import prepare
+from ..spectra import third_octaves
+from .agreement import (
     SharedPower,
     error_spectra,
     lines_inside,
@@ -19,18 +26,11 @@ from haploop.calibration.drive.agreement import (
     shared_power,
     trend,
 )
-from haploop.calibration.drive.drive import Drive
-from haploop.calibration.drive.playing import Played, play, refuse_foreign, target_of
-from haploop.calibration.perception import feeling_of
-from haploop.calibration.response import prepare
-from haploop.calibration.spectra import third_octaves
-from haploop.instruments import ConfigurationError, DataError, Rig
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.notebook import InNotebook
-from haploop.instruments.progress import Progress, part_of, silent
+from .drive import Drive
+from .playing import Played, play, refuse_foreign, target_of
 
 if TYPE_CHECKING:
-    from haploop.acquisition import Representative
+    from ...acquisition import Representative
 
 __all__ = ["LEAST_MOVED", "TOLERANCE", "UNSEEN", "Check", "Verdict", "check", "compare"]
 

@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from haploop.calibration.drive import actuation
-from haploop.calibration.drive.drive import FADE, Drive, plan_for
-from haploop.calibration.drive.inversion import within
-from haploop.calibration.drive.playing import Played
-from haploop.calibration.model import Calibration
-from haploop.calibration.spectra import fade, resample
-from haploop.instruments import Limits
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments import Limits
+from ...instruments.arrays import ComplexArray, FloatArray
+from ..model import Calibration
+from ..spectra import fade, resample
+from . import actuation
+from .drive import FADE, Drive, plan_for
+from .inversion import within
+from .playing import Played
 
 __all__ = ["ResponseEstimate"]
 

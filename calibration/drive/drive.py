@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import scipy
 
-from haploop.acquisition import hdf5
-from haploop.calibration.drive import actuation
-from haploop.calibration.drive.inversion import Plan, max_output, min_peak
-from haploop.calibration.model import Calibration
-from haploop.calibration.response import Response
-from haploop.calibration.spectra import band_window, fade, resample, third_octaves
-from haploop.instruments import DataError, Limits
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.notebook import InNotebook
+from ...acquisition import hdf5
+from ...instruments import DataError, Limits
+from ...instruments.arrays import FloatArray
+from ...instruments.notebook import InNotebook
+from ..model import Calibration
+from ..response import Response
+from ..spectra import band_window, fade, resample, third_octaves
+from . import actuation
+from .inversion import Plan, max_output, min_peak
 
 if TYPE_CHECKING:
-    from haploop.acquisition import Representative
+    from ...acquisition import Representative
 
 __all__ = ["BAND", "Drive", "Method", "drive_for", "modulate"]
 

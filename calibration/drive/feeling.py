@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from haploop.calibration.drive.check import Check
-from haploop.calibration.drive.drive import BEFORE
-from haploop.calibration.perception import Feeling, feeling_of
-from haploop.instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray
+from ..perception import Feeling, feeling_of
+from .check import Check
+from .drive import BEFORE
 
 if TYPE_CHECKING:
-    from haploop.acquisition import Representative
+    from ...acquisition import Representative
 
 __all__ = ["check_feeling"]
 

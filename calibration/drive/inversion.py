@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 
 __all__ = ["Plan", "max_output", "min_peak", "within"]
 

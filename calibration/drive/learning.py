@@ -13,17 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.acquisition import hdf5
-from haploop.calibration.drive.agreement import SharedPower, error_spectra, lines_inside, shared_power
-from haploop.calibration.drive.check import LEAST_MOVED, UNSEEN
-from haploop.calibration.drive.correction import ResponseEstimate
-from haploop.calibration.drive.drive import Drive
-from haploop.calibration.drive.playing import Played, play, refuse_foreign, target_of
-from haploop.calibration.model import Calibration
-from haploop.calibration.response import prepare
-from haploop.instruments import ConfigurationError, Rig
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.progress import Progress, part_of, silent
+from ...acquisition import hdf5
+from ...instruments import ConfigurationError, Rig
+from ...instruments.arrays import FloatArray
+from ...instruments.progress import Progress, part_of, silent
+from ..model import Calibration
+from ..response import prepare
+from .agreement import SharedPower, error_spectra, lines_inside, shared_power
+from .check import LEAST_MOVED, UNSEEN
+from .correction import ResponseEstimate
+from .drive import Drive
+from .playing import Played, play, refuse_foreign, target_of
 
 __all__ = ["Iteration", "Learning", "learn"]
 

@@ -13,13 +13,13 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from haploop.acquisition import Representative
-from haploop.calibration.drive import actuation
-from haploop.calibration.drive.drive import BAND, FADE, Drive, Method, target_grid
-from haploop.calibration.model import Calibration
-from haploop.calibration.spectra import fade, resample
-from haploop.instruments import Limits
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...acquisition import Representative
+from ...instruments import Limits
+from ...instruments.arrays import ComplexArray, FloatArray
+from ..model import Calibration
+from ..spectra import fade, resample
+from . import actuation
+from .drive import BAND, FADE, Drive, Method, target_grid
 
 __all__ = ["ORDERS", "paper_drive"]
 

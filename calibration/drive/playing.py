@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.calibration.drive.drive import Drive
-from haploop.calibration.response import overloaded, settle
-from haploop.calibration.spectra import fade, resample
-from haploop.instruments import Capture, ConfigurationError, Rig
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.progress import Progress, silent
+from ...instruments import Capture, ConfigurationError, Rig
+from ...instruments.arrays import FloatArray
+from ...instruments.progress import Progress, silent
+from ..response import overloaded, settle
+from ..spectra import fade, resample
+from .drive import Drive
 
 __all__ = ["Played", "play", "refuse_foreign", "target_of"]
 

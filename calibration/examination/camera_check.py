@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from haploop.calibration.examination.finding import Finding
-from haploop.instruments import Camera, Rig
+from ...instruments import Camera, Rig
+from .finding import Finding
 
 __all__ = ["check_camera"]
 

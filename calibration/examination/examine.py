@@ -9,19 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from haploop.calibration.examination.camera_check import check_camera
-from haploop.calibration.examination.finding import Finding, Status
-from haploop.calibration.examination.patch_check import check_patches
-from haploop.calibration.examination.sensor_check import (
+from ...instruments import ConfigurationError, HaploopError, InstrumentError, Rig, RigFile, open_rig
+from ...instruments.driver import Mode
+from ...instruments.progress import Progress, silent
+from .camera_check import check_camera
+from .finding import Finding, Status
+from .patch_check import check_patches
+from .sensor_check import (
     cards,
     check_clock,
     check_force,
     check_gravity,
     check_noise,
 )
-from haploop.instruments import ConfigurationError, HaploopError, InstrumentError, Rig, RigFile, open_rig
-from haploop.instruments.driver import Mode
-from haploop.instruments.progress import Progress, silent
 
 __all__ = ["examine", "examine_each"]
 

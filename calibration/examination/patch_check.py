@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.calibration.examination.finding import Finding
-from haploop.calibration.response import linear_sweep
-from haploop.instruments import Aim, Capture, HaploopError, InstrumentError, Rig
-from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...instruments import Aim, Capture, HaploopError, InstrumentError, Rig
+from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ..response import linear_sweep
+from .finding import Finding
 
 __all__ = ["check_patches"]
 

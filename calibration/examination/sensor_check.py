@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import scipy
 
-from haploop.calibration.examination.finding import Finding, Status
-from haploop.instruments import Capture, HaploopError, Press, Rest, Rig
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.operator import Place, Remove
+from ...instruments import Capture, HaploopError, Press, Rest, Rig
+from ...instruments.arrays import FloatArray
+from ...instruments.operator import Place, Remove
+from .finding import Finding, Status
 
 __all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"]
 

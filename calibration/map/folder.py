@@ -19,12 +19,12 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from haploop.acquisition import hdf5
-from haploop.acquisition.json_files import read_json, write_json
-from haploop.calibration.response import Multisine
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.arrays import ComplexArray
-from haploop.instruments.files import new_file, os_error_text, publish
+from ...acquisition import hdf5
+from ...acquisition.json_files import read_json, write_json
+from ...instruments import ConfigurationError, DataError
+from ...instruments.arrays import ComplexArray
+from ...instruments.files import new_file, os_error_text, publish
+from ..response import Multisine
 
 __all__ = ["MapFolder", "MapPlan", "PointMeasurement", "Step"]
 

@@ -16,12 +16,12 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from haploop.acquisition import hdf5
-from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement
-from haploop.calibration.response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
-from haploop.instruments import DataError
-from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
-from haploop.instruments.notebook import InNotebook
+from ...acquisition import hdf5
+from ...instruments import DataError
+from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...instruments.notebook import InNotebook
+from ..response import HALF_WIDTHS, Hysteresis, Modes, Plays, fit_modes, operators
+from .folder import MapFolder, MapPlan, PointMeasurement
 
 __all__ = ["ALL", "Best", "VibrationMap"]
 

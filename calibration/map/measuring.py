@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from haploop.calibration.map.folder import MapFolder, MapPlan, PointMeasurement, Step
-from haploop.calibration.response import Channels, overloaded, refuse_silent_drive
-from haploop.instruments import Aim, ConfigurationError, Rig
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.progress import Progress, silent
+from ...instruments import Aim, ConfigurationError, Rig
+from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.progress import Progress, silent
+from ..response import Channels, overloaded, refuse_silent_drive
+from .folder import MapFolder, MapPlan, PointMeasurement, Step
 
 __all__ = ["map_plan", "measure_map"]
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from haploop.acquisition import hdf5
-from haploop.calibration.model.model import Model, fit
-from haploop.calibration.response import (
+from ...acquisition import hdf5
+from ...instruments import ConfigurationError, Rig, RigFile
+from ...instruments.notebook import InNotebook
+from ...instruments.progress import Progress, silent
+from ..response import (
     SWEEP,
     Excitation,
     Hysteresis,
@@ -18,9 +20,7 @@ from haploop.calibration.response import (
     measure_distortion,
     measure_response,
 )
-from haploop.instruments import ConfigurationError, Rig, RigFile
-from haploop.instruments.notebook import InNotebook
-from haploop.instruments.progress import Progress, silent
+from .model import Model, fit
 
 __all__ = ["Calibration", "calibrate", "calibrate_keeping"]
 

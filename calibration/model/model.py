@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import scipy
 
-from haploop.calibration.model.projection import Lines, Projection
-from haploop.calibration.model.rational import fit_poles
-from haploop.calibration.model.resonant import decay_deviation, resonant
-from haploop.calibration.response import Response
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.arrays import BoolArray, ComplexArray, FloatArray
-from haploop.instruments.files import new_file
+from ...instruments import ConfigurationError, DataError
+from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
+from ...instruments.files import new_file
+from ..response import Response
+from .projection import Lines, Projection
+from .rational import fit_poles
+from .resonant import decay_deviation, resonant
 
 __all__ = ["Model", "Resonance", "fit"]
 

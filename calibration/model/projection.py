@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["Lines", "Projection"]
 

@@ -9,8 +9,8 @@ import scipy
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from haploop.calibration.model.projection import Lines, Projection
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
+from .projection import Lines, Projection
 
 __all__ = ["fit_poles"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from haploop.calibration.model.projection import Projection
-from haploop.instruments.arrays import BoolArray, FloatArray
+from ...instruments.arrays import BoolArray, FloatArray
+from .projection import Projection
 
 __all__ = ["decay_deviation", "resonant"]
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
-    from haploop.calibration.model.calibration import Calibration
-    from haploop.calibration.model.model import Model
+    from .calibration import Calibration
+    from .model import Model
 
 __all__ = ["standard_deviation"]
 

@@ -1,8 +1,8 @@
 """Perception: thresholds of vibrotactile detection, levels above them, and what a finger would feel."""
 
-from haploop.calibration.perception.feeling import Answer, Feeling, feeling_of
-from haploop.calibration.perception.levels import LONG, SHORT, Levels, levels_of, running_level
-from haploop.calibration.perception.thresholds import (
+from .feeling import Answer, Feeling, feeling_of
+from .levels import LONG, SHORT, Levels, levels_of, running_level
+from .thresholds import (
     Curve,
     Difference,
     Thresholds,

@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from haploop.calibration.perception.levels import (
+from ...instruments.arrays import FloatArray
+from .levels import (
     LONG,
     OCTAVES,
     SHORT,
@@ -20,8 +21,7 @@ from haploop.calibration.perception.levels import (
     sensitive,
     spans_above,
 )
-from haploop.calibration.perception.thresholds import thresholds
-from haploop.instruments.arrays import FloatArray
+from .thresholds import thresholds
 
 __all__ = ["Answer", "Feeling", "feeling_of"]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.calibration.perception.thresholds import REFERENCE, thresholds
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
+from .thresholds import REFERENCE, thresholds
 
 __all__ = [
     "LONG",

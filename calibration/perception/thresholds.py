@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from haploop.instruments import DataError
-from haploop.instruments.arrays import FloatArray
+from ...instruments import DataError
+from ...instruments.arrays import FloatArray
 
 __all__ = ["REFERENCE", "Curve", "Difference", "Thresholds", "parse_thresholds", "thresholds"]
 

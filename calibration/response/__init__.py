@@ -1,16 +1,16 @@
 """Frequency responses: excitation, estimators, hysteresis, exchange files."""
 
-from haploop.calibration.response.channels import Channels
-from haploop.calibration.response.excitation import (
+from .channels import Channels
+from .excitation import (
     Excitation,
     LinearSweep,
     Multisine,
     linear_sweep,
     plan_excitation,
 )
-from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, operators
-from haploop.calibration.response.hysteresis_of_levels import fit_hysteresis
-from haploop.calibration.response.measuring import (
+from .hysteresis import HALF_WIDTHS, Hysteresis, operators
+from .hysteresis_of_levels import fit_hysteresis
+from .measuring import (
     QUICK,
     SWEEP,
     excite,
@@ -23,11 +23,11 @@ from haploop.calibration.response.measuring import (
     quick_response,
     response_from,
 )
-from haploop.calibration.response.modes import Modes, Plays, fit_modes
-from haploop.calibration.response.response import Response
-from haploop.calibration.response.settling import refuse_silent_drive, settle
-from haploop.calibration.response.uff import read_uff, read_uff_sets, write_uff, write_uff_sets
-from haploop.calibration.response.waveforms import Waveforms
+from .modes import Modes, Plays, fit_modes
+from .response import Response
+from .settling import refuse_silent_drive, settle
+from .uff import read_uff, read_uff_sets, write_uff, write_uff_sets
+from .waveforms import Waveforms
 
 __all__ = [
     "HALF_WIDTHS",

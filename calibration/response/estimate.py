@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["FrfEstimate"]
 

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from haploop.calibration.spectra import fade
-from haploop.instruments import ConfigurationError
-from haploop.instruments.arrays import FloatArray, IntArray
+from ...instruments import ConfigurationError
+from ...instruments.arrays import FloatArray, IntArray
+from ..spectra import fade
 
 __all__ = ["Excitation", "LinearSweep", "Multisine", "Planned", "linear_sweep", "plan_excitation"]
 

@@ -6,14 +6,14 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from haploop.calibration.response.channels import Channels
-from haploop.calibration.response.estimate import FrfEstimate
-from haploop.calibration.response.excitation import Multisine
-from haploop.calibration.response.hysteresis import HALF_WIDTHS, Hysteresis, first_harmonic, operators
-from haploop.calibration.response.local_rational import local_rational
-from haploop.calibration.response.modal_estimate import modal_estimate, nothing
-from haploop.calibration.response.modes import Modes, Plays, fit_modes
-from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from .channels import Channels
+from .estimate import FrfEstimate
+from .excitation import Multisine
+from .hysteresis import HALF_WIDTHS, Hysteresis, first_harmonic, operators
+from .local_rational import local_rational
+from .modal_estimate import modal_estimate, nothing
+from .modes import Modes, Plays, fit_modes
 
 __all__ = ["from_multisine"]
 

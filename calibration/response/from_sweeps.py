@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from haploop.calibration.response.channels import Channels
-from haploop.calibration.response.estimate import FrfEstimate
-from haploop.calibration.response.excitation import LinearSweep
-from haploop.calibration.spectra import fade
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
+from ..spectra import fade
+from .channels import Channels
+from .estimate import FrfEstimate
+from .excitation import LinearSweep
 
 __all__ = ["from_sweeps"]
 

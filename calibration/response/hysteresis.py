@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["HALF_WIDTHS", "Hysteresis", "first_harmonic", "operators"]
 

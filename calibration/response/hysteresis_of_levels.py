@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from haploop.calibration.response.hysteresis import Hysteresis, first_harmonic
-from haploop.calibration.response.response import Response
+from .hysteresis import Hysteresis, first_harmonic
+from .response import Response
 
 __all__ = ["fit_hysteresis"]
 

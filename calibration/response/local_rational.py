@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
-from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...instruments.arrays import ComplexArray, FloatArray, IntArray
 
 __all__ = ["Local", "local_rational"]
 

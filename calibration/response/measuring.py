@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from haploop.calibration.response.channels import Channels
-from haploop.calibration.response.excitation import Excitation, LinearSweep, Multisine
-from haploop.calibration.response.from_multisine import from_multisine
-from haploop.calibration.response.from_sweeps import from_sweeps
-from haploop.calibration.response.hysteresis import Hysteresis
-from haploop.calibration.response.response import LINEAR, Response
-from haploop.calibration.response.settling import refuse_silent_drive, settle
-from haploop.instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.progress import Progress, part_of, silent
+from ...instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
+from ...instruments.arrays import FloatArray
+from ...instruments.progress import Progress, part_of, silent
+from .channels import Channels
+from .excitation import Excitation, LinearSweep, Multisine
+from .from_multisine import from_multisine
+from .from_sweeps import from_sweeps
+from .hysteresis import Hysteresis
+from .response import LINEAR, Response
+from .settling import refuse_silent_drive, settle
 
 if TYPE_CHECKING:
-    from haploop.calibration.response.estimate import FrfEstimate
+    from .estimate import FrfEstimate
 
 __all__ = [
     "QUICK",

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.calibration.response.modes import Modes, Plays
-from haploop.calibration.response.terms import moved, rows, terms_of
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
+from .modes import Modes, Plays
+from .terms import moved, rows, terms_of
 
 __all__ = ["ModalEstimate", "modal_estimate", "nothing"]
 

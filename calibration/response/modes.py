@@ -22,9 +22,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from haploop.calibration.response.terms import moved, rows, terms_of
-from haploop.instruments import DataError
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments import DataError
+from ...instruments.arrays import ComplexArray, FloatArray
+from .terms import moved, rows, terms_of
 
 __all__ = ["Modes", "Plays", "fit_modes"]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from haploop.calibration.response.hysteresis import Hysteresis
-from haploop.instruments import DataError
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments import DataError
+from ...instruments.arrays import ComplexArray, FloatArray
+from .hysteresis import Hysteresis
 
 __all__ = ["LINEAR", "Response"]
 

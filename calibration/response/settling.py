@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from haploop.instruments import Capture, InstrumentError, Rig
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.progress import Progress, silent
+from ...instruments import Capture, InstrumentError, Rig
+from ...instruments.arrays import FloatArray
+from ...instruments.progress import Progress, silent
 
 __all__ = ["refuse_silent_drive", "run_down", "settle"]
 

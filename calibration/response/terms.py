@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["moved", "rows", "terms_of"]
 

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import pyuff
 
-from haploop.calibration.response.response import Response
-from haploop.instruments import DataError, RigFile
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.files import new_file, os_error_text
+from ...instruments import DataError, RigFile
+from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.files import new_file, os_error_text
+from .response import Response
 
 __all__ = ["read_uff", "read_uff_sets", "write_uff", "write_uff_sets"]
 

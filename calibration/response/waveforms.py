@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.acquisition import hdf5
-from haploop.instruments import Capture, Rig
+from ...acquisition import hdf5
+from ...instruments import Capture, Rig
 
 __all__ = ["Waveforms"]
 

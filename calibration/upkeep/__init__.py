@@ -1,8 +1,8 @@
 """Keeping a calibration true: history, drift, sensor health, recalibration."""
 
-from haploop.calibration.upkeep.drift import PlaceMetrics
-from haploop.calibration.upkeep.history import Generation, History
-from haploop.calibration.upkeep.recalibration import (
+from .drift import PlaceMetrics
+from .history import Generation, History
+from .recalibration import (
     Outcome,
     activate,
     adopt,

@@ -14,13 +14,13 @@ from typing import Literal
 
 import numpy as np
 
-from haploop.calibration.drive import BAND, Drive
-from haploop.calibration.model import Calibration, Model
-from haploop.calibration.response import Hysteresis, Response
-from haploop.calibration.upkeep.overlay import Overlay, lay_over
-from haploop.calibration.upkeep.prediction import motion_change
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.config import Recalibration
+from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.config import Recalibration
+from ..drive import BAND, Drive
+from ..model import Calibration, Model
+from ..response import Hysteresis, Response
+from .overlay import Overlay, lay_over
+from .prediction import motion_change
 
 __all__ = ["Kind", "PlaceMetrics", "Verdict", "compare"]
 

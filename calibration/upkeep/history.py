@@ -22,10 +22,10 @@ from typing import Any, Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from haploop.acquisition.json_files import append_json, changing, json_hash, read_json, write_json
-from haploop.instruments import DataError
-from haploop.instruments.files import os_error_text, sync_folder
-from haploop.instruments.safety import hold
+from ...acquisition.json_files import append_json, changing, json_hash, read_json, write_json
+from ...instruments import DataError
+from ...instruments.files import os_error_text, sync_folder
+from ...instruments.safety import hold
 
 __all__ = ["Activation", "Generation", "History"]
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from haploop.calibration.drive import Drive
-from haploop.calibration.model import Calibration
-from haploop.calibration.response import (
+from ...instruments import Aim, DataError, InstrumentError, LimitError, Rig
+from ...instruments.progress import Progress, part_of
+from ..drive import Drive
+from ..model import Calibration
+from ..response import (
     QUICK,
     Hysteresis,
     Response,
@@ -17,16 +19,14 @@ from haploop.calibration.response import (
     response_from,
     settle,
 )
-from haploop.calibration.upkeep.drift import Kind, PlaceMetrics, Verdict, compare
-from haploop.calibration.upkeep.sensor_health import (
+from .drift import Kind, PlaceMetrics, Verdict, compare
+from .sensor_health import (
     LaserAtRest,
     laser_at_rest,
     laser_or_patch,
     loose_accelerometer,
     without_spikes,
 )
-from haploop.instruments import Aim, DataError, InstrumentError, LimitError, Rig
-from haploop.instruments.progress import Progress, part_of
 
 __all__ = ["Look", "Place", "look_at", "place_of"]
 

@@ -14,8 +14,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from haploop.calibration.model import Model
-from haploop.instruments.arrays import ComplexArray, FloatArray, IntArray
+from ...instruments.arrays import ComplexArray, FloatArray, IntArray
+from ..model import Model
 
 __all__ = ["Overlay", "lay_over"]
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from haploop.calibration.drive import Drive
-from haploop.calibration.model import Calibration, Model
-from haploop.calibration.response import Hysteresis
-from haploop.instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray
+from ..drive import Drive
+from ..model import Calibration, Model
+from ..response import Hysteresis
 
 __all__ = ["motion_change"]
 

@@ -15,13 +15,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from haploop.calibration.drive import Check, DigitalButton, Drive, Method, build_button, check
-from haploop.calibration.model import Calibration, calibrate_keeping
-from haploop.calibration.response import Waveforms
-from haploop.calibration.upkeep.drift import Verdict
-from haploop.calibration.upkeep.history import Generation, History
-from haploop.calibration.upkeep.look import Look, Place, look_at, place_of
-from haploop.instruments import (
+from ...instruments import (
     ConfigurationError,
     DataError,
     InstrumentError,
@@ -29,8 +23,14 @@ from haploop.instruments import (
     Rig,
     RigFile,
 )
-from haploop.instruments.progress import Progress, prefixed, silent
-from haploop.instruments.safety import Audit, state_folder
+from ...instruments.progress import Progress, prefixed, silent
+from ...instruments.safety import Audit, state_folder
+from ..drive import Check, DigitalButton, Drive, Method, build_button, check
+from ..model import Calibration, calibrate_keeping
+from ..response import Waveforms
+from .drift import Verdict
+from .history import Generation, History
+from .look import Look, Place, look_at, place_of
 
 __all__ = ["Outcome", "activate", "adopt", "buttons_of", "calibrations_of", "checks_before", "recalibrate"]
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from haploop.calibration.drive import BAND, Check
-from haploop.instruments import Capture, Rest, Rig
-from haploop.instruments.arrays import BoolArray, FloatArray, IntArray
-from haploop.instruments.mains import Hum, mains_hum
+from ...instruments import Capture, Rest, Rig
+from ...instruments.arrays import BoolArray, FloatArray, IntArray
+from ...instruments.mains import Hum, mains_hum
+from ..drive import BAND, Check
 
 __all__ = ["LaserAtRest", "laser_at_rest", "laser_or_patch", "loose_accelerometer", "without_spikes"]
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.experiments.analysis.effect_size import eta_squared_interval
-from haploop.experiments.analysis.linear import between_design, products, within_contrasts
-from haploop.instruments import DataError
-from haploop.instruments.arrays import FloatArray
+from ...instruments import DataError
+from ...instruments.arrays import FloatArray
+from .effect_size import eta_squared_interval
+from .linear import between_design, products, within_contrasts
 
 __all__ = ["Effect", "Sphericity", "anova"]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.experiments.analysis.table import Rows
-from haploop.instruments import DataError
-from haploop.instruments.arrays import FloatArray
+from ...instruments import DataError
+from ...instruments.arrays import FloatArray
+from .table import Rows
 
 __all__ = ["Cells", "cells_of", "uneven_groups"]
 

@@ -11,9 +11,9 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from haploop.experiments.analysis.proportions import Interval, clustered_interval, wilson_interval
-from haploop.experiments.analysis.table import Rows
-from haploop.instruments import DataError
+from ...instruments import DataError
+from .proportions import Interval, clustered_interval, wilson_interval
+from .table import Rows
 
 __all__ = ["METRICS", "Confusion", "Metric", "confusion_of", "confusions_by"]
 

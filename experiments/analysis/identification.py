@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.experiments.analysis.anova import Effect, anova
-from haploop.experiments.analysis.cells import uneven_groups
-from haploop.experiments.analysis.confusion import METRICS, Confusion, Metric, confusion_of, confusions_by
-from haploop.experiments.analysis.pairs import Comparison, compare_levels
-from haploop.experiments.analysis.table import Rows
-from haploop.instruments import DataError
+from ...instruments import DataError
+from .anova import Effect, anova
+from .cells import uneven_groups
+from .confusion import METRICS, Confusion, Metric, confusion_of, confusions_by
+from .pairs import Comparison, compare_levels
+from .table import Rows
 
 __all__ = ["Identification", "Performance", "analyse_identification"]
 

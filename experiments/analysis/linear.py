@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray
 
 __all__ = ["between_design", "products", "within_contrasts"]
 

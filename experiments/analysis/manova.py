@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.experiments.analysis.linear import between_design, products, within_contrasts
-from haploop.instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray
+from .linear import between_design, products, within_contrasts
 
 __all__ = ["MultivariateEffect", "eta_squared_of_f", "manova_independent", "manova_repeated"]
 

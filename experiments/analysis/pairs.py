@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from haploop.experiments.analysis.effect_size import cohen_interval
-from haploop.experiments.analysis.linear import between_design
-from haploop.instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray
+from .effect_size import cohen_interval
+from .linear import between_design
 
 __all__ = ["Comparison", "bonferroni", "compare_levels", "paired"]
 

@@ -10,12 +10,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from haploop.experiments.analysis.anova import anova
-from haploop.experiments.analysis.proportions import Interval, wilson_interval
-from haploop.instruments import DataError
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import load_model
-from haploop.instruments.progress import Progress, silent
+from ...instruments import DataError
+from ...instruments.arrays import FloatArray
+from ...instruments.config import load_model
+from ...instruments.progress import Progress, silent
+from .anova import anova
+from .proportions import Interval, wilson_interval
 
 __all__ = ["Power", "PowerPlan", "load_power_plan", "power_of"]
 

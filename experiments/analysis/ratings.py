@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.experiments.analysis.anova import Effect, anova
-from haploop.experiments.analysis.cells import cells_of, uneven_groups
-from haploop.experiments.analysis.manova import MultivariateEffect, manova_independent, manova_repeated
-from haploop.experiments.analysis.pairs import Comparison, bonferroni, compare_levels, paired
-from haploop.experiments.analysis.table import Rows
-from haploop.instruments import DataError
-from haploop.instruments.arrays import FloatArray
+from ...instruments import DataError
+from ...instruments.arrays import FloatArray
+from .anova import Effect, anova
+from .cells import cells_of, uneven_groups
+from .manova import MultivariateEffect, manova_independent, manova_repeated
+from .pairs import Comparison, bonferroni, compare_levels, paired
+from .table import Rows
 
 __all__ = ["PairRatings", "Ratings", "analyse_ratings", "normalise"]
 

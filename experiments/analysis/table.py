@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from haploop.instruments import DataError
+from ...instruments import DataError
 
 __all__ = ["Rows", "read_rows"]
 

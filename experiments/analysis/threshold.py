@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from haploop.experiments.analysis.table import Rows
-from haploop.instruments import DataError
-from haploop.instruments.extras import optional
+from ...instruments import DataError
+from ...instruments.extras import optional
+from .table import Rows
 
 __all__ = ["Threshold", "analyse_thresholds"]
 

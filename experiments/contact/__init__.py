@@ -1,6 +1,6 @@
 """The finger's contact area, and the digital buttons that it activates."""
 
-from haploop.experiments.contact.area import (
+from .area import (
     Background,
     Contact,
     ContactMeter,
@@ -8,7 +8,7 @@ from haploop.experiments.contact.area import (
     drop_old_frames,
     learn_background,
 )
-from haploop.experiments.contact.button import (
+from .button import (
     BUDGET,
     Activator,
     Latency,
@@ -19,7 +19,7 @@ from haploop.experiments.contact.button import (
     verify_button,
     without_lead_in,
 )
-from haploop.experiments.contact.finger import (
+from .finger import (
     FingerCalibration,
     activation_areas,
     calibrate_finger,

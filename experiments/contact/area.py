@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.instruments import Camera, DataError, Frame
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
+from ...instruments import Camera, DataError, Frame
+from ...instruments.arrays import FloatArray
+from ...instruments.clock import Clock
 
 __all__ = [
     "Background",

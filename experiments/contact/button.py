@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from haploop.calibration import Check, DigitalButton, Drive, check
-from haploop.experiments.contact.area import Contact, ContactMeter, drop_old_frames
-from haploop.instruments import Camera, ConfigurationError, DataError, Rig
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.progress import Progress, silent
+from ...calibration import Check, DigitalButton, Drive, check
+from ...instruments import Camera, ConfigurationError, DataError, Rig
+from ...instruments.arrays import FloatArray
+from ...instruments.progress import Progress, silent
+from .area import Contact, ContactMeter, drop_old_frames
 
 __all__ = [
     "BUDGET",

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from haploop.experiments.contact.area import Contact, ContactMeter, drop_old_frames
-from haploop.instruments import Camera, DataError, Rig, Touch
+from ...instruments import Camera, DataError, Rig, Touch
+from .area import Contact, ContactMeter, drop_old_frames
 
 __all__ = ["FingerCalibration", "activation_areas", "calibrate_finger", "press_area", "watch_touch"]
 

@@ -8,10 +8,10 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from haploop.calibration import DigitalButton
-from haploop.experiments.protocol import load_experiment
-from haploop.instruments import ConfigurationError
-from haploop.instruments.files import check_destination, new_file
+from ...calibration import DigitalButton
+from ...instruments import ConfigurationError
+from ...instruments.files import check_destination, new_file
+from ..protocol import load_experiment
 
 __all__ = ["new_experiment"]
 

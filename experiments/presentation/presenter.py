@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal, Protocol
 
-from haploop.experiments.contact import (
+from ...instruments import DataError, Touch
+from ..contact import (
     Activator,
     FingerCalibration,
     Played,
@@ -13,10 +14,9 @@ from haploop.experiments.contact import (
     press_area,
     run_button,
 )
-from haploop.experiments.presentation.surface import TouchSurface
-from haploop.experiments.protocol import Assignment, ExperimentFile, Step, digital_button, played_by_rig
-from haploop.experiments.session import Event
-from haploop.instruments import DataError, Touch
+from ..protocol import Assignment, ExperimentFile, Step, digital_button, played_by_rig
+from ..session import Event
+from .surface import TouchSurface
 
 __all__ = ["Logged", "Presenter", "fingers_in"]
 

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from haploop.calibration import DigitalButton
-from haploop.experiments.contact import (
+from ...calibration import DigitalButton
+from ...instruments import Camera, ConfigurationError, DataError, LimitError, Rig
+from ...instruments.operator import Request, TakeTarget, Target
+from ...instruments.progress import Progress, silent
+from ..contact import (
     ContactMeter,
     VerifiedButton,
     calibrate_meter,
     learn_background,
     verify_button,
 )
-from haploop.experiments.protocol import Experiment
-from haploop.instruments import Camera, ConfigurationError, DataError, LimitError, Rig
-from haploop.instruments.operator import Request, TakeTarget, Target
-from haploop.instruments.progress import Progress, silent
+from ..protocol import Experiment
 
 __all__ = ["TouchSurface", "prepare_surface"]
 

@@ -1,13 +1,13 @@
 """Experiments as files, and what comes next in a session."""
 
-from haploop.experiments.protocol.design import Balance, balance_of
-from haploop.experiments.protocol.experiment_file import (
+from .design import Balance, balance_of
+from .experiment_file import (
     Experiment,
     ExperimentFile,
     example_names,
     load_experiment,
 )
-from haploop.experiments.protocol.steps import (
+from .steps import (
     Answer,
     Assignment,
     Course,

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import lcm
 
-from haploop.acquisition import williams_row
-from haploop.experiments.protocol.experiment_file import ExperimentFile
-from haploop.experiments.protocol.steps import counterbalanced_count, group_of_slot
+from ...acquisition import williams_row
+from .experiment_file import ExperimentFile
+from .steps import counterbalanced_count, group_of_slot
 
 __all__ = ["Balance", "balance_of"]
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from haploop.instruments.config import load_model
+from ...instruments.config import load_model
 
 __all__ = [
     "Block",

@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from haploop.acquisition import williams_row
-from haploop.experiments.protocol.experiment_file import Block, Comparison, ExperimentFile
-from haploop.instruments import DataError
+from ...acquisition import williams_row
+from ...instruments import DataError
+from .experiment_file import Block, Comparison, ExperimentFile
 
 __all__ = [
     "Answer",

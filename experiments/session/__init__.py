@@ -1,8 +1,8 @@
 """Sessions of an experiment: durable logs, resuming, withdrawal and export."""
 
-from haploop.experiments.session.export import export_answers, sidecar_of
-from haploop.experiments.session.log import Event, EventLog, read_log
-from haploop.experiments.session.session import (
+from .export import export_answers, sidecar_of
+from .log import Event, EventLog, read_log
+from .session import (
     AGAIN,
     Answerer,
     Presents,
@@ -10,7 +10,7 @@ from haploop.experiments.session.session import (
     open_session,
     run_session,
 )
-from haploop.experiments.session.store import Store, StoredSession, Withdrawal
+from .store import Store, StoredSession, Withdrawal
 
 __all__ = [
     "AGAIN",

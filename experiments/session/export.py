@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from haploop.experiments.protocol import Answer, ExperimentFile, Step, session_levels
-from haploop.experiments.session.log import Event
-from haploop.experiments.session.store import Store, StoredSession
-from haploop.instruments import DataError
-from haploop.instruments.files import new_file, private_files
+from ...instruments import DataError
+from ...instruments.files import new_file, private_files
+from ..protocol import Answer, ExperimentFile, Step, session_levels
+from .log import Event
+from .store import Store, StoredSession
 
 __all__ = ["export_answers", "sidecar_of"]
 

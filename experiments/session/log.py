@@ -13,11 +13,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from haploop.acquisition.json_files import read_lines, unended
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.clock import Clock
-from haploop.instruments.files import os_error_text, sync_folder
-from haploop.instruments.json_text import as_line
+from ...acquisition.json_files import read_lines, unended
+from ...instruments import ConfigurationError, DataError
+from ...instruments.clock import Clock
+from ...instruments.files import os_error_text, sync_folder
+from ...instruments.json_text import as_line
 
 __all__ = ["Event", "EventLog", "read_log"]
 

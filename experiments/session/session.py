@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from haploop.experiments.protocol import (
+from ...instruments import ConfigurationError, DataError
+from ...instruments.clock import Clock
+from ..protocol import (
     Answer,
     Assignment,
     Course,
@@ -19,10 +21,8 @@ from haploop.experiments.protocol import (
     session_levels,
     valid,
 )
-from haploop.experiments.session.log import Event, EventLog
-from haploop.experiments.session.store import Store
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.clock import Clock
+from .log import Event, EventLog
+from .store import Store
 
 __all__ = ["AGAIN", "Answerer", "Presents", "Session", "open_session", "run_session"]
 

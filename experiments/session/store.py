@@ -15,14 +15,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from haploop.acquisition import file_name
-from haploop.acquisition.json_files import read_lines, unended
-from haploop.experiments.protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
-from haploop.experiments.session.log import Event, private, read_log
-from haploop.instruments import ConfigurationError, DataError
-from haploop.instruments.files import os_error_text
-from haploop.instruments.json_text import as_line
-from haploop.instruments.safety import hold
+from ...acquisition import file_name
+from ...acquisition.json_files import read_lines, unended
+from ...instruments import ConfigurationError, DataError
+from ...instruments.files import os_error_text
+from ...instruments.json_text import as_line
+from ...instruments.safety import hold
+from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
+from .log import Event, private, read_log
 
 __all__ = ["Store", "StoredSession", "Withdrawal"]
 

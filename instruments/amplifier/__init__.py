@@ -1,5 +1,5 @@
 """Amplifiers: the role, and its drivers."""
 
-from haploop.instruments.amplifier.role import Amplifier
+from .role import Amplifier
 
 __all__ = ["Amplifier"]

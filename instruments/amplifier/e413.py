@@ -11,10 +11,10 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.amplifier.role import Amplifier
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.limits import Limits
+from ..arrays import FloatArray
+from ..clock import Clock
+from ..limits import Limits
+from .role import Amplifier
 
 __all__ = ["E413"]
 

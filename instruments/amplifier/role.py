@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.frozen import Frozen
-from haploop.instruments.limits import Limits
+from ..arrays import FloatArray
+from ..frozen import Frozen
+from ..limits import Limits
 
 __all__ = ["Amplifier"]
 

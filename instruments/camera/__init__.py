@@ -1,5 +1,5 @@
 """Cameras that see a finger on the surface: the role, and its driver for what OpenCV opens."""
 
-from haploop.instruments.camera.role import Camera, Frame
+from .role import Camera, Frame
 
 __all__ = ["Camera", "Frame"]

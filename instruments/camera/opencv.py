@@ -15,11 +15,11 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.camera.role import Camera, Frame
-from haploop.instruments.clock import Clock
-from haploop.instruments.driver import one_name
-from haploop.instruments.errors import InstrumentError
-from haploop.instruments.extras import optional
+from ..clock import Clock
+from ..driver import one_name
+from ..errors import InstrumentError
+from ..extras import optional
+from .role import Camera, Frame
 
 __all__ = ["OpenCvCamera"]
 

@@ -1,7 +1,7 @@
 """Files that describe a rig: the rig file and the force sensor's calibration file."""
 
-from haploop.instruments.config.model_file import load_model
-from haploop.instruments.config.rig_file import (
+from .model_file import load_model
+from .rig_file import (
     AbortLimits,
     Device,
     Recalibration,
@@ -12,8 +12,8 @@ from haploop.instruments.config.rig_file import (
     load_rig_file,
     roles,
 )
-from haploop.instruments.config.toml_lines import key_lines, parse_toml, place, read_text
-from haploop.instruments.config.validation import told, validate, validate_kind
+from .toml_lines import key_lines, parse_toml, place, read_text
+from .validation import told, validate, validate_kind
 
 __all__ = [
     "AbortLimits",

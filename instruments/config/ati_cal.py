@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.sensors import ForceTorque
+from ..errors import ConfigurationError
+from ..sensors import ForceTorque
 
 __all__ = ["AtiCalibration", "load_ati_cal", "read_ati_cal"]
 

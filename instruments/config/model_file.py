@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from haploop.instruments.config.toml_lines import key_lines, parse_toml, place, read_text
-from haploop.instruments.config.validation import validate
+from .toml_lines import key_lines, parse_toml, place, read_text
+from .validation import validate
 
 __all__ = ["load_model"]
 

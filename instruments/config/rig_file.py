@@ -20,14 +20,14 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails
 
-from haploop.instruments import entry_points
-from haploop.instruments.config.ati_cal import read_ati_cal
-from haploop.instruments.config.toml_lines import Places, key_lines, parse_toml, place, read_text
-from haploop.instruments.config.validation import validate, validate_kind
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.frozen import FrozenDict, frozen
-from haploop.instruments.limits import Limits
-from haploop.instruments.sensors import Sensors
+from .. import entry_points
+from ..errors import ConfigurationError
+from ..frozen import FrozenDict, frozen
+from ..limits import Limits
+from ..sensors import Sensors
+from .ati_cal import read_ati_cal
+from .toml_lines import Places, key_lines, parse_toml, place, read_text
+from .validation import validate, validate_kind
 
 __all__ = [
     "AbortLimits",

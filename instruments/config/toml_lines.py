@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.files import os_error_text
+from ..errors import ConfigurationError
+from ..files import os_error_text
 
 __all__ = ["Location", "Places", "key_lines", "parse_toml", "place", "read_text"]
 

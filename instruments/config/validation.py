@@ -9,8 +9,8 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from haploop.instruments.config.toml_lines import Location
-from haploop.instruments.errors import ConfigurationError
+from ..errors import ConfigurationError
+from .toml_lines import Location
 
 __all__ = ["told", "validate", "validate_kind"]
 

@@ -12,15 +12,15 @@ Further capabilities of a rig (a second connection, a view of the contacts, a fa
 docs/how-to/adding-an-instrument.md has a complete example. Only tests import this package: it needs pytest.
 """
 
-from haploop.instruments.conformance.amplifier import AmplifierConformance
-from haploop.instruments.conformance.camera import CameraConformance
-from haploop.instruments.conformance.daq import DaqConformance
-from haploop.instruments.conformance.generator import GeneratorConformance
-from haploop.instruments.conformance.operator import OperatorConformance
-from haploop.instruments.conformance.player import PlayerConformance
-from haploop.instruments.conformance.relay import RelayConformance
-from haploop.instruments.conformance.suite import Conformance, Fired, bypass_interlock
-from haploop.instruments.conformance.vibrometer import VibrometerConformance
+from .amplifier import AmplifierConformance
+from .camera import CameraConformance
+from .daq import DaqConformance
+from .generator import GeneratorConformance
+from .operator import OperatorConformance
+from .player import PlayerConformance
+from .relay import RelayConformance
+from .suite import Conformance, Fired, bypass_interlock
+from .vibrometer import VibrometerConformance
 
 __all__ = [
     "AmplifierConformance",

@@ -6,9 +6,9 @@ from dataclasses import fields
 
 import numpy as np
 
-from haploop.instruments.amplifier import Amplifier
-from haploop.instruments.conformance.suite import Conformance, refused
-from haploop.instruments.errors import LimitError
+from ..amplifier import Amplifier
+from ..errors import LimitError
+from .suite import Conformance, refused
 
 __all__ = ["AmplifierConformance"]
 

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from haploop.instruments.camera import Camera
-from haploop.instruments.conformance.suite import Conformance, refused
-from haploop.instruments.errors import InstrumentError
+from ..camera import Camera
+from ..errors import InstrumentError
+from .suite import Conformance, refused
 
 __all__ = ["CameraConformance"]
 

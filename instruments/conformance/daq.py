@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.conformance.suite import Conformance, bypass_interlock, refused
-from haploop.instruments.daq import Block, Daq
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
+from ..arrays import FloatArray
+from ..daq import Block, Daq
+from ..errors import ConfigurationError, InstrumentError, LimitError
+from .suite import Conformance, bypass_interlock, refused
 
 __all__ = ["DaqConformance"]
 

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import pytest
 
-from haploop.instruments.conformance.suite import Conformance, bypass_interlock, refused
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.instruments.generator import Generator, Sweep
+from ..errors import ConfigurationError, InstrumentError, LimitError
+from ..generator import Generator, Sweep
+from .suite import Conformance, bypass_interlock, refused
 
 __all__ = ["GeneratorConformance"]
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from haploop.instruments.conformance.suite import Conformance
-from haploop.instruments.operator import (
+from ..operator import (
     Aim,
     ConfirmSettings,
     Consent,
@@ -16,6 +15,7 @@ from haploop.instruments.operator import (
     Rest,
     Touch,
 )
+from .suite import Conformance
 
 __all__ = ["OperatorConformance"]
 

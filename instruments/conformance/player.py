@@ -7,11 +7,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock, RealClock
-from haploop.instruments.conformance.suite import Conformance, bypass_interlock, one_sentence, refused
-from haploop.instruments.errors import InstrumentError, LimitError
-from haploop.instruments.player import Player
+from ..arrays import FloatArray
+from ..clock import Clock, RealClock
+from ..errors import InstrumentError, LimitError
+from ..player import Player
+from .suite import Conformance, bypass_interlock, one_sentence, refused
 
 __all__ = ["PlayerConformance"]
 

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import pytest
 
-from haploop.instruments.clock import Clock, RealClock
-from haploop.instruments.conformance.suite import Conformance, one_sentence, refused
-from haploop.instruments.errors import ConfigurationError, InstrumentError
-from haploop.instruments.relay import Relay
+from ..clock import Clock, RealClock
+from ..errors import ConfigurationError, InstrumentError
+from ..relay import Relay
+from .suite import Conformance, one_sentence, refused
 
 __all__ = ["RelayConformance"]
 

@@ -10,15 +10,15 @@ from typing import ClassVar, Protocol, TypeVar
 
 import pytest
 
-from haploop.instruments.errors import (
+from ..errors import (
     ConfigurationError,
     DataError,
     HaploopError,
     InstrumentError,
     LimitError,
 )
-from haploop.instruments.generator import Sweep
-from haploop.instruments.interlock import Interlocked
+from ..generator import Sweep
+from ..interlock import Interlocked
 
 __all__ = ["Conformance", "Fired", "bypass_interlock", "one_sentence", "refused"]
 

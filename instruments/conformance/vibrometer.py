@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from haploop.instruments.conformance.suite import Conformance, one_sentence, refused
-from haploop.instruments.errors import InstrumentError
-from haploop.instruments.vibrometer import Vibrometer
+from ..errors import InstrumentError
+from ..vibrometer import Vibrometer
+from .suite import Conformance, one_sentence, refused
 
 __all__ = ["VibrometerConformance"]
 

@@ -9,11 +9,11 @@ from typing import Any, Self
 
 from nidaqmx.constants import ProductCategory
 
-from haploop.instruments.daq.ni_daqmx import device_of
-from haploop.instruments.daq.ni_errors import translated, understood
-from haploop.instruments.daq.ni_sessions import Sessions
-from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
-from haploop.instruments.signals import uninterrupted
+from ..errors import ConfigurationError, HaploopError, InstrumentError
+from ..signals import uninterrupted
+from .ni_daqmx import device_of
+from .ni_errors import translated, understood
+from .ni_sessions import Sessions
 
 __all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
 

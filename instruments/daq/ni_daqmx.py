@@ -19,16 +19,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.daq.role import Daq, Stream
-from haploop.instruments.driver import one_name
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.instruments.signals import uninterrupted
+from ..arrays import FloatArray
+from ..clock import Clock
+from ..driver import one_name
+from ..errors import ConfigurationError, InstrumentError, LimitError
+from ..signals import uninterrupted
+from .role import Daq, Stream
 
 if TYPE_CHECKING:
-    from haploop.instruments.daq.ni_sessions import Sessions
-    from haploop.instruments.daq.ni_stream import NiStream
+    from .ni_sessions import Sessions
+    from .ni_stream import NiStream
 
 # NI's library is loaded when cards are opened: a simulated rig needs the settings alone.
 
@@ -80,7 +80,7 @@ class NiDaq(Daq):
         self._streams: list[NiStream] = []
         # Tasks of one name: two threads that zero at once would clear each other's.
         self._zeroing = threading.RLock()
-        from haploop.instruments.daq.ni_cards import find_cards  # noqa: PLC0415
+        from .ni_cards import find_cards  # noqa: PLC0415
 
         self._cards = find_cards(_products(settings), sessions, settings.server)
         self.simulated = any(card.simulated for card in self._cards.values())
@@ -96,7 +96,7 @@ class NiDaq(Daq):
         """
         # Ctrl-C would leave half of the library, which cannot be imported again.
         with uninterrupted():
-            from haploop.instruments.daq.ni_cards import numbers_of  # noqa: PLC0415
+            from .ni_cards import numbers_of  # noqa: PLC0415
 
         return _pieces(settings, numbers_of(_products(settings), settings.server))
 
@@ -112,7 +112,7 @@ class NiDaq(Daq):
         Raises InstrumentError when the driver, the server, or a card is not there, and
         ConfigurationError when a card is not the product that the rig file says.
         """
-        from haploop.instruments.daq.ni_sessions import Sessions  # noqa: PLC0415
+        from .ni_sessions import Sessions  # noqa: PLC0415
 
         sessions = Sessions.at(settings.server)
         try:
@@ -129,8 +129,8 @@ class NiDaq(Daq):
         samples: int | None,
         play: Mapping[str, FloatArray] | None,
     ) -> Stream:
-        from haploop.instruments.daq.ni_cards import Plan  # noqa: PLC0415
-        from haploop.instruments.daq.ni_stream import NiStream  # noqa: PLC0415
+        from .ni_cards import Plan  # noqa: PLC0415
+        from .ni_stream import NiStream  # noqa: PLC0415
 
         play = play or {}
         self._refuse(channels, block, samples, play)
@@ -227,7 +227,7 @@ class NiDaq(Daq):
     @contextmanager
     def talking_to(self, device: str) -> Iterator[None]:
         """Turn any error of NI's library into one sentence about `device`."""
-        from haploop.instruments.daq.ni_errors import translated, understood  # noqa: PLC0415
+        from .ni_errors import translated, understood  # noqa: PLC0415
 
         with understood(device), translated(device, self._settings.server):
             yield

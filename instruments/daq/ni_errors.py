@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 from nidaqmx.errors import DaqError, DaqNotFoundError, DaqNotSupportedError, RpcError
 
-from haploop.instruments.daq.ni_sentences import first_line, refused
-from haploop.instruments.errors import HaploopError, InstrumentError
+from ..errors import HaploopError, InstrumentError
+from .ni_sentences import first_line, refused
 
 __all__ = ["translated", "understood"]
 

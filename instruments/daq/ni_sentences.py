@@ -5,7 +5,7 @@ Without NI's library, which takes longer to load than all else that a simulated 
 
 from __future__ import annotations
 
-from haploop.instruments.errors import ConfigurationError, InstrumentError
+from ..errors import ConfigurationError, InstrumentError
 
 __all__ = ["CONFIGURATION", "SENTENCES", "cut_off", "first_line", "refused"]
 

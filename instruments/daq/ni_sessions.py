@@ -22,9 +22,9 @@ from nidaqmx.errors import Error as NiError
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import System
 
-from haploop.instruments.clock import RealClock
-from haploop.instruments.errors import InstrumentError
-from haploop.instruments.signals import uninterrupted
+from ..clock import RealClock
+from ..errors import InstrumentError
+from ..signals import uninterrupted
 
 __all__ = ["Sessions"]
 

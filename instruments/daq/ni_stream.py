@@ -15,14 +15,14 @@ from nidaqmx.constants import AcquisitionType, TerminalConfiguration
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.daq.ni_cards import Plan, believed
-from haploop.instruments.daq.ni_sentences import cut_off, zeroed
-from haploop.instruments.daq.role import Block, Stream
-from haploop.instruments.errors import ConfigurationError, InstrumentError
+from ..arrays import FloatArray
+from ..errors import ConfigurationError, InstrumentError
+from .ni_cards import Plan, believed
+from .ni_sentences import cut_off, zeroed
+from .role import Block, Stream
 
 if TYPE_CHECKING:
-    from haploop.instruments.daq.ni_daqmx import NiDaq
+    from .ni_daqmx import NiDaq
 
 __all__ = ["NiStream"]
 

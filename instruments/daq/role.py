@@ -10,8 +10,8 @@ from typing import Self, final
 
 import numpy as np
 
-from haploop.instruments.arrays import BoolArray, FloatArray
-from haploop.instruments.interlock import Interlocked
+from ..arrays import BoolArray, FloatArray
+from ..interlock import Interlocked
 
 __all__ = ["Block", "Capture", "Daq", "Stream"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import final
 
-from haploop.instruments.interlock import Interlocked
-from haploop.instruments.sweep import Sweep
+from ..interlock import Interlocked
+from ..sweep import Sweep
 
 __all__ = ["Generator", "Sweep"]
 

@@ -16,12 +16,12 @@ from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.driver import one_name
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.instruments.generator.role import Generator, Sweep
-from haploop.instruments.generator.scpi_codec import error_of, number_of, switch_of, words_of
-from haploop.instruments.transport import Line, VisaLine
+from ..clock import Clock
+from ..driver import one_name
+from ..errors import ConfigurationError, InstrumentError, LimitError
+from ..transport import Line, VisaLine
+from .role import Generator, Sweep
+from .scpi_codec import error_of, number_of, switch_of, words_of
 
 __all__ = ["Dg1000z", "Keysight33500", "ScpiGenerator"]
 

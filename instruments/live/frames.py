@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from haploop.instruments.errors import DataError
-from haploop.instruments.live.tap import LiveBlock, Run
-from haploop.instruments.sensors import Sensors
+from ..errors import DataError
+from ..sensors import Sensors
+from .tap import LiveBlock, Run
 
 __all__ = ["PREFIX", "TOKEN", "frame_of", "header_of", "lengths_of", "volts_of"]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.live.tap import LiveBlock, Run
-from haploop.instruments.sensors import Accelerometer, Divider, ForceTorque, Sensor, Switch
+from ..arrays import FloatArray
+from ..sensors import Accelerometer, Divider, ForceTorque, Sensor, Switch
+from .tap import LiveBlock, Run
 
 __all__ = ["Level", "levels", "quantities", "signals"]
 

@@ -20,11 +20,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from haploop.instruments.clock import RealClock
-from haploop.instruments.errors import InstrumentError
-from haploop.instruments.files import os_error_text
-from haploop.instruments.live.frames import TOKEN, frame_of
-from haploop.instruments.live.tap import Feed
+from ..clock import RealClock
+from ..errors import InstrumentError
+from ..files import os_error_text
+from .frames import TOKEN, frame_of
+from .tap import Feed
 
 __all__ = ["ADDRESS_FILES", "Publisher"]
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self, TypeVar
 
-from haploop.instruments.arrays import BoolArray, FloatArray
-from haploop.instruments.clock import Clock, RealClock
-from haploop.instruments.daq import Block
-from haploop.instruments.sensors import Sensors
+from ..arrays import BoolArray, FloatArray
+from ..clock import Clock, RealClock
+from ..daq import Block
+from ..sensors import Sensors
 
 __all__ = ["Feed", "LiveBlock", "Run", "Tap"]
 

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from haploop.instruments.config import RigFile, load_rig_file
-from haploop.instruments.driver import Mode
-from haploop.instruments.errors import ConfigurationError, DataError
-from haploop.instruments.live.frames import PREFIX, TOKEN, header_of, lengths_of, volts_of
-from haploop.instruments.live.publisher import ADDRESS_FILES
-from haploop.instruments.live.tap import LiveBlock, Tap
-from haploop.instruments.safety import state_folder
+from ..config import RigFile, load_rig_file
+from ..driver import Mode
+from ..errors import ConfigurationError, DataError
+from ..safety import state_folder
+from .frames import PREFIX, TOKEN, header_of, lengths_of, volts_of
+from .publisher import ADDRESS_FILES
+from .tap import LiveBlock, Tap
 
 __all__ = ["watch_live"]
 

@@ -1,6 +1,6 @@
 """The operator of the rig: the role, a console, and unattended operation."""
 
-from haploop.instruments.operator.role import (
+from .role import (
     Aim,
     ConfirmSettings,
     Consent,
@@ -15,7 +15,7 @@ from haploop.instruments.operator.role import (
     Target,
     Touch,
 )
-from haploop.instruments.operator.unattended import Unattended
+from .unattended import Unattended
 
 __all__ = [
     "Aim",

@@ -9,9 +9,9 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.errors import InstrumentError
-from haploop.instruments.operator.role import Consent, Operator, Request
+from ..clock import Clock
+from ..errors import InstrumentError
+from .role import Consent, Operator, Request
 
 __all__ = ["Console"]
 

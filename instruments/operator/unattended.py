@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from haploop.instruments.operator.role import Aim, ConfirmSettings, Operator, Request, Rest
+from .role import Aim, ConfirmSettings, Operator, Request, Rest
 
 __all__ = ["Unattended"]
 

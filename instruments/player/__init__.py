@@ -1,5 +1,5 @@
 """Audio outputs that play drives: the role, and its driver for sound cards."""
 
-from haploop.instruments.player.role import Player
+from .role import Player
 
 __all__ = ["Player"]

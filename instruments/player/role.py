@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
 from typing import final
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.interlock import Interlocked
+from ..arrays import ComplexArray, FloatArray
+from ..interlock import Interlocked
 
 __all__ = ["Player"]
 

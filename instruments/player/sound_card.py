@@ -17,10 +17,10 @@ import numpy as np
 import scipy
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.instruments.player.role import Player
+from ..arrays import ComplexArray, FloatArray
+from ..clock import Clock
+from ..errors import ConfigurationError, InstrumentError, LimitError
+from .role import Player
 
 __all__ = ["Audio", "AudioStream", "SoundCard", "at_rate"]
 

@@ -14,9 +14,9 @@ from typing import Annotated, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.errors import ConfigurationError, InstrumentError
-from haploop.instruments.relay.role import Relay
+from ..clock import Clock
+from ..errors import ConfigurationError, InstrumentError
+from .role import Relay
 
 __all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "RelayBoard", "read_back"]
 

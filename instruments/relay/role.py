@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection
 from typing import final
 
-from haploop.instruments.interlock import Interlocked
+from ..interlock import Interlocked
 
 __all__ = ["Relay"]
 

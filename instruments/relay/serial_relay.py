@@ -20,11 +20,11 @@ from typing import Annotated, Self
 import serial
 from pydantic import Field
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.driver import one_name
-from haploop.instruments.errors import ConfigurationError, InstrumentError
-from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState
-from haploop.instruments.transport import serial_trouble
+from ..clock import Clock
+from ..driver import one_name
+from ..errors import ConfigurationError, InstrumentError
+from ..transport import serial_trouble
+from .board import BoardSettings, ChannelRelay, ChannelState
 
 __all__ = ["DIGITS", "PROMPT", "SerialRelay", "answer_in"]
 

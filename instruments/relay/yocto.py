@@ -22,11 +22,11 @@ from urllib.parse import urlencode, urlsplit
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
-from haploop.instruments.clock import Clock, RealClock
-from haploop.instruments.config import told
-from haploop.instruments.driver import one_name
-from haploop.instruments.errors import ConfigurationError, InstrumentError
-from haploop.instruments.relay.board import BoardSettings, ChannelRelay, ChannelState, read_back
+from ..clock import Clock, RealClock
+from ..config import told
+from ..driver import one_name
+from ..errors import ConfigurationError, InstrumentError
+from .board import BoardSettings, ChannelRelay, ChannelState, read_back
 
 __all__ = ["Yocto"]
 

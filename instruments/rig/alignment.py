@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.daq import Capture
-from haploop.instruments.errors import InstrumentError
+from ..arrays import ComplexArray, FloatArray
+from ..daq import Capture
+from ..errors import InstrumentError
 
 __all__ = ["Aligned", "Timing", "align", "find"]
 

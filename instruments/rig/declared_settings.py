@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from haploop.instruments.errors import InstrumentError
-from haploop.instruments.operator import ConfirmSettings
-from haploop.instruments.rig.roles import Instruments
+from ..errors import InstrumentError
+from ..operator import ConfirmSettings
+from .roles import Instruments
 
 __all__ = ["DeclaredSettings"]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from haploop.instruments import entry_points
-from haploop.instruments.config import RigFile, fault_kinds, roles
-from haploop.instruments.errors import ConfigurationError
+from .. import entry_points
+from ..config import RigFile, fault_kinds, roles
+from ..errors import ConfigurationError
 
 __all__ = ["rig_schema"]
 

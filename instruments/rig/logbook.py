@@ -7,11 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from haploop.instruments.config import RigFile, load_rig_file
-from haploop.instruments.driver import Mode
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.rig.opening import hardware
-from haploop.instruments.safety import (
+from ..config import RigFile, load_rig_file
+from ..driver import Mode
+from ..errors import ConfigurationError
+from ..safety import (
     Audit,
     clear_lockout,
     entries,
@@ -20,6 +19,7 @@ from haploop.instruments.safety import (
     reserve,
     state_folder,
 )
+from .opening import hardware
 
 __all__ = ["log_entries", "reset_lockout"]
 

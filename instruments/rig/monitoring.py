@@ -6,13 +6,13 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.daq import Block
-from haploop.instruments.progress import Progress
-from haploop.instruments.rig.ratings import ratings
-from haploop.instruments.rig.roles import Instruments
-from haploop.instruments.safety import AbortMonitor, Audit, Limiter, Renewal, combined, trip
-from haploop.instruments.signals import deliver
+from ..clock import Clock
+from ..daq import Block
+from ..progress import Progress
+from ..safety import AbortMonitor, Audit, Limiter, Renewal, combined, trip
+from ..signals import deliver
+from .ratings import ratings
+from .roles import Instruments
 
 __all__ = ["Monitoring"]
 

@@ -9,14 +9,14 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from haploop.instruments import entry_points
-from haploop.instruments.clock import RealClock
-from haploop.instruments.config import Device, RigFile, SimulationSettings, load_rig_file, validate
-from haploop.instruments.daq import Daq
-from haploop.instruments.driver import Driver, Mode, Simulation, hardware_of, settings_of
-from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
-from haploop.instruments.rig.rig import Rig
-from haploop.instruments.safety import hold
+from .. import entry_points
+from ..clock import RealClock
+from ..config import Device, RigFile, SimulationSettings, load_rig_file, validate
+from ..daq import Daq
+from ..driver import Driver, Mode, Simulation, hardware_of, settings_of
+from ..errors import ConfigurationError, HaploopError, InstrumentError
+from ..safety import hold
+from .rig import Rig
 
 __all__ = ["hardware", "open_rig", "simulated_file"]
 

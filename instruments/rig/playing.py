@@ -13,19 +13,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.daq import Block, Capture, Stream
-from haploop.instruments.errors import ConfigurationError, InstrumentError
-from haploop.instruments.generator import Sweep
-from haploop.instruments.limits import Limits
-from haploop.instruments.progress import Progress, silent
-from haploop.instruments.rig.alignment import align, find
-from haploop.instruments.rig.monitoring import Monitoring
-from haploop.instruments.rig.ratings import ratings
-from haploop.instruments.rig.roles import Instruments
-from haploop.instruments.safety import Limiter, exit_within
-from haploop.instruments.signals import uninterrupted
+from ..arrays import FloatArray
+from ..clock import Clock
+from ..daq import Block, Capture, Stream
+from ..errors import ConfigurationError, InstrumentError
+from ..generator import Sweep
+from ..limits import Limits
+from ..progress import Progress, silent
+from ..safety import Limiter, exit_within
+from ..signals import uninterrupted
+from .alignment import align, find
+from .monitoring import Monitoring
+from .ratings import ratings
+from .roles import Instruments
 
 __all__ = ["Playing"]
 

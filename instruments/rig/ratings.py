@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from haploop.instruments.limits import Limits
-from haploop.instruments.rig.roles import Instruments
+from ..limits import Limits
+from .roles import Instruments
 
 __all__ = ["ratings"]
 

@@ -9,25 +9,20 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from types import TracebackType
 from typing import Any, Self
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.config import RigFile
-from haploop.instruments.daq import Block, Capture
-from haploop.instruments.driver import Mode, Simulation
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.frozen import Frozen
-from haploop.instruments.generator import Sweep
-from haploop.instruments.interlock import Interlocked
-from haploop.instruments.limits import Limits
-from haploop.instruments.live import Feed, Publisher, Run, Tap
-from haploop.instruments.notebook import InNotebook
-from haploop.instruments.progress import Progress, silent
-from haploop.instruments.rig.declared_settings import DeclaredSettings
-from haploop.instruments.rig.monitoring import Monitoring
-from haploop.instruments.rig.playing import Playing
-from haploop.instruments.rig.ratings import ratings
-from haploop.instruments.rig.roles import Instruments, Role
-from haploop.instruments.safety import (
+from ..arrays import FloatArray
+from ..clock import Clock
+from ..config import RigFile
+from ..daq import Block, Capture
+from ..driver import Mode, Simulation
+from ..errors import ConfigurationError
+from ..frozen import Frozen
+from ..generator import Sweep
+from ..interlock import Interlocked
+from ..limits import Limits
+from ..live import Feed, Publisher, Run, Tap
+from ..notebook import InNotebook
+from ..progress import Progress, silent
+from ..safety import (
     Audit,
     Limiter,
     Lockout,
@@ -37,7 +32,12 @@ from haploop.instruments.safety import (
     lockouts_folder,
     state_folder,
 )
-from haploop.instruments.signals import at_console_close, at_program_end, ending_in_order, uninterrupted
+from ..signals import at_console_close, at_program_end, ending_in_order, uninterrupted
+from .declared_settings import DeclaredSettings
+from .monitoring import Monitoring
+from .playing import Playing
+from .ratings import ratings
+from .roles import Instruments, Role
 
 __all__ = ["Rig"]
 

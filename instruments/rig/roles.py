@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
-from haploop.instruments.amplifier import Amplifier
-from haploop.instruments.config import RigFile, TableSettings
-from haploop.instruments.daq import Daq
-from haploop.instruments.entry_points import role_class
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.frozen import Frozen
-from haploop.instruments.generator import Generator
-from haploop.instruments.operator import Operator
-from haploop.instruments.player import Player
-from haploop.instruments.relay import Relay
-from haploop.instruments.sensors import Divider, Sensors
-from haploop.instruments.vibrometer import Vibrometer
+from ..amplifier import Amplifier
+from ..config import RigFile, TableSettings
+from ..daq import Daq
+from ..entry_points import role_class
+from ..errors import ConfigurationError
+from ..frozen import Frozen
+from ..generator import Generator
+from ..operator import Operator
+from ..player import Player
+from ..relay import Relay
+from ..sensors import Divider, Sensors
+from ..vibrometer import Vibrometer
 
 __all__ = ["Instruments", "Role"]
 

@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import AbortLimits
-from haploop.instruments.daq import Block
-from haploop.instruments.errors import InstrumentError, LimitError
-from haploop.instruments.files import whole_file
-from haploop.instruments.limits import Limits
-from haploop.instruments.safety.audit import Audit, make_folder, now_utc, who
-from haploop.instruments.safety.lockout import Lockout, set_lockout
-from haploop.instruments.sensors import Sensors
-from haploop.instruments.vibrometer import Vibrometer
+from ..arrays import FloatArray
+from ..config import AbortLimits
+from ..daq import Block
+from ..errors import InstrumentError, LimitError
+from ..files import whole_file
+from ..limits import Limits
+from ..sensors import Sensors
+from ..vibrometer import Vibrometer
+from .audit import Audit, make_folder, now_utc, who
+from .lockout import Lockout, set_lockout
 
 __all__ = ["AbortMonitor", "trip"]
 

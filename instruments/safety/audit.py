@@ -22,13 +22,13 @@ from typing import Any
 
 import platformdirs
 
-from haploop.instruments.clock import RealClock
-from haploop.instruments.config import RigFile
-from haploop.instruments.errors import ConfigurationError, DataError
-from haploop.instruments.files import os_error_text
-from haploop.instruments.frozen import Frozen
-from haploop.instruments.json_text import as_line, from_text
-from haploop.instruments.safety.file_lock import release, taken
+from ..clock import RealClock
+from ..config import RigFile
+from ..errors import ConfigurationError, DataError
+from ..files import os_error_text
+from ..frozen import Frozen
+from ..json_text import as_line, from_text
+from .file_lock import release, taken
 
 __all__ = ["Audit", "entries", "log_problems", "make_folder", "now_utc", "state_folder", "who"]
 

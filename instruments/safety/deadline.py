@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager
 from typing import TypeVar
 
-from haploop.instruments.errors import InstrumentError
+from ..errors import InstrumentError
 
 __all__ = ["exit_within", "run_within"]
 

@@ -11,9 +11,9 @@ from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from haploop.instruments.errors import DataError
-from haploop.instruments.json_text import as_file, of_file
-from haploop.instruments.safety import machine
+from ..errors import DataError
+from ..json_text import as_file, of_file
+from . import machine
 
 __all__ = ["MINUTE", "Span", "clear_old", "count_plays", "plays_of"]
 

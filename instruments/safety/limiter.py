@@ -19,17 +19,17 @@ from pathlib import Path
 
 import numpy as np
 
-from haploop.instruments.amplifier import Amplifier
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.errors import DataError, InstrumentError, LimitError
-from haploop.instruments.generator import Sweep
-from haploop.instruments.limits import Limits, sounding
-from haploop.instruments.safety.audit import Audit, now_utc
-from haploop.instruments.safety.deadline import DEADLINE
-from haploop.instruments.safety.duty import MINUTE, Span, clear_old, count_plays, plays_of
-from haploop.instruments.safety.lockout import Lockout, lockout_of
-from haploop.instruments.safety.outputs import Outputs
+from ..amplifier import Amplifier
+from ..arrays import FloatArray
+from ..clock import Clock
+from ..errors import DataError, InstrumentError, LimitError
+from ..generator import Sweep
+from ..limits import Limits, sounding
+from .audit import Audit, now_utc
+from .deadline import DEADLINE
+from .duty import MINUTE, Span, clear_old, count_plays, plays_of
+from .lockout import Lockout, lockout_of
+from .outputs import Outputs
 
 __all__ = ["Limiter", "Ratings", "combined"]
 

@@ -8,11 +8,11 @@ from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from haploop.instruments.clock import RealClock
-from haploop.instruments.errors import InstrumentError
-from haploop.instruments.safety import machine
-from haploop.instruments.safety.audit import who
-from haploop.instruments.safety.file_lock import taken
+from ..clock import RealClock
+from ..errors import InstrumentError
+from . import machine
+from .audit import who
+from .file_lock import taken
 
 __all__ = ["InUse", "hold", "is_marked", "marked", "reserve"]
 

@@ -11,9 +11,9 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from haploop.instruments.errors import ConfigurationError
-from haploop.instruments.json_text import as_file, of_file
-from haploop.instruments.safety import machine
+from ..errors import ConfigurationError
+from ..json_text import as_file, of_file
+from . import machine
 
 __all__ = ["Lockout", "clear_lockout", "lockout_of", "lockouts_folder", "set_lockout"]
 

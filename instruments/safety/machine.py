@@ -14,7 +14,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from haploop.instruments.errors import InstrumentError
+from ..errors import InstrumentError
 
 __all__ = ["file_for", "folder", "open_file", "read", "write"]
 

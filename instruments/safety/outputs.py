@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from haploop.instruments.errors import HaploopError, InstrumentError
+from ..errors import HaploopError, InstrumentError
 
 __all__ = ["Outputs"]
 

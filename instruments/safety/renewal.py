@@ -11,9 +11,9 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from haploop.instruments.clock import Clock, RealClock
-from haploop.instruments.relay import Relay
-from haploop.instruments.safety.deadline import DEADLINE
+from ..clock import Clock, RealClock
+from ..relay import Relay
+from .deadline import DEADLINE
 
 __all__ = ["Renewal"]
 

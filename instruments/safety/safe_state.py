@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.errors import HaploopError, InstrumentError
-from haploop.instruments.interlock import Interlocked
-from haploop.instruments.safety.audit import Audit
-from haploop.instruments.safety.deadline import run_within
+from ..clock import Clock
+from ..errors import HaploopError, InstrumentError
+from ..interlock import Interlocked
+from .audit import Audit
+from .deadline import run_within
 
 __all__ = ["SafeState"]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import serial
 
-from haploop.instruments.transport.text_line import Port, TextLine
+from .text_line import Port, TextLine
 
 __all__ = ["SerialLine", "serial_trouble"]
 

@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
 
-from haploop.instruments.clock import Clock, RealClock
-from haploop.instruments.errors import InstrumentError
+from ..clock import Clock, RealClock
+from ..errors import InstrumentError
 
 __all__ = ["Line", "Port", "TextLine"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-from haploop.instruments.transport.text_line import Port, TextLine
+from .text_line import Port, TextLine
 
 __all__ = ["VisaLine"]
 

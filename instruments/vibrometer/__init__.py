@@ -1,5 +1,5 @@
 """Laser vibrometers: the role, and its drivers."""
 
-from haploop.instruments.vibrometer.role import Vibrometer
+from .role import Vibrometer
 
 __all__ = ["Vibrometer"]

@@ -12,11 +12,11 @@ from typing import Annotated, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.driver import one_name
-from haploop.instruments.errors import ConfigurationError, InstrumentError
-from haploop.instruments.transport import Line, SerialLine
-from haploop.instruments.vibrometer.ofv5000_codec import (
+from ..clock import Clock
+from ..driver import one_name
+from ..errors import ConfigurationError, InstrumentError
+from ..transport import Line, SerialLine
+from .ofv5000_codec import (
     Command,
     duration_of,
     frequency_of,
@@ -25,7 +25,7 @@ from haploop.instruments.vibrometer.ofv5000_codec import (
     scale_of,
     scale_text,
 )
-from haploop.instruments.vibrometer.role import Vibrometer
+from .role import Vibrometer
 
 __all__ = ["Ofv5000"]
 

@@ -10,8 +10,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.vibrometer.role import Vibrometer
+from ..clock import Clock
+from .role import Vibrometer
 
 __all__ = ["Pdv100"]
 

@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.frozen import Frozen
-from haploop.instruments.sensors import low_pass
+from ..arrays import ComplexArray, FloatArray
+from ..frozen import Frozen
+from ..sensors import low_pass
 
 __all__ = ["Vibrometer"]
 

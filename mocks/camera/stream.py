@@ -14,12 +14,12 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from haploop.instruments.camera.opencv import OpenCvCamera
-from haploop.instruments.clock import Clock
-from haploop.mocks.camera.twin import CameraTwin
-from haploop.mocks.clock import VirtualClock
-from haploop.mocks.plant import Plant
-from haploop.mocks.transport import Loopback
+from ...instruments.camera.opencv import OpenCvCamera
+from ...instruments.clock import Clock
+from ..clock import VirtualClock
+from ..plant import Plant
+from ..transport import Loopback
+from .twin import CameraTwin
 
 __all__ = ["CameraStream", "wire"]
 

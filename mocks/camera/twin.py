@@ -11,11 +11,11 @@ import math
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.camera.opencv import OpenCvCamera
-from haploop.instruments.camera.role import Camera, Frame
-from haploop.instruments.errors import InstrumentError
-from haploop.mocks.plant import Plant
+from ...instruments.arrays import FloatArray
+from ...instruments.camera.opencv import OpenCvCamera
+from ...instruments.camera.role import Camera, Frame
+from ...instruments.errors import InstrumentError
+from ..plant import Plant
 
 __all__ = ["PIXELS_PER_METRE", "CameraTwin"]
 

@@ -6,8 +6,8 @@ import zlib
 
 import numpy as np
 
-from haploop.instruments.arrays import BoolArray, FloatArray
-from haploop.mocks.daq.products import Product, code_width
+from ...instruments.arrays import BoolArray, FloatArray
+from .products import Product, code_width
 
 __all__ = ["LOST", "STOPPED", "convert", "noise_of", "put_out"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from haploop.instruments.arrays import FloatArray
+from ...instruments.arrays import FloatArray
 
 __all__ = ["PRODUCTS", "Product", "code_width", "convert_interval", "input_range"]
 

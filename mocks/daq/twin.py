@@ -7,14 +7,14 @@ from itertools import groupby
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.daq import Block, Daq, Stream
-from haploop.instruments.daq.ni_daqmx import NiDaq, device_of
-from haploop.instruments.daq.ni_sentences import cut_off, refused, zeroed
-from haploop.instruments.errors import ConfigurationError, InstrumentError, LimitError
-from haploop.mocks.daq.converter import LOST, STOPPED, convert, noise_of, put_out
-from haploop.mocks.daq.products import PRODUCTS, Product, convert_interval, input_range
-from haploop.mocks.plant import Plant, PlayStopped, Run, SamplesLost
+from ...instruments.arrays import FloatArray
+from ...instruments.daq import Block, Daq, Stream
+from ...instruments.daq.ni_daqmx import NiDaq, device_of
+from ...instruments.daq.ni_sentences import cut_off, refused, zeroed
+from ...instruments.errors import ConfigurationError, InstrumentError, LimitError
+from ..plant import Plant, PlayStopped, Run, SamplesLost
+from .converter import LOST, STOPPED, convert, noise_of, put_out
+from .products import PRODUCTS, Product, convert_interval, input_range
 
 __all__ = ["DaqTwin"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.plant import Fault, FaultSettings, Positive, Run, TimedFault
+from ...instruments.arrays import FloatArray
+from ..plant import Fault, FaultSettings, Positive, Run, TimedFault
 
 __all__ = ["AmplifierGain", "AmplifierTrip"]
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from haploop.mocks.plant import Fault, FaultSettings, PerEventFault, Positive, TimedFault
+from ..plant import Fault, FaultSettings, PerEventFault, Positive, TimedFault
 
 __all__ = ["AmbientLight", "Defocus", "FramesLost", "SecondFinger"]
 

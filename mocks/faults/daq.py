@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant import Fault, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
+from ...instruments.arrays import FloatArray
+from ...instruments.config import RigFile
+from ..plant import Fault, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
 
 __all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "PlayCutOff", "RtsiMissing"]
 

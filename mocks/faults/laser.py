@@ -7,9 +7,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant import Fault, FaultSettings, LaserHead, Positive, ScheduledFault, TimedFault
+from ...instruments.arrays import FloatArray
+from ...instruments.config import RigFile
+from ..plant import Fault, FaultSettings, LaserHead, Positive, ScheduledFault, TimedFault
 
 __all__ = ["LaserBlocked", "LaserDropout", "LaserSpikes", "VibrometerRange"]
 

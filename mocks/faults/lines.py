@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from haploop.mocks.plant import PerEventFault
-from haploop.mocks.transport import ReplyFault
+from ..plant import PerEventFault
+from ..transport import ReplyFault
 
 __all__ = ["Reply"]
 

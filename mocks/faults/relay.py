@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import field_validator
 
-from haploop.mocks.plant import Fault, FaultSettings, PerEventFault, RelayFailure
+from ..plant import Fault, FaultSettings, PerEventFault, RelayFailure
 
 __all__ = ["RelayLost", "RelayStuck", "RelaySwapped", "RelayWelded"]
 

@@ -8,9 +8,9 @@ import numpy as np
 import scipy
 from pydantic import Field
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant import Fault, FaultSettings, NotNegative, Positive, TimedFault
+from ...instruments.arrays import FloatArray
+from ...instruments.config import RigFile
+from ..plant import Fault, FaultSettings, NotNegative, Positive, TimedFault
 
 __all__ = [
     "AccelerometerInverted",

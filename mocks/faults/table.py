@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant import (
+from ...instruments.arrays import FloatArray
+from ...instruments.config import RigFile
+from ..plant import (
     BoucWen,
     Fault,
     FaultSettings,

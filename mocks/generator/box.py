@@ -10,11 +10,11 @@ import math
 from functools import partial
 from typing import Protocol
 
-from haploop.instruments.clock import Clock
-from haploop.mocks.generator.products import Product
-from haploop.mocks.generator.scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
-from haploop.mocks.generator.waveform import SHAPES, Playing, Waveform
-from haploop.mocks.plant import Source
+from ...instruments.clock import Clock
+from ..plant import Source
+from .products import Product
+from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
+from .waveform import SHAPES, Playing, Waveform
 
 __all__ = ["Box", "Input"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
-from haploop.mocks.generator.box import Box, Input
-from haploop.mocks.generator.products import DG1000Z, KEYSIGHT_33500, Product
-from haploop.mocks.transport import DirectLine, LineServer
+from ...instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
+from ..transport import DirectLine, LineServer
+from .box import Box, Input
+from .products import DG1000Z, KEYSIGHT_33500, Product
 
 __all__ = ["dg1000z", "dg1000z_wire", "keysight", "keysight_wire"]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.mocks.plant import Run
+from ...instruments.arrays import FloatArray
+from ...instruments.clock import Clock
+from ..plant import Run
 
 __all__ = ["SHAPES", "Playing", "Waveform"]
 

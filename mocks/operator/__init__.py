@@ -1,5 +1,5 @@
 """The simulated person at the rig."""
 
-from haploop.mocks.operator.twin import OperatorTwin
+from .twin import OperatorTwin
 
 __all__ = ["OperatorTwin"]

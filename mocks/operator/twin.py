@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
-from haploop.instruments.operator import (
+from ...instruments.operator import (
     Aim,
     ConfirmSettings,
     Consent,
@@ -19,7 +19,7 @@ from haploop.instruments.operator import (
     Target,
     Touch,
 )
-from haploop.mocks.plant import Plant
+from ..plant import Plant
 
 __all__ = ["OperatorTwin"]
 

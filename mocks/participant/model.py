@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.config import load_model
+from ...instruments.config import load_model
 
 __all__ = ["ParticipantModel", "load_participant_model"]
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from haploop.mocks.participant.model import ParticipantModel
+from .model import ParticipantModel
 
 __all__ = ["SimulatedParticipant"]
 

@@ -1,8 +1,8 @@
 """The plant: the simulated physical world of a rig, and the hooks for faults."""
 
-from haploop.mocks.plant.amplifier import AMPLIFIER_GAIN_ERROR
-from haploop.mocks.plant.bouc_wen import BoucWen
-from haploop.mocks.plant.fault import (
+from .amplifier import AMPLIFIER_GAIN_ERROR
+from .bouc_wen import BoucWen
+from .fault import (
     Fault,
     FaultSettings,
     NotNegative,
@@ -12,11 +12,11 @@ from haploop.mocks.plant.fault import (
     ScheduledFault,
     TimedFault,
 )
-from haploop.mocks.plant.fault_kinds import KINDS, FaultKinds, Faults, fault_class
-from haploop.mocks.plant.hysteresis import Hysteresis, PatchLaw
-from haploop.mocks.plant.modal import ModalSurface, Modes
-from haploop.mocks.plant.modal_plant import Modal, random_modal
-from haploop.mocks.plant.nodes import (
+from .fault_kinds import KINDS, FaultKinds, Faults, fault_class
+from .hysteresis import Hysteresis, PatchLaw
+from .modal import ModalSurface, Modes
+from .modal_plant import Modal, random_modal
+from .nodes import (
     LaserHead,
     Nodes,
     PlayStopped,
@@ -26,9 +26,9 @@ from haploop.mocks.plant.nodes import (
     Switched,
     Switches,
 )
-from haploop.mocks.plant.plant import Plant
-from haploop.mocks.plant.scene import AmplifierOutput
-from haploop.mocks.plant.surface import (
+from .plant import Plant
+from .scene import AmplifierOutput
+from .surface import (
     AMPLIFIER_POLE_HZ,
     REMEMBERED,
     PlantSettings,
@@ -37,9 +37,9 @@ from haploop.mocks.plant.surface import (
     place_of,
     table_of,
 )
-from haploop.mocks.plant.table import TouchTable
-from haploop.mocks.plant.touches import SimulatedTouch
-from haploop.mocks.plant.truth import Truth
+from .table import TouchTable
+from .touches import SimulatedTouch
+from .truth import Truth
 
 __all__ = [
     "AMPLIFIER_GAIN_ERROR",

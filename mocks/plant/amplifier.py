@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant.fault import Fault
-from haploop.mocks.plant.nodes import Run
+from ...instruments.arrays import FloatArray
+from ...instruments.config import RigFile
+from .fault import Fault
+from .nodes import Run
 
 __all__ = ["AMPLIFIER_GAIN_ERROR", "Amplifier"]
 

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.plant.hysteresis import AMPLITUDE, sections
+from ...instruments.arrays import FloatArray
+from .hysteresis import AMPLITUDE, sections
 
 __all__ = ["BoucWen"]
 

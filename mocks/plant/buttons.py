@@ -18,9 +18,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.operator import Press
-from haploop.mocks.plant.poles import ringing
+from ...instruments.arrays import FloatArray
+from ...instruments.operator import Press
+from .poles import ringing
 
 __all__ = [
     "BUTTONS",

@@ -19,12 +19,12 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments.arrays import BoolArray, FloatArray
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant.hysteresis import PatchLaw
-from haploop.mocks.plant.modal import Modes
-from haploop.mocks.plant.nodes import LaserHead, Run
-from haploop.mocks.transport import ReplyFault
+from ...instruments.arrays import BoolArray, FloatArray
+from ...instruments.config import RigFile
+from ..transport import ReplyFault
+from .hysteresis import PatchLaw
+from .modal import Modes
+from .nodes import LaserHead, Run
 
 __all__ = [
     "Fault",

@@ -11,10 +11,10 @@ from typing import Any, overload
 
 import numpy as np
 
-from haploop.instruments import entry_points
-from haploop.instruments.config import RigFile, roles, validate_kind
-from haploop.instruments.errors import ConfigurationError
-from haploop.mocks.plant.fault import Fault, FaultSettings
+from ...instruments import entry_points
+from ...instruments.config import RigFile, roles, validate_kind
+from ...instruments.errors import ConfigurationError
+from .fault import Fault, FaultSettings
 
 __all__ = ["KINDS", "FaultKinds", "Faults", "fault_class"]
 

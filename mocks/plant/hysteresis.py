@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from haploop.instruments.arrays import BoolArray, FloatArray
+from ...instruments.arrays import BoolArray, FloatArray
 
 __all__ = ["AMPLITUDE", "Hysteresis", "PatchLaw", "sections"]
 

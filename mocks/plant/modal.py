@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.mocks.plant.poles import Course, Poles
-from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ, REMEMBERED, Surface
+from ...instruments.arrays import ComplexArray, FloatArray
+from .poles import Course, Poles
+from .surface import AMPLIFIER_POLE_HZ, REMEMBERED, Surface
 
 __all__ = ["ModalPoles", "ModalSurface", "Modes"]
 

@@ -9,12 +9,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import RigFile
-from haploop.instruments.errors import ConfigurationError
-from haploop.mocks.plant.modal import ModalSurface, Modes
-from haploop.mocks.plant.softening import SofteningSurface
-from haploop.mocks.plant.surface import PlantSettings, place_of, table_of
+from ...instruments.arrays import FloatArray
+from ...instruments.config import RigFile
+from ...instruments.errors import ConfigurationError
+from .modal import ModalSurface, Modes
+from .softening import SofteningSurface
+from .surface import PlantSettings, place_of, table_of
 
 __all__ = ["Modal", "random_modal"]
 

@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
+from ...instruments.arrays import FloatArray
+from ...instruments.clock import Clock
 
 __all__ = ["LaserHead", "Nodes", "PlayStopped", "Run", "SamplesLost", "Source", "Switched", "Switches"]
 

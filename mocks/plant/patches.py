@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.mocks.plant.hysteresis import PatchLaw
-from haploop.mocks.plant.poles import Course, Poles
-from haploop.mocks.plant.surface import AMPLIFIER_POLE_HZ, REMEMBERED
+from ...instruments.arrays import ComplexArray, FloatArray
+from .hysteresis import PatchLaw
+from .poles import Course, Poles
+from .surface import AMPLIFIER_POLE_HZ, REMEMBERED
 
 __all__ = ["Patches"]
 

@@ -16,15 +16,15 @@ from itertools import groupby
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant.amplifier import Amplifier
-from haploop.mocks.plant.nodes import LaserHead, Run, Source, Switches
-from haploop.mocks.plant.scene import AmplifierOutput, Scene
-from haploop.mocks.plant.sensed import Output, Quantity, laser, wired
-from haploop.mocks.plant.surface import PlantSource
-from haploop.mocks.plant.truth import Truth
+from ...instruments.arrays import FloatArray
+from ...instruments.clock import Clock
+from ...instruments.config import RigFile
+from .amplifier import Amplifier
+from .nodes import LaserHead, Run, Source, Switches
+from .scene import AmplifierOutput, Scene
+from .sensed import Output, Quantity, laser, wired
+from .surface import PlantSource
+from .truth import Truth
 
 __all__ = ["Plant"]
 

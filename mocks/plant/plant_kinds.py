@@ -11,13 +11,13 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from haploop.instruments import entry_points
-from haploop.instruments.config import RigFile, validate
-from haploop.instruments.errors import ConfigurationError, HaploopError, InstrumentError
-from haploop.mocks.plant.fault import Fault
-from haploop.mocks.plant.hysteresis import PatchLaw
-from haploop.mocks.plant.modal import ModalSurface
-from haploop.mocks.plant.surface import PlantSettings, PlantSource, Surface, table_of
+from ...instruments import entry_points
+from ...instruments.config import RigFile, validate
+from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError
+from .fault import Fault
+from .hysteresis import PatchLaw
+from .modal import ModalSurface
+from .surface import PlantSettings, PlantSource, Surface, table_of
 
 __all__ = ["asked", "plant_source", "surface_and_laws"]
 

@@ -10,17 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.clock import Clock
-from haploop.instruments.config import RigFile
-from haploop.instruments.operator import Press, Touch
-from haploop.mocks.plant.buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
-from haploop.mocks.plant.fault_kinds import Faults
-from haploop.mocks.plant.nodes import LaserHead
-from haploop.mocks.plant.patches import Patches
-from haploop.mocks.plant.plant_kinds import asked, plant_source, surface_and_laws
-from haploop.mocks.plant.surface import PlantSource, place_of, table_of
-from haploop.mocks.plant.touches import SimulatedTouch, skin_of, touch_surface
+from ...instruments.arrays import FloatArray
+from ...instruments.clock import Clock
+from ...instruments.config import RigFile
+from ...instruments.operator import Press, Touch
+from .buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
+from .fault_kinds import Faults
+from .nodes import LaserHead
+from .patches import Patches
+from .plant_kinds import asked, plant_source, surface_and_laws
+from .surface import PlantSource, place_of, table_of
+from .touches import SimulatedTouch, skin_of, touch_surface
 
 __all__ = ["GRAVITY", "AmplifierOutput", "Scene"]
 

@@ -12,11 +12,11 @@ from functools import partial
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.sensors import low_pass
-from haploop.mocks.plant.buttons import SimulatedPress
-from haploop.mocks.plant.nodes import LaserHead
-from haploop.mocks.plant.scene import GRAVITY, Scene
+from ...instruments.arrays import FloatArray
+from ...instruments.sensors import low_pass
+from .buttons import SimulatedPress
+from .nodes import LaserHead
+from .scene import GRAVITY, Scene
 
 __all__ = ["Output", "Quantity", "laser", "wired"]
 

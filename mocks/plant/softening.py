@@ -14,9 +14,9 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.mocks.plant.modal import ModalPoles, ModalSurface, Modes
-from haploop.mocks.plant.poles import Course
+from ...instruments.arrays import ComplexArray, FloatArray
+from .modal import ModalPoles, ModalSurface, Modes
+from .poles import Course
 
 __all__ = ["SofteningSurface"]
 

@@ -14,9 +14,9 @@ import numpy as np
 import scipy
 from pydantic import BaseModel, ConfigDict
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.instruments.config import RigFile, TableSettings
-from haploop.mocks.plant.hysteresis import Hysteresis, PatchLaw
+from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.config import RigFile, TableSettings
+from .hysteresis import Hysteresis, PatchLaw
 
 __all__ = [
     "AMPLIFIER_POLE_HZ",

@@ -12,11 +12,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.config import RigFile
-from haploop.mocks.plant.modal import ModalSurface, Modes
-from haploop.mocks.plant.softening import SofteningSurface
-from haploop.mocks.plant.surface import PlantSettings, place_of
+from ...instruments.arrays import FloatArray
+from ...instruments.config import RigFile
+from .modal import ModalSurface, Modes
+from .softening import SofteningSurface
+from .surface import PlantSettings, place_of
 
 __all__ = ["PATCHES", "TouchTable", "make_plate", "warmed"]
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.operator import Touch
+from ...instruments.arrays import FloatArray
+from ...instruments.operator import Touch
 
 __all__ = ["SimulatedTouch", "Skin", "skin_of", "touch_surface"]
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.instruments.arrays import ComplexArray, FloatArray
-from haploop.mocks.plant.buttons import SimulatedPress
-from haploop.mocks.plant.scene import AmplifierOutput, Scene
-from haploop.mocks.plant.surface import Surface
-from haploop.mocks.plant.touches import SimulatedTouch
+from ...instruments.arrays import ComplexArray, FloatArray
+from .buttons import SimulatedPress
+from .scene import AmplifierOutput, Scene
+from .surface import Surface
+from .touches import SimulatedTouch
 
 __all__ = ["Truth"]
 

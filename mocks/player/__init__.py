@@ -1,5 +1,5 @@
 """The simulated sound card."""
 
-from haploop.mocks.player.sound_card import Card, Jack
+from .sound_card import Card, Jack
 
 __all__ = ["Card", "Jack"]

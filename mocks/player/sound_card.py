@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import scipy
 
-from haploop.instruments.arrays import FloatArray
-from haploop.instruments.player.sound_card import SoundCard
-from haploop.mocks.plant import Plant, Run
+from ...instruments.arrays import FloatArray
+from ...instruments.player.sound_card import SoundCard
+from ..plant import Plant, Run
 
 __all__ = ["Card", "Jack", "twin"]
 

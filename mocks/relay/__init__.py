@@ -1,8 +1,8 @@
 """Simulated relay boxes: the box itself, twins and wires."""
 
-from haploop.mocks.relay.box import BoxAdapter, BoxFault, Contacts, RelayTwin, SimulatedBox, box_in
-from haploop.mocks.relay.serial_relay import SerialRelayTwin, SerialRelayWire
-from haploop.mocks.relay.yocto_hub import YoctoHub
+from .box import BoxAdapter, BoxFault, Contacts, RelayTwin, SimulatedBox, box_in
+from .serial_relay import SerialRelayTwin, SerialRelayWire
+from .yocto_hub import YoctoHub
 
 __all__ = [
     "BoxAdapter",

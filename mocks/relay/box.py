@@ -10,10 +10,10 @@ from typing import Protocol
 
 import numpy as np
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.relay import ChannelRelay, ChannelState
-from haploop.instruments.relay.yocto import Yocto
-from haploop.mocks.plant import Fault, RelayFailure, Switched, Switches
+from ...instruments.clock import Clock
+from ...instruments.relay import ChannelRelay, ChannelState
+from ...instruments.relay.yocto import Yocto
+from ..plant import Fault, RelayFailure, Switched, Switches
 
 __all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
 

@@ -7,10 +7,10 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from haploop.instruments.relay import ChannelRelay
-from haploop.instruments.relay.serial_relay import DIGITS, PROMPT, SerialRelay
-from haploop.mocks.relay.box import BoxAdapter, Contacts, SimulatedBox, box_in
-from haploop.mocks.transport import Loopback, ReplyFault
+from ...instruments.relay import ChannelRelay
+from ...instruments.relay.serial_relay import DIGITS, PROMPT, SerialRelay
+from ..transport import Loopback, ReplyFault
+from .box import BoxAdapter, Contacts, SimulatedBox, box_in
 
 __all__ = ["SerialRelayTwin", "SerialRelayWire", "wire"]
 

@@ -17,9 +17,9 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from haploop.instruments.relay.yocto import Yocto
-from haploop.mocks.relay.box import Contacts, SimulatedBox, box_in
-from haploop.mocks.transport import Loopback, ReplyFault
+from ...instruments.relay.yocto import Yocto
+from ..transport import Loopback, ReplyFault
+from .box import Contacts, SimulatedBox, box_in
 
 __all__ = ["YoctoHub", "wire"]
 

@@ -1,8 +1,8 @@
 """Loopback servers and lines for simulated instruments."""
 
-from haploop.mocks.transport.faulty_line import Disturbance, faulty_line
-from haploop.mocks.transport.line_server import Answer, DirectLine, LineServer
-from haploop.mocks.transport.loopback import HOST, Loopback, ReplyFault
+from .faulty_line import Disturbance, faulty_line
+from .line_server import Answer, DirectLine, LineServer
+from .loopback import HOST, Loopback, ReplyFault
 
 __all__ = [
     "HOST",

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
-from haploop.mocks.transport.loopback import Loopback, ReplyFault
+from .loopback import Loopback, ReplyFault
 
 __all__ = ["Disturbance", "faulty_line"]
 

@@ -7,8 +7,8 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from haploop.instruments.errors import InstrumentError
-from haploop.mocks.transport.loopback import Loopback, ReplyFault
+from ...instruments.errors import InstrumentError
+from .loopback import Loopback, ReplyFault
 
 __all__ = ["Answer", "DirectLine", "LineServer"]
 

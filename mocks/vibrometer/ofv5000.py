@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from haploop.instruments.clock import Clock
-from haploop.instruments.vibrometer.ofv5000 import Ofv5000
-from haploop.instruments.vibrometer.ofv5000_codec import LEVEL_FULL, Command, scale_of, scale_text
-from haploop.mocks.plant import LaserHead, Plant
-from haploop.mocks.transport import DirectLine, LineServer
+from ...instruments.clock import Clock
+from ...instruments.vibrometer.ofv5000 import Ofv5000
+from ...instruments.vibrometer.ofv5000_codec import LEVEL_FULL, Command, scale_of, scale_text
+from ..plant import LaserHead, Plant
+from ..transport import DirectLine, LineServer
 
 __all__ = ["Controller", "twin", "wire"]
 

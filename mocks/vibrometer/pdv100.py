@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from haploop.instruments.vibrometer.pdv100 import Pdv100
-from haploop.mocks.plant import LaserHead, Plant
+from ...instruments.vibrometer.pdv100 import Pdv100
+from ..plant import LaserHead, Plant
 
 __all__ = ["pdv100"]
 

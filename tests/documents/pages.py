@@ -29,7 +29,7 @@ import matplotlib as mpl
 import pytest
 from click.testing import CliRunner
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 
 ROOT = Path(__file__).parents[2]
 

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from scipy import stats
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.experiments.analysis import analyse_identification, analyse_ratings, read_rows
 from haploop.experiments.protocol import (
     Answer,

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 from filelock import FileLock
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 
 Run = Callable[..., Result]
 

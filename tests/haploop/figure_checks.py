@@ -15,8 +15,8 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from haploop.figures.encoding import lay_out
-from haploop.figures.plotting import style
+from haploop.reports.figures.encoding import lay_out
+from haploop.reports.figures.plotting import style
 from tests.haploop.colour_vision import LEAST, nearest
 
 Box = tuple[str, float, float, float, float]

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from haploop.acquisition import Recording
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from tests.haploop.conftest import Run
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.commands.experiment import _AtTerminal
 from haploop.experiments.protocol.steps import Step
 from tests.haploop.conftest import Run

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from haploop.calibration import Feeling, feeling_of
-from haploop.figures import feeling_figure, png
-from haploop.show.feeling import add_feeling, feeling_values
-from haploop.show.formatting import property_table
+from haploop.reports.figures import feeling_figure, png
+from haploop.reports.show.feeling import add_feeling, feeling_values
+from haploop.reports.show.formatting import property_table
 
 RATE = 5000.0
 

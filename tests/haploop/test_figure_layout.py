@@ -23,9 +23,9 @@ from haploop.calibration.response.modes import Modes
 from haploop.calibration.response.terms import terms_of
 from haploop.console import server
 from haploop.experiments import load_experiment
-from haploop.figures.plotting import colour, legend_under, letter, new_figure, style
 from haploop.instruments import ConfigurationError, open_rig
-from haploop.show import forces_in
+from haploop.reports.figures.plotting import colour, legend_under, letter, new_figure, style
+from haploop.reports.show import forces_in
 from tests.haploop.colour_vision import LEAST, VISIONS, lab, nearest
 from tests.haploop.conftest import Demo, Run
 from tests.haploop.figure_checks import alike, drawn_texts, overlaps
@@ -89,7 +89,7 @@ def trend_of_four(columns: Any) -> Figure:
     limits = {"resonance": 0.01, "damping": 0.2, "gain": 0.1}
     periods = [SimpleNamespace(name="g1", begin=days[0], end=days[-1], metrics=metrics, thresholds=limits)]
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("haploop.figures.history._active_periods", lambda *_: periods)
+        patched.setattr("haploop.reports.figures.history._active_periods", lambda *_: periods)
         return figures.trend(SimpleNamespace(looks=[]), columns)  # type: ignore[arg-type]
 
 

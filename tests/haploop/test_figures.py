@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from haploop.calibration import feeling_of
-from haploop.figures.encoding import png
-from haploop.figures.paper import Profile, activation_forces, profiles
-from haploop.figures.plotting import active, continuous_phase, spectrum
-from haploop.report.html import CaptionedFigure, render
-from haploop.show import feeling_values
+from haploop.reports.figures.encoding import png
+from haploop.reports.figures.paper import Profile, activation_forces, profiles
+from haploop.reports.figures.plotting import active, continuous_phase, spectrum
+from haploop.reports.html.rendering import CaptionedFigure, render
+from haploop.reports.show import feeling_values
 
 RATE = 5000.0
 

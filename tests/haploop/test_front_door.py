@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import haploop
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from tests.haploop.test_start import commands
 
 WORK = {

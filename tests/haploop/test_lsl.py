@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import haploop
+from haploop.exchange.lsl import Stamps
 from haploop.instruments.live import Run
 from haploop.instruments.sensors import Sensors
-from haploop.lsl import Stamps
 from tests.haploop.conftest import Run as RunCommand
 
 LOOPBACK = """

@@ -13,11 +13,11 @@ from haploop.acquisition import Representative
 from haploop.calibration import Calibration
 from haploop.calibration.drive.button import build_button
 from haploop.calibration.upkeep.history import History
-from haploop.figures.history import trend
 from haploop.instruments import open_rig
 from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
 from haploop.instruments.operator.unattended import Unattended
 from haploop.instruments.safety.lock import hold
+from haploop.reports.figures.history import trend
 from tests.haploop.conftest import Demo, Run
 from tests.haploop.figure_checks import overlaps
 
@@ -39,7 +39,7 @@ def folder(button: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A history of two nights: one without a drift, one with."""
     from click.testing import CliRunner
 
-    from haploop.cli import cli
+    from haploop.commands.cli import cli
 
     place = tmp_path_factory.mktemp("history")
     folder = place / "calibrations"

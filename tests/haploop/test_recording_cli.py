@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 import pytest
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.instruments import Press
 from haploop.mocks.operator.twin import OperatorTwin
 from tests.haploop.conftest import Run

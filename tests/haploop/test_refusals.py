@@ -16,7 +16,7 @@ import haploop
 from haploop.acquisition.hdf5 import write
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
-from haploop.outputs import pictures
+from haploop.reports.outputs import pictures
 from tests.elsewhere import in_use_elsewhere
 from tests.haploop.conftest import Demo, Run
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from haploop.report import write_report
+from haploop.reports.html import write_report
 from tests.haploop.conftest import Demo, Run
 
 

@@ -180,9 +180,9 @@ def test_the_meter_shows_names_as_they_are() -> None:
     import numpy as np
     from rich.console import Console
 
+    from haploop.exchange.live import show_meter
     from haploop.instruments import Block, Sensors
     from haploop.instruments.live import Feed, Run
-    from haploop.live import show_meter
 
     feed, out = Feed(), io.StringIO()
     tap = feed.tap()

@@ -15,7 +15,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.commands.examples import COURSES, EXAMPLES
 from tests.haploop.exchange.conftest import Files, files
 
@@ -25,7 +25,7 @@ HEAVY = {"scipy", "h5py", "nidaqmx", "numpy", "matplotlib", "pydantic", "grpc", 
 
 LOADED = """
 import json, sys
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.commands.examples import EXAMPLES
 try:
     cli.main({args}, standalone_mode=False)
@@ -92,7 +92,7 @@ finally:
 def test_the_help_of_each_command_loads_nothing_heavy() -> None:
     script = """
 import json, sys
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.commands.examples import EXAMPLES
 for path in {paths}:
     try:

@@ -10,11 +10,11 @@ from click.testing import CliRunner
 from rich.box import SIMPLE
 from rich.table import Table
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.instruments import load_rig_file
 from haploop.instruments.json_text import as_line
 from haploop.instruments.safety import Audit, state_folder
-from haploop.progress import Steps, note, print_line, print_table
+from haploop.terminal.progress import Steps, note, print_line, print_table
 from tests.haploop.conftest import Demo, Run
 
 HOSTILE = "lab [/x] [red] :smile:"

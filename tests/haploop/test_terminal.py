@@ -26,7 +26,7 @@ from haploop.acquisition import (
 from haploop.calibration import Calibration, Check, Drive
 from haploop.instruments import Consent, InstrumentError, Request, Rest, open_rig
 from haploop.instruments.operator import console
-from haploop.show import Meter, StudyMeter
+from haploop.reports.show import Meter, StudyMeter
 from tests.haploop.conftest import Demo
 
 SENTENCE = "The button did not switch, and the force was beyond what the sensor can take; it is repeated now."

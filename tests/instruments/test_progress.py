@@ -7,7 +7,7 @@ import pytest
 
 from haploop.instruments import open_rig, silent
 from haploop.instruments.progress import part_of, prefixed
-from haploop.progress import Steps
+from haploop.terminal.progress import Steps
 
 
 def test_a_play_is_told_in_seconds_up_to_its_end() -> None:

@@ -16,13 +16,13 @@ import numpy as np
 from nidaqmx import constants as c
 from nidaqmx.utils import unflatten_channel_string
 
-from haploop.mocks.daq.ni.defaults import default_value
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
-from haploop.mocks.daq.ni.keeping import read_kept, write_kept
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Channel, Task
-from haploop.mocks.daq.ni.writing import space
+from .defaults import default_value
+from .errors import DaqmxError, DAQmxErrors
+from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
+from .keeping import read_kept, write_kept
+from .system import NiSystem
+from .tasks import Channel, Task
+from .writing import space
 
 __all__ = ["ATTRIBUTE_CALL", "serve"]
 

@@ -16,13 +16,13 @@ from nidaqmx.constants import (
 )
 from nidaqmx.utils import unflatten_channel_string
 
-from haploop.mocks.daq.ni.channels import CREATES, field
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors, error_string
-from haploop.mocks.daq.ni.keeping import KEEPING
-from haploop.mocks.daq.ni.reading import READS
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Task
-from haploop.mocks.daq.ni.writing import WRITES
+from .channels import CREATES, field
+from .errors import DaqmxError, DAQmxErrors, error_string
+from .keeping import KEEPING
+from .reading import READS
+from .system import NiSystem
+from .tasks import Task
+from .writing import WRITES
 
 __all__ = ["CALLS"]
 

@@ -15,11 +15,11 @@ from nidaqmx.constants import (
     UsageTypeCO,
 )
 
-from haploop.mocks.daq.ni.devices import NiDevice
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.scales import Scale
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Channel, Kind, Task
+from .devices import NiDevice
+from .errors import DaqmxError, DAQmxErrors
+from .scales import Scale
+from .system import NiSystem
+from .tasks import Channel, Kind, Task
 
 __all__ = ["CREATES", "field"]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 
 from nidaqmx.utils import unflatten_channel_string
 
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.scales import Scale, scale_from_export
-from haploop.mocks.daq.products import PRODUCTS, Product
+from ..products import PRODUCTS, Product
+from .errors import DaqmxError, DAQmxErrors
+from .scales import Scale, scale_from_export
 
 __all__ = ["Inventory", "NiDevice", "devices_from_ini"]
 

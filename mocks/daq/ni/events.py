@@ -11,10 +11,10 @@ from typing import Any
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import EveryNSamplesEventType
 
-from haploop.mocks.daq.ni import channels
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Task
+from . import channels
+from .errors import DaqmxError, DAQmxErrors
+from .system import NiSystem
+from .tasks import Task
 
 __all__ = ["Events"]
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from nidaqmx import constants as c
 
-from haploop.mocks.daq.ni.devices import Inventory, NiDevice
-from haploop.mocks.daq.ni.system import NiSystem
+from .devices import Inventory, NiDevice
+from .system import NiSystem
 
 __all__ = ["CHANNEL_FACTS", "DEVICE_FACTS", "SYSTEM_FACTS"]
 

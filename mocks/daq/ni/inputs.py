@@ -8,12 +8,12 @@ import numpy as np
 from nidaqmx.constants import Edge
 from nidaqmx.error_codes import DAQmxErrors
 
-from haploop.instruments.arrays import BoolArray, FloatArray
-from haploop.mocks.daq.converter import LOST, convert
-from haploop.mocks.daq.ni.errors import DaqmxError
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Channel, Chunk, Task
-from haploop.mocks.plant import SamplesLost
+from ....instruments.arrays import BoolArray, FloatArray
+from ...plant import SamplesLost
+from ..converter import LOST, convert
+from .errors import DaqmxError
+from .system import NiSystem
+from .tasks import Channel, Chunk, Task
 
 __all__ = ["acquire", "samples"]
 

@@ -11,12 +11,12 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import PowerUpStates, WDTTaskAction
 from nidaqmx.utils import unflatten_channel_string
 
-from haploop.mocks.daq.ni.channels import field
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.scales import Scale, linear, mapped, polynomial, reverse_coefficients, tabulated
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Channel, Task
-from haploop.mocks.daq.ni.watchdog import Watchdog
+from .channels import field
+from .errors import DaqmxError, DAQmxErrors
+from .scales import Scale, linear, mapped, polynomial, reverse_coefficients, tabulated
+from .system import NiSystem
+from .tasks import Channel, Task
+from .watchdog import Watchdog
 
 __all__ = ["KEEPING", "read_kept", "write_kept"]
 

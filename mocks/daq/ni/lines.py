@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.daq.ni.tasks import Channel
+from ....instruments.arrays import FloatArray
+from .tasks import Channel
 
 __all__ = ["line_order", "port_words", "word_lines"]
 

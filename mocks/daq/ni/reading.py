@@ -10,12 +10,12 @@ import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import FillMode
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.lines import line_order, port_words
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.taking import Alive, Taken, take, wanted_channels
-from haploop.mocks.daq.ni.tasks import Task
+from ....instruments.arrays import FloatArray
+from .errors import DaqmxError, DAQmxErrors
+from .lines import line_order, port_words
+from .system import NiSystem
+from .taking import Alive, Taken, take, wanted_channels
+from .tasks import Task
 
 __all__ = ["READS"]
 

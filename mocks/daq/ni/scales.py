@@ -10,8 +10,8 @@ import numpy as np
 from nidaqmx.constants import ScaleType, UnitsPreScaled
 from numpy.polynomial.polynomial import polyfit, polyval
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from ....instruments.arrays import FloatArray
+from .errors import DaqmxError, DAQmxErrors
 
 __all__ = [
     "Scale",

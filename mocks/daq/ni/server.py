@@ -20,15 +20,15 @@ import numpy as np
 from google.protobuf import message_factory
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
-from haploop.instruments.clock import Clock, RealClock
-from haploop.mocks.daq.ni import attributes
-from haploop.mocks.daq.ni.calls import CALLS
-from haploop.mocks.daq.ni.devices import Inventory, NiDevice
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.events import Events
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.plant import Nodes
-from haploop.mocks.transport import HOST
+from ....instruments.clock import Clock, RealClock
+from ...plant import Nodes
+from ...transport import HOST
+from . import attributes
+from .calls import CALLS
+from .devices import Inventory, NiDevice
+from .errors import DaqmxError, DAQmxErrors
+from .events import Events
+from .system import NiSystem
 
 __all__ = ["NiServer"]
 

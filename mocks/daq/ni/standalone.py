@@ -8,11 +8,11 @@ import threading
 from collections.abc import Mapping
 from pathlib import Path
 
-from haploop.instruments.errors import ConfigurationError, InstrumentError
-from haploop.mocks.daq.ni.devices import Inventory, NiDevice, devices_from_ini
-from haploop.mocks.daq.ni.server import NiServer
-from haploop.mocks.daq.products import PRODUCTS
-from haploop.mocks.plant import Nodes
+from ....instruments.errors import ConfigurationError, InstrumentError
+from ...plant import Nodes
+from ..products import PRODUCTS
+from .devices import Inventory, NiDevice, devices_from_ini
+from .server import NiServer
 
 __all__ = ["inventory_from_file", "inventory_of", "run"]
 

@@ -11,14 +11,14 @@ from datetime import UTC, datetime, timedelta
 
 from nidaqmx.constants import LoggingMode, TriggerType
 
-from haploop.instruments.clock import Clock
-from haploop.mocks.clock import VirtualClock
-from haploop.mocks.daq.converter import STOPPED, noise_of
-from haploop.mocks.daq.ni.devices import Inventory, NiDevice
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.tasks import State, Task
-from haploop.mocks.daq.ni.terminals import OutputTerminal, Timebase
-from haploop.mocks.plant import Nodes, PlayStopped
+from ....instruments.clock import Clock
+from ...clock import VirtualClock
+from ...plant import Nodes, PlayStopped
+from ..converter import STOPPED, noise_of
+from .devices import Inventory, NiDevice
+from .errors import DaqmxError, DAQmxErrors
+from .tasks import State, Task
+from .terminals import OutputTerminal, Timebase
 
 __all__ = ["NiSystem"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from nidaqmx.constants import OverwriteMode, ReadRelativeTo
 from nidaqmx.utils import unflatten_channel_string
 
-from haploop.mocks.daq.ni import inputs
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Channel, Task
+from . import inputs
+from .errors import DaqmxError, DAQmxErrors
+from .system import NiSystem
+from .tasks import Channel, Task
 
 __all__ = ["Alive", "Taken", "take", "wanted_channels"]
 

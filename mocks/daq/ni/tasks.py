@@ -10,13 +10,13 @@ from typing import Any, Literal
 import numpy as np
 from nidaqmx.constants import AcquisitionType, SampleTimingType, TriggerType
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.daq.ni.devices import NiDevice
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.scales import Scale
-from haploop.mocks.daq.ni.terminals import Timebase
-from haploop.mocks.daq.ni.watchdog import Watchdog
-from haploop.mocks.daq.products import Product, code_width, convert_interval, input_range
+from ....instruments.arrays import FloatArray
+from ..products import Product, code_width, convert_interval, input_range
+from .devices import NiDevice
+from .errors import DaqmxError, DAQmxErrors
+from .scales import Scale
+from .terminals import Timebase
+from .watchdog import Watchdog
 
 __all__ = ["Channel", "Chunk", "Kind", "State", "Task"]
 

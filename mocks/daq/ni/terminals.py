@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.plant import Run
+from ....instruments.arrays import FloatArray
+from ...plant import Run
 
 __all__ = ["OutputTerminal", "Timebase"]
 

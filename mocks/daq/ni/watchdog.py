@@ -10,7 +10,7 @@ from typing import Any
 
 from nidaqmx.constants import Edge, TriggerType, WDTTaskAction
 
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors
 
 __all__ = ["Watchdog"]
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.mocks.daq.ni.server import NiServer
-from haploop.mocks.daq.ni.standalone import inventory_of
-from haploop.mocks.plant import Plant
+from ....instruments.daq.ni_daqmx import NiDaq
+from ...plant import Plant
+from .server import NiServer
+from .standalone import inventory_of
 
 __all__ = ["wire", "wiring_of"]
 

@@ -9,13 +9,13 @@ import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import FillMode, WriteRelativeTo
 
-from haploop.instruments.arrays import FloatArray
-from haploop.mocks.daq.converter import put_out
-from haploop.mocks.daq.ni.channels import field
-from haploop.mocks.daq.ni.errors import DaqmxError, DAQmxErrors
-from haploop.mocks.daq.ni.lines import line_order, word_lines
-from haploop.mocks.daq.ni.system import NiSystem
-from haploop.mocks.daq.ni.tasks import Channel, Task
+from ....instruments.arrays import FloatArray
+from ..converter import put_out
+from .channels import field
+from .errors import DaqmxError, DAQmxErrors
+from .lines import line_order, word_lines
+from .system import NiSystem
+from .tasks import Channel, Task
 
 __all__ = ["WRITES", "space"]
 

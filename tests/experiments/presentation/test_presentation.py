@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 from haploop.calibration import DigitalButton
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.experiments import (
     BUDGET,
     Experiment,

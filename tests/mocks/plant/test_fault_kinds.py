@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.instruments import ConfigurationError, load_rig_file, open_rig
 from haploop.instruments.rig.json_schema import rig_schema
 from haploop.mocks.plant import KINDS, fault_class

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.signal import lfilter
 
-from haploop.cli import cli
+from haploop.commands.cli import cli
 from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.rig.json_schema import rig_schema

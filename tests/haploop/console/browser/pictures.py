@@ -23,7 +23,7 @@ import numpy as np
 from PIL import Image
 
 import haploop
-from haploop.figures import png
+from haploop.reports.figures import png
 from tests.haploop.console.browser.browsing import CHROMIUM, OPTIONS, WAIT, expect, fill, playwright
 from tests.haploop.console.serving import Served, served
 
@@ -271,7 +271,7 @@ def experiments(album: Album) -> None:
 def figures(data: Path) -> None:
     """The figures of the console's own data; those of a map and of forces need more than it measures."""
     buttons = [haploop.DigitalButton.load(path) for path in sorted(data.glob("buttons/*.h5"))]
-    plot = haploop.plot
+    plot = haploop.reports.plot
     drawn = {
         "press": plot.press(*(one.press for one in buttons)),
         "drive": plot.drive(*(one.drive for one in buttons)),

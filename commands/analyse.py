@@ -1,0 +1,133 @@
+"""`haploop analyse`: statistics of an experiment's answers and ratings, and of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from ..reports import figures, outputs
+from ..reports import show as display
+from ..terminal.progress import Steps
+from . import front as haploop
+from .options import COLUMNS, JSON, PATH
+
+__all__ = ["analyse"]
+
+Columns = Literal[1, 2]
+PLOT = click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
+
+
+@click.group(no_args_is_help=True)
+def analyse() -> None:
+    """Analyse answers and ratings, or the power of a planned study."""
+
+
+@analyse.command()
+@click.argument("file", type=PATH)
+@click.option(
+    "--within", metavar="COLUMN", default="", help="Within factor.  [default: confirmation, or day]"
+)
+@click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
+@PLOT
+@COLUMNS
+@JSON
+def confusion(
+    file: Path, within: str, between: str, plot: Path | None, columns: Columns, as_json: bool
+) -> int:
+    """Confusion matrices, and how well each class was told.
+
+    For each class accuracy, precision and sensitivity. FILE is a CSV with the columns presented, answered and
+    count (without count, each line is one trial). With group and day there is a matrix for each; with
+    participant, effects are tested by a mixed analysis of variance, and intervals are over participants.
+    """
+    if plot:
+        outputs.check_new_picture(plot)
+    rows = haploop.read_rows(file)
+    result = haploop.analyse_identification(rows, within, between)
+    if plot:
+        outputs.save_picture(figures.confusion_figure(result, columns), plot, rows.simulated)
+    display.show_identification(result, rows.simulated, as_json)
+    return 0
+
+
+@analyse.command()
+@click.argument("file", type=PATH)
+@click.option(
+    "--factors",
+    nargs=2,
+    default=("category", "button"),
+    show_default=True,
+    metavar="COLUMN COLUMN",
+    help="The two within factors.",
+)
+@click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
+@click.option("--as-rated", is_flag=True, help="Do not normalise by geometric means.")
+@PLOT
+@COLUMNS
+@JSON
+def ratings(
+    file: Path,
+    factors: tuple[str, str],
+    between: str,
+    as_rated: bool,
+    plot: Path | None,
+    columns: Columns,
+    as_json: bool,
+) -> int:
+    """Effects on ratings: all adjective pairs together, and each.
+
+    FILE is a CSV with the columns participant, category, button, pair and rating (and group).
+    """
+    if plot:
+        outputs.check_new_picture(plot)
+    rows = haploop.read_rows(file)
+    result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
+    if plot:
+        outputs.save_picture(figures.ratings_figure(result, columns), plot, rows.simulated)
+    display.show_ratings(result, rows.simulated, as_json)
+    return 0
+
+
+@analyse.command()
+@click.argument("file", type=PATH)
+@click.option("--by", multiple=True, metavar="COLUMN", help="Further column that tells functions apart.")
+@JSON
+def thresholds(file: Path, by: Sequence[str], as_json: bool) -> int:
+    """Psychometric function of each participant.
+
+    Of two-interval forced choice or staircases. FILE is a CSV with the columns comparison and correct (and
+    participant). Needs psignifit (pip install "haploop[psychometrics]").
+    """
+    rows = haploop.read_rows(file)
+    found = haploop.analyse_thresholds(rows, tuple(by))
+    columns = [column for column in ("participant", *by) if column in rows.columns]
+    display.show_thresholds(found, columns, rows.simulated, as_json)
+    return 0
+
+
+@analyse.command()
+@click.argument("plan", type=PATH)
+@click.option(
+    "--runs",
+    type=click.IntRange(10, 100_000),
+    default=500,
+    show_default=True,
+    help="Simulated experiments for each number of participants.",
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the simulation."
+)
+@JSON
+def power(plan: Path, runs: int, seed: int, as_json: bool) -> int:
+    """Power of a planned identification experiment, by simulation.
+
+    PLAN is a TOML file: numbers of participants, trials, and expected fractions of right answers.
+    """
+    loaded = haploop.load_power_plan(plan)
+    with Steps() as steps:
+        found = haploop.power_of(loaded, runs, seed, progress=steps)
+    display.show_power(found, as_json)
+    return 0

@@ -1,0 +1,87 @@
+"""The command line. Each family of commands has a file in `haploop.commands`.
+
+`haploop.terminal.exits` defines how commands end. Heavy imports are deferred until a command needs them, so
+that `haploop --help` is fast.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from ..terminal.exits import Commands, usable_streams
+from .analyse import analyse
+from .button import button
+from .calibrations import calibrations
+from .demo.command import demo
+from .examples import show_examples
+from .experiment import experiment
+from .export import export, import_
+from .files import recover, show, verify
+from .list_files import list_command
+from .live import live
+from .maintenance import doctor, log, reset, schema
+from .map import map_command
+from .recalibrate import recalibrate
+from .record import record
+from .report import report
+from .represent import represent
+from .serve import serve
+from .study import study
+from .table import calibrate, check
+from .twin import twin
+
+__all__ = ["cli", "main"]
+
+
+@click.group(cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="haploop", message="haploop %(version)s")
+def cli() -> None:
+    """Measure physical buttons and reproduce them as verified digital ones.
+
+    Exit codes: 0 done and passed, 1 result out of tolerance, 2 invalid request, file or configuration,
+    3 instrument failure.
+    """
+
+
+for command in (
+    demo,
+    record,
+    study,
+    represent,
+    recover,
+    verify,
+    show,
+    report,
+    list_command,
+    calibrate,
+    check,
+    map_command,
+    button,
+    experiment,
+    analyse,
+    recalibrate,
+    calibrations,
+    export,
+    import_,
+    live,
+    serve,
+    doctor,
+    log,
+    reset,
+    schema,
+    twin,
+):
+    cli.add_command(command)
+show_examples(cli)
+
+
+def main() -> None:
+    """The `haploop` command."""
+    usable_streams()
+    for stream in (sys.stdout, sys.stderr):
+        # A console or pipe that cannot encode a character gets a replacement, not an error.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    cli()

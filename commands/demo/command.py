@@ -1,0 +1,68 @@
+"""`haploop demo`: the complete workflow on a simulated rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ...reports import show as display
+from ...terminal.exits import CommandState
+from ...terminal.progress import Steps, note, print_json
+from .. import front as haploop
+from ..options import JSON, PATH, RIG, SIMULATE
+
+if TYPE_CHECKING:
+    from ...instruments.driver import Mode
+
+__all__ = ["demo"]
+
+
+@click.command()
+@click.option("--out", "-o", type=PATH, help="Folder for the results.  [default: a new haploop-demo]")
+@click.option(
+    "--seed", type=click.IntRange(min=0), help="Seed of the simulation.  [default: the seed in the rig file]"
+)
+@click.option(
+    "--participants",
+    type=click.IntRange(1, 99),
+    default=1,
+    show_default=True,
+    help="Number of simulated participants.",
+)
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def demo(
+    state: CommandState,
+    out: Path | None,
+    seed: int | None,
+    participants: int,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Run the complete workflow on a simulated rig.
+
+    Writes recordings, representative presses, a calibration, drives and a report into a folder.
+    """
+    haploop.load_rig_file(rig)
+    folder = haploop.claim_folder(out)
+    state.recordings = folder / "recordings"
+    with Steps() as steps:
+
+        def progress(doing: str, done: float, total: float, unit: str) -> None:
+            state.rig_opened = True
+            steps(doing, done, total, unit)
+
+        summary = haploop.run_demo(
+            folder, rig, seed=seed, participants=participants, mode=simulate, progress=progress
+        )
+    if as_json:
+        print_json(summary)
+        note(f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).")
+    else:
+        display.show_demo(summary)
+    return 0 if summary["passed"] else 1

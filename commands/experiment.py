@@ -1,0 +1,336 @@
+"""`haploop experiment`: run an experiment with participants, real or simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..reports import outputs
+from ..reports import show as display
+from ..terminal.exits import CommandState
+from ..terminal.progress import Steps, note, print_json, print_line
+from . import front as haploop
+from .options import JSON, PATH, SIMULATE, FiniteRange, alone, opened_rig
+
+if TYPE_CHECKING:
+    from ..experiments import Presenter, Step
+    from ..instruments import Rig
+    from ..instruments.clock import Clock
+    from ..instruments.driver import Mode
+
+__all__ = ["experiment"]
+
+FILE = click.argument("file", metavar="EXPERIMENT")
+DATA = click.option(
+    "--data",
+    "-d",
+    type=PATH,
+    metavar="DIR",
+    help="Folder with the participants' answers.  [default: 'answers' beside the experiment's file]",
+)
+MODEL = click.option(
+    "--model",
+    type=PATH,
+    metavar="FILE.toml",
+    help="Model of the simulated participants.  [default: built in]",
+)
+
+
+RIG = click.option(
+    "--rig",
+    "-r",
+    default="experiment",
+    show_default=True,
+    metavar="FILE",
+    help="Rig with a camera, for an experiment whose [buttons] it plays. Otherwise no rig is opened.",
+)
+
+
+@click.group(no_args_is_help=True)
+def experiment() -> None:
+    """Run an experiment with people, from a file.
+
+    EXPERIMENT is a TOML file, the folder of an experiment.toml, or the name of an example: matching, rating,
+    two-interval, staircase.
+    """
+
+
+@experiment.command()
+@click.argument("folder", type=PATH)
+@click.option("--from", "example", default="matching", show_default=True, help="Example to copy.")
+@click.option(
+    "--button",
+    "buttons",
+    multiple=True,
+    type=PATH,
+    metavar="BUTTON.h5",
+    help="Digital button that the rig plays in it; once for each button of the example. It is copied too.",
+)
+def new(folder: Path, example: str, buttons: Sequence[Path]) -> int:
+    """Create an experiment: a FOLDER with an experiment.toml to change.
+
+    With --button the rig plays the digital buttons, of which each must be named as a level of the example.
+    """
+    haploop.new_experiment(folder, example, buttons)
+    path = folder / "experiment.toml"
+    print_line(f"Change {path}, then: haploop experiment run {folder} --participant P01")
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.option("--participant", "-p", required=True, help="Pseudonym of the participant, for example P01.")
+@click.option("--session", type=click.IntRange(min=1), help="Session that is expected to be due.")
+@click.option("--simulated", is_flag=True, help="A simulated participant answers.")
+@MODEL
+@DATA
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def run(
+    state: CommandState,
+    file: str,
+    participant: str,
+    session: int | None,
+    simulated: bool,
+    model: Path | None,
+    data: Path | None,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Run the session of a participant that is due. Stop with Ctrl-C; the next run continues there.
+
+    If the experiment names digital [buttons], the rig measures the participant's finger and plays them.
+    """
+    store = _store(file, data)
+    if model and not simulated:
+        raise click.UsageError("--model is the model of a simulated participant: add --simulated.")
+    loaded = _model(model)
+    ask = partial(_consent, participant, simulated)
+    with (
+        _rig_of(state, store, rig, simulate, simulated) as surface,
+        haploop.open_session(
+            store, participant, _clock(surface), session, simulated=simulated, consent=ask
+        ) as opened,
+    ):
+        if simulated:
+            note("A simulated participant answers.")
+        number = opened.assignment.session
+        presenter = _presenter(store, surface)
+        person = _AtTerminal(presenter)
+        answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else person
+        haploop.run_session(opened, answers, presenter)
+    display.show_experiment(store, as_json)
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.option(
+    "--participants", "-n", type=click.IntRange(1, 9999), default=20, show_default=True, help="How many."
+)
+@click.option(
+    "--session",
+    type=click.IntRange(min=1),
+    help="Last session to run: 1 is the study's first day.  [default: all]",
+)
+@MODEL
+@DATA
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def simulate(
+    state: CommandState,
+    file: str,
+    participants: int,
+    session: int | None,
+    model: Path | None,
+    data: Path | None,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Run the sessions of simulated participants.
+
+    They are P01 and so on; sessions that are complete stay as they are.
+
+    If the experiment names digital [buttons], they press the simulated rig's surface, which plays them.
+    """
+    store, loaded = _store(file, data), _model(model)
+    names = [f"P{number:02}" for number in range(1, participants + 1)]
+    last = session or store.experiment.file.sessions
+    with _rig_of(state, store, rig, simulate, simulated=True) as surface:
+        clock, presenter = _clock(surface), _presenter(store, surface)
+        with Steps() as steps:
+            for done, name in enumerate(names):
+                while (number := store.next_session(name)) is not None and number <= last:
+                    who = haploop.SimulatedParticipant(loaded, name, number)
+                    with haploop.open_session(store, name, clock, number, simulated=True) as opened:
+                        haploop.run_session(opened, who, presenter)
+                steps("Simulated participants", done + 1, len(names), "")
+    display.show_experiment(store, as_json)
+    return 0
+
+
+@experiment.command()
+@FILE
+@DATA
+@JSON
+def status(file: str, data: Path | None, as_json: bool) -> int:
+    """Show who has answered what."""
+    display.show_experiment(_store(file, data), as_json)
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.argument("out", type=PATH, metavar="OUT.csv")
+@click.option("--practice", is_flag=True, help="Also answers of practice blocks.")
+@DATA
+@JSON
+def export(file: str, out: Path, practice: bool, data: Path | None, as_json: bool) -> int:
+    """Write all answers as a table for `haploop analyse`.
+
+    OUT.csv gets a row an answer, OUT.json what its columns are.
+    """
+    for path in (out, out.with_suffix(".json")):
+        outputs.check_new_file(path)
+    if out.suffix == ".json":
+        raise click.UsageError(f"{out} is the name of the description: use a name that ends with .csv.")
+    lines = haploop.export_answers(_store(file, data), out, practice)
+    if as_json:
+        print_json({"file": str(out), "description": str(out.with_suffix(".json")), "lines": lines})
+    else:
+        print_line(f"{out} has {lines} lines; {out.with_suffix('.json')} describes its columns.")
+    return 0
+
+
+@experiment.command()
+@FILE
+@click.argument("participant")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@DATA
+@JSON
+def withdraw(file: str, participant: str, yes: bool, data: Path | None, as_json: bool) -> int:
+    """Delete everything that belongs to PARTICIPANT.
+
+    Nothing outside the experiment's folder is touched: tables that were exported before, recordings of
+    presses, backups. It is noted that this was done, with the pseudonym and the names of the files.
+    """
+    store = _store(file, data)
+    if not yes:
+        click.confirm(f"Delete all answers of {participant} in {store.folder}?", abort=True, err=True)
+    done = store.withdraw(participant)
+    if as_json:
+        print_json({"participant": participant, "deleted": list(done.files), "time": done.time})
+    else:
+        print_line(
+            f"Deleted {len(done.files)} files of {participant}: {', '.join(done.files) or 'none'}. Tables "
+            "exported before, recordings of presses, and backups may still hold something of them."
+        )
+    return 0
+
+
+class _AtTerminal:
+    """A participant, or the operator, at a terminal."""
+
+    def __init__(self, presenter: Presenter | None) -> None:
+        self._presenter = presenter
+        self._block = ""
+
+    def answer(self, step: Step) -> Any:
+        """See `haploop.experiments.Answerer`."""
+        if step.block != self._block:
+            self._block = step.block
+            note(f"--- {step.block.capitalize()}")
+        head = f"{step.number} of {step.of}. " if step.kind != "staircase" else f"{step.number}. "
+        again = [] if self._presenter is None or not self._presenter.presents(step) else [haploop.AGAIN]
+        match step.kind:
+            case "presses":
+                name = next(iter(step.stimulus.values()), "")
+                times = "once" if step.repetitions == 1 else f"{step.repetitions} times"
+                return self._done(f"{head}{step.text} Press the physical {name} button {times}.")
+            case "finger":
+                return self._done(f"{head}{step.text} A {step.stimulus['press']} press.")
+            case "rating":
+                note(f"{head}{step.text} ({', '.join(step.stimulus.values())})")
+                if again and click.confirm("Feel it once more?", default=False, err=True):
+                    return haploop.AGAIN
+                low, high = step.values
+                kind = FiniteRange(low, high)
+                return {
+                    pair: click.prompt(
+                        f"{pair} ({low:g} to {high:g})", type=kind, default=(low + high) / 2, err=True
+                    )
+                    for pair in step.choices
+                }
+            case "identification":
+                return click.prompt(
+                    f"{head}{step.text}", type=click.Choice([*step.choices, *again]), err=True
+                )
+            case _:
+                answer = click.prompt(f"{head}{step.text}", type=click.Choice(["1", "2", *again]), err=True)
+                return answer if answer == haploop.AGAIN else int(answer)
+
+    def told(self, step: Step, right: bool) -> None:
+        """See `haploop.experiments.Answerer`."""
+        note("Right." if right else f"No, it was {step.presented}." if step.presented else "No.")
+
+    @staticmethod
+    def _done(sentence: str) -> str:
+        click.prompt(f"{sentence} Then Enter", default="", show_default=False, err=True)
+        return "done"
+
+
+def _store(file: str, data: Path | None) -> haploop.Store:
+    loaded = haploop.load_experiment(file)
+    if data is None and file in haploop.example_names() and not Path(file).exists():
+        data = Path(f"{file}-answers")  # an example lies in the installed package, where nothing is written
+    return haploop.Store(loaded, data or loaded.path.parent / "answers")
+
+
+@contextmanager
+def _rig_of(
+    state: CommandState, store: haploop.Store, rig: str, simulate: Mode | None, simulated: bool
+) -> Iterator[Rig | None]:
+    """Open the rig for an experiment with digital buttons; None for one without."""
+    if not store.experiment.file.buttons:
+        yield None
+        return
+    described = haploop.load_rig_file(rig)
+    if simulated and not (simulate or described.simulate):
+        raise haploop.ConfigurationError(
+            f"A simulated participant has no finger for the rig {described.name!r}: add --simulate twin."
+        )
+    with alone(rig, simulate) as file, opened_rig(state, file, simulate) as opened:
+        yield opened
+
+
+def _clock(rig: Rig | None) -> Clock:
+    return haploop.RealClock() if rig is None else rig.clock
+
+
+def _presenter(store: haploop.Store, rig: Rig | None) -> Presenter | None:
+    if rig is None:
+        return None
+    with Steps() as steps:
+        surface = haploop.prepare_surface(rig, store.experiment, steps)
+    return haploop.Presenter(surface, store.experiment.file)
+
+
+def _consent(participant: str, simulated: bool) -> bool:
+    return simulated or click.confirm(
+        f"Has {participant} read and signed the consent form?", default=None, err=True
+    )
+
+
+def _model(path: Path | None) -> haploop.ParticipantModel:
+    return haploop.load_participant_model(path) if path else haploop.ParticipantModel()

@@ -1,0 +1,51 @@
+"""`haploop live`: watch the rig that another command is using."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from .options import RIG, SIMULATE, FiniteRange
+
+if TYPE_CHECKING:
+    from ..instruments.driver import Mode
+
+__all__ = ["live"]
+
+
+@click.command()
+@RIG
+@SIMULATE
+@click.option(
+    "--wait",
+    type=FiniteRange(min=0),
+    default=0.0,
+    metavar="SECONDS",
+    help="Wait this long for a command that uses the rig.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object a line for each block.")
+@click.option(
+    "--lsl",
+    is_flag=True,
+    help="Send the samples as a Lab Streaming Layer stream; with --wait, of one command after another.",
+)
+def live(rig: str, simulate: Mode | None, wait: float, as_json: bool, lsl: bool) -> None:
+    """Show the levels of a running recording or play.
+
+    Run it in a second terminal, with the rig file of the command that records or plays. Mean, rms and peak
+    are those of the newest block, in SI units; rms and peak are taken about the mean. The recording is not
+    affected: a view that is too slow misses blocks, and counts them.
+    """
+    from ..exchange.live import find, show_json, show_meter, stream  # noqa: PLC0415
+    from ..instruments import load_rig_file  # noqa: PLC0415
+
+    file = load_rig_file(rig)
+    if lsl:
+        stream(file, simulate, wait)
+        return
+    with find(file, simulate, wait) as tap:
+        if as_json:
+            show_json(tap)
+        else:
+            show_meter(tap)

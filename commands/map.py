@@ -1,0 +1,103 @@
+"""`haploop map`: measure the vibration map of a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..reports import outputs
+from ..reports import show as display
+from ..terminal.exits import CommandState
+from ..terminal.progress import Steps, note
+from . import front as haploop
+from .options import JSON, PATH, RIG, SIMULATE, FiniteRange, alone, opened_rig
+
+if TYPE_CHECKING:
+    from ..instruments.driver import Mode
+
+__all__ = ["map_command"]
+
+
+@click.command("map")
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    required=True,
+    metavar="DIR",
+    help="Folder of the map; an existing map is continued.",
+)
+@click.option(
+    "--points", metavar="LIST", help="Grid points, for example 0,5,12-20.  [default: all]", default=None
+)
+@click.option("--patches", metavar="LIST", help="Patches, for example A,C.  [default: all]", default=None)
+@click.option(
+    "--level",
+    type=FiniteRange(min=0, min_open=True),
+    metavar="V",
+    help="Peak voltage of each drive.  [default: the maximum that the limits allow]",
+)
+@click.option(
+    "--one-by-one",
+    is_flag=True,
+    help="Play one patch at a time, even if the amplifier has a channel for each patch.",
+)
+@click.option("--gif", type=PATH, metavar="FILE", help="Also write an animation of the largest vibration.")
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def map_command(
+    state: CommandState,
+    out: Path,
+    points: str | None,
+    patches: str | None,
+    level: float | None,
+    one_by_one: bool,
+    gif: Path | None,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Measure the response at every grid point to each patch.
+
+    An interrupted map is continued by the same command.
+    """
+    if gif is not None:
+        outputs.check_new_picture(gif, (".gif",))
+    chosen = None if points is None else _numbers(points)
+    names = None if patches is None else [name.strip() for name in patches.split(",")]
+    with (
+        alone(rig, simulate) as file,
+        opened_rig(state, file, simulate) as opened,
+        Steps() as steps,
+    ):
+        plan = haploop.map_plan(
+            opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
+        )
+        folder = haploop.measure_map(opened, out, plan, steps)
+    for point, reason in folder.skipped().items():
+        note(f"Point {point} was skipped: {reason} Run the same command again to measure it.")
+    display.show_file(out, as_json)
+    if gif is not None:
+        _animate(out, gif)
+    return 0
+
+
+def _animate(out: Path, gif: Path) -> None:
+
+    haploop.animate_map(haploop.VibrationMap.load(out), gif)
+    note(f"Animation: {gif}")
+
+
+def _numbers(text: str) -> list[int]:
+    """Parse numbers and ranges such as 0,5,12-20. Raises click.UsageError."""
+    found: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.strip().partition("-")
+        if not first.isdecimal() or (last and not last.isdecimal()):
+            raise click.UsageError(f"--points takes numbers such as 0,5,12-20; {part.strip()!r} is not one")
+        found += range(int(first), int(last or first) + 1)
+    return found

@@ -1,0 +1,149 @@
+"""Options and contexts that several commands use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from .. import instruments
+from ..terminal.exits import CommandState
+from ..terminal.progress import note
+from . import front as haploop
+
+if TYPE_CHECKING:
+    from ..instruments import Rig, RigFile
+    from ..instruments.driver import Mode
+
+__all__ = [
+    "ATTEMPTS",
+    "COLUMNS",
+    "JSON",
+    "NOTES",
+    "PATH",
+    "PATIENCE",
+    "RIG",
+    "SIMULATE",
+    "WAIT",
+    "FiniteRange",
+    "alone",
+    "on_table",
+    "opened_rig",
+    "press_method",
+]
+
+RIG = click.option(
+    "--rig",
+    "-r",
+    default="simulated",
+    show_default=True,
+    metavar="FILE",
+    help="Rig file, or the name of a shipped rig.",
+)
+SIMULATE = click.option(
+    "--simulate",
+    type=click.Choice(["twin", "wire"]),
+    help="Simulate the rig. twin: simulated instruments in process. wire: the real drivers talk to simulated "
+    "devices.",
+)
+JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
+COLUMNS = click.option(
+    "--columns",
+    type=click.IntRange(1, 2),
+    default=2,
+    show_default=True,
+    help="Width of the picture: one or two columns of a journal (88 or 180 mm).",
+)
+NOTES = click.option("--notes", default="", help="Notes; stored in the recording.")
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers that also refuses NaN, which passes every comparison."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert a value; raise click.BadParameter for NaN or a value out of range."""
+        if math.isnan(found := super().convert(value, param, ctx)):
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        return found
+
+
+WAIT = click.option(
+    "--wait",
+    type=FiniteRange(0, 86_400),
+    metavar="SECONDS",
+    help="How long a session waits for a participant who is away, in all, before it ends.  [default: 600]",
+)
+PATIENCE = click.option(
+    "--patience",
+    type=FiniteRange(0, 600, min_open=True),
+    metavar="SECONDS",
+    help="How long each prompt has before it is repeated.  [default: 15]",
+)
+ATTEMPTS = click.option(
+    "--attempts",
+    type=click.IntRange(1, 100),
+    help="Attempts at one press before the session ends.  [default: 5]",
+)
+PATH = click.Path(path_type=Path)
+PLAYS = click.option(
+    "--plays",
+    type=click.IntRange(3, 1000),
+    default=8,
+    show_default=True,
+    help="Number of plays: more plays narrow the interval of the error.",
+)
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_AVERAGES = ("automatic", "barycentre", "registration", "mean")
+
+
+def press_method(*names: str, default: str | None = "automatic") -> Callable[[_Command], _Command]:
+    """Option `names` for the method of the representative press; None is the default of a study's file."""
+    return click.option(
+        *names,
+        "press_method",
+        type=click.Choice(_AVERAGES),
+        default=default,
+        help="Average of the presses. barycentre: the paper's dynamic time warping, per participant and then "
+        "over participants. registration: smooth warps. mean: aligned at the activation only. automatic: "
+        "the one that explains presses it was not made from best.  "
+        f"[default: {default or 'as the study says'}]",
+    )
+
+
+def on_table(rig: Rig, point: str) -> None:
+    """Raise ConfigurationError for a point that is not on the rig's table."""
+    points = rig.table.rows * rig.table.columns
+    if point != "button" and not (point.isdecimal() and int(point) < points):
+        raise haploop.ConfigurationError(
+            f"The table has no point {point!r}: use 'button', or a number from 0 to {points - 1}."
+        )
+
+
+@contextmanager
+def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
+    """Load the rig file, and reserve its hardware for this program."""
+    file = haploop.load_rig_file(rig)
+    if simulate or file.simulate:
+        yield file
+        return
+    with instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}"):
+        yield file
+
+
+@contextmanager
+def opened_rig(state: CommandState, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
+    """Open the rig, publish it for `haploop live`, and print a note when it is simulated."""
+    from ..exchange.live import published  # noqa: PLC0415
+
+    with haploop.open_rig(file, simulate=simulate) as opened, published(opened):
+        state.rig_opened = True
+        if opened.simulated:
+            world = (
+                f"{opened.mode}, seed {opened.file.simulation.seed}" if opened.mode else "by its DAQ cards"
+            )
+            note(f"Everything here is simulated ({world}).")
+        yield opened

@@ -1,0 +1,102 @@
+"""`haploop record`: record presses of one button."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..reports import show as display
+from ..terminal.exits import CommandState
+from ..terminal.progress import note
+from . import front as haploop
+from .options import (
+    ATTEMPTS,
+    JSON,
+    NOTES,
+    PATH,
+    PATIENCE,
+    RIG,
+    SIMULATE,
+    WAIT,
+    alone,
+    opened_rig,
+)
+
+if TYPE_CHECKING:
+    from ..instruments.driver import Mode
+
+__all__ = ["record"]
+
+
+@click.command()
+@click.argument("button")
+@click.option("--participant", "-p", required=True, help="Pseudonym of the participant, for example P01.")
+@click.option(
+    "--presses",
+    "-n",
+    type=click.IntRange(1, 1000),
+    default=10,
+    show_default=True,
+    help="Number of accepted presses.",
+)
+@click.option(
+    "--out", "-o", type=PATH, default=Path("recordings"), show_default=True, help="Folder for the recording."
+)
+@NOTES
+@WAIT
+@PATIENCE
+@ATTEMPTS
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def record(
+    state: CommandState,
+    button: str,
+    participant: str,
+    presses: int,
+    out: Path,
+    notes: str,
+    wait: float | None,
+    patience: float | None,
+    attempts: int | None,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5.
+
+    BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
+    kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
+    """
+    with (
+        alone(rig, simulate) as file,
+        opened_rig(state, file, simulate) as opened,
+        display.Meter(opened) as meter,
+    ):
+        state.recordings = out
+        aside = haploop.set_aside(out / haploop.file_name(participant, button))
+        if aside is not None:
+            note(f"An interrupted recording without a press was renamed to {aside}.")
+        protocol = haploop.Protocol(
+            wait=600.0 if wait is None else wait,
+            patience=15.0 if patience is None else patience,
+            attempts=5 if attempts is None else attempts,
+            segmentation=haploop.segmentation_for(button),
+        )
+        recording = haploop.record(
+            opened,
+            button,
+            participant,
+            presses,
+            out,
+            meter.progress,
+            meter.on_verdict,
+            protocol=protocol,
+            notes=notes,
+            on_request=meter.on_request,
+        )
+    display.show_file(recording.path, as_json)
+    return 0

@@ -1,0 +1,106 @@
+"""`haploop serve`: the operator's console in a browser."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..terminal.progress import note
+from . import front as haploop
+from .options import PATH, RIG, SIMULATE
+
+if TYPE_CHECKING:
+    from ..instruments.driver import Mode
+
+__all__ = ["serve"]
+
+
+@click.command()
+@RIG
+@SIMULATE
+@click.option(
+    "--data",
+    type=PATH,
+    default=Path(),
+    metavar="DIR",
+    help="Folder for recordings, studies, maps and buttons; the pages reach no other file.  [default: this "
+    "folder]",
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8735,
+    show_default=True,
+    help="TCP port; 0 selects a free one.",
+)
+@click.option(
+    "--address",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen on. Any other than loopback lets other computers reach the console, without "
+    "encryption; each page says so.",
+)
+@click.option("--stop", is_flag=True, help="Reach the safe state, end the console's worker, and exit.")
+@click.option("--virtual-time", is_flag=True, hidden=True)
+@click.option("--json", "as_json", is_flag=True, help="Print the address as one JSON object.")
+def serve(
+    rig: str,
+    simulate: Mode | None,
+    data: Path,
+    port: int,
+    address: str,
+    stop: bool,
+    virtual_time: bool,
+    as_json: bool,
+) -> int:
+    """Serve the operator's console to a browser on this computer.
+
+    Open the address that is printed; it contains this start's token. The rig is in a process of its own: if
+    the server is killed, a recording goes on, and the next `haploop serve` takes it over. Ctrl-C reaches the
+    safe state and ends both.
+    """
+    file = haploop.load_rig_file(rig)
+    if stop:
+        return _stop(file, simulate, as_json)
+    try:
+        from ..console.server import Access, serve_console  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise haploop.ConfigurationError(
+            f"The console needs {error.name}, which is not installed: python -m pip install 'haploop[ui]'."
+        ) from None
+
+    def ready(access: Access) -> None:
+        if as_json:
+            click.echo(json.dumps({"url": access.url}))
+            return
+        click.echo(f"Open {access.url}")
+        if access.exposed:
+            note(access.exposed)
+        note("Ctrl-C reaches the safe state and ends the console.")
+
+    serve_console(rig, file, simulate, data, address, port, ready, virtual_time)
+    return 0
+
+
+def _stop(file: haploop.RigFile, simulate: Mode | None, as_json: bool) -> int:
+    from ..console.worker import WorkerHangsError, find_worker  # noqa: PLC0415
+
+    try:
+        link = find_worker(file, simulate)
+    except WorkerHangsError as hang:
+        with suppress(haploop.HaploopError):
+            hang.link.stop(deadline=1.0)  # it finds this STOP if it should go on
+        raise
+    if link is None:
+        raise haploop.ConfigurationError(f"No console of the rig {file.name!r} is running.")
+    found = link.stop()
+    link.end()
+    if as_json:
+        click.echo(json.dumps(found))
+    else:
+        note(found["sentence"])
+    return 0 if found["state"] == "safe" else 3

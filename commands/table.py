@@ -1,0 +1,161 @@
+"""`haploop calibrate`, `check`: calibrate the table, and play a press on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..reports import outputs
+from ..reports import show as display
+from ..terminal.exits import CommandState
+from ..terminal.progress import Steps
+from . import front as haploop
+from .options import (
+    JSON,
+    PATH,
+    PLAYS,
+    RIG,
+    SIMULATE,
+    alone,
+    on_table,
+    opened_rig,
+    press_method,
+)
+
+if TYPE_CHECKING:
+    from ..acquisition import AverageMethod
+    from ..instruments.driver import Mode
+
+__all__ = ["calibrate", "check"]
+
+
+@click.command()
+@click.option("--patch", default="A", show_default=True, help="Patch to excite.")
+@click.option(
+    "--point",
+    default="button",
+    show_default=True,
+    help="Point that the laser is aimed at: button, or a grid point's number.",
+)
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    default=Path("calibration.h5"),
+    show_default=True,
+    metavar="FILE.h5",
+    help="Calibration file to write.",
+)
+@click.option(
+    "--waveforms/--no-waveforms",
+    default=True,
+    show_default=True,
+    help="Keep what was measured in FILE-waveforms.h5 (0.13 MB for each second).",
+)
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def calibrate(
+    state: CommandState,
+    patch: str,
+    point: str,
+    out: Path,
+    waveforms: bool,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Measure the table's response and fit a model."""
+    outputs.check_new_file(out)
+    measured = haploop.Waveforms.beside(out)
+    if waveforms:
+        outputs.check_new_file(measured)
+    with (
+        alone(rig, simulate) as file,
+        opened_rig(state, file, simulate) as opened,
+        Steps() as steps,
+    ):
+        on_table(opened, point)
+        calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
+    calibration.save(out)
+    if waveforms:
+        kept.save(measured)
+    display.show_file(out, as_json)
+    return 0
+
+
+@click.command()
+@click.argument("presses", nargs=-1, required=True, type=PATH, metavar="PRESS...")
+@click.option(
+    "--calibration",
+    "-c",
+    required=True,
+    type=PATH,
+    metavar="FILE",
+    help="Calibration file written by `haploop calibrate`.",
+)
+@click.option(
+    "--out",
+    "-o",
+    type=PATH,
+    metavar="DIR",
+    help="Folder for press, drive, check and a plot.  [default: only the check, dated, in checks]",
+)
+@PLAYS
+@press_method("--method", "--press-method")
+@RIG
+@SIMULATE
+@JSON
+@click.pass_obj
+def check(
+    state: CommandState,
+    presses: Sequence[Path],
+    calibration: Path,
+    out: Path | None,
+    plays: int,
+    press_method: AverageMethod,
+    rig: str,
+    simulate: Mode | None,
+    as_json: bool,
+) -> int:
+    """Play a recorded press on the table and compare.
+
+    PRESS is a recording (or several), or the file of a representative press (`haploop represent`, `haploop
+    import`). Computes the representative press and its drive, plays the drive, measures the table, and
+    compares the result with the press. Every play is kept in the check's file.
+
+    Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
+    """
+    loaded = haploop.Calibration.load(calibration)
+    press = haploop.load_press(presses, press_method)
+    if out is not None:
+        outputs.claim_check(out, press.button)
+        kept = None
+    else:
+        kept = outputs.dated_check(press.button)
+    with (
+        alone(rig, simulate) as file,
+        opened_rig(state, file, simulate) as opened,
+        Steps() as steps,
+    ):
+        if loaded.response.simulated != opened.simulated:
+            raise haploop.ConfigurationError(
+                f"{calibration} was measured on a {_kind(loaded.response.simulated)} table, but the rig "
+                f"{opened.name!r} is {_kind(opened.simulated)}: calibrate that rig first."
+            )
+        drive = haploop.drive_for(press, loaded, opened.limits)
+        result = haploop.check(opened, drive, plays=plays, progress=steps)
+    if kept is not None:
+        result.save(kept)
+    display.show_check(result, as_json, press, kept)
+    if out is not None:
+        outputs.save_check(out, press, result)
+    return 0 if result.passed else 1
+
+
+def _kind(simulated: bool) -> str:
+    return "simulated" if simulated else "real"

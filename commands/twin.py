@@ -1,0 +1,202 @@
+"""`haploop twin`: serve simulated instruments to other programs."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from ..mocks.plant import Plant
+
+__all__ = ["twin"]
+
+_KINDS = {
+    "ni-daqmx": "ni",
+    "yocto-maxicoupler": "yocto",
+    "serial-relay": "serial",
+    "ofv-5000": "ofv",
+    "keysight-33500": "scpi",
+    "rigol-dg1000z": "scpi",
+}
+"""Served name of each driver's wire; a wire of another package has its driver's name."""
+
+_EVERY = 3.0
+"""s: interval between two simulated presses."""
+
+_rig = click.option(
+    "--rig",
+    "-r",
+    default="bench",
+    show_default=True,
+    metavar="FILE",
+    help="Rig file, or the name of a shipped rig, whose instruments are simulated.",
+)
+_as_json = click.option("--json", "as_json", is_flag=True, help="Print the addresses as one JSON object.")
+
+
+@click.group(no_args_is_help=True)
+def twin() -> None:
+    """Serve simulated instruments to other programs.
+
+    The instruments run in real time and use their own protocols.
+    """
+
+
+@twin.command(short_help="Serve simulated NI-DAQmx devices over gRPC.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    show_default=True,
+    help="TCP port; 0 selects a free one.",
+)
+@click.option(
+    "--rig",
+    "-r",
+    metavar="FILE",
+    help="Rig file, or the name of a shipped rig, whose devices are simulated.  [default: simulated]",
+)
+@click.option(
+    "--devices",
+    type=click.Path(path_type=Path),
+    metavar="FILE.ini",
+    help="Serve the devices in this NI MAX text export.",
+)
+def ni(port: int, rig: str | None, devices: Path | None) -> None:
+    """Serve simulated NI-DAQmx devices over gRPC, for any program that uses nidaqmx.
+
+    The first line on standard output is "Server listening on port N". Ctrl-C stops the server. The
+    devices measure the rig's simulated plant.
+    """
+    from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
+    from ..instruments.config import validate  # noqa: PLC0415
+    from ..instruments.daq.ni_daqmx import NiDaq  # noqa: PLC0415
+    from ..mocks.daq.ni import inventory_from_file, inventory_of, run, wiring_of  # noqa: PLC0415
+    from ..mocks.plant import Plant  # noqa: PLC0415
+
+    if devices is not None and rig is not None:
+        raise click.UsageError("--rig and --devices exclude each other: use one of them")
+    if devices is not None:
+        run(inventory_from_file(devices), port)
+        return
+    file = load_rig_file(rig or "simulated")
+    if file.daq.driver != "ni-daqmx" or not file.daq.settings.get("devices"):
+        raise ConfigurationError(
+            f"The rig {file.name!r} has no NI devices in [daq]: name another rig, or use --devices."
+        )
+    settings = validate(NiDaq.Settings, file.daq.settings, f"[daq] of {file.name}")
+    plant = Plant(file, RealClock())
+    run(inventory_of(settings.devices), port, plant, wiring_of(settings), plant.has_rtsi())
+
+
+def _serve(kind: str | None, rig: str, as_json: bool, press: str | None = None) -> None:
+    """Serve wires on one plant until Ctrl-C, and print their addresses. `kind` None serves all of them."""
+    from ..instruments import ConfigurationError, RealClock, entry_points, load_rig_file  # noqa: PLC0415
+    from ..instruments.config import validate  # noqa: PLC0415
+    from ..mocks.simulation import Simulation  # noqa: PLC0415
+
+    file = load_rig_file(rig)
+    wires = entry_points.installed(entry_points.WIRES)
+    simulation = Simulation(file, RealClock())
+    addresses: dict[str, str] = {}
+    others: list[str] = []
+    try:
+        for role, device in file.devices.items():
+            driver: Any = entry_points.driver_class(device.driver, role)
+            name = _KINDS.get(device.driver, device.driver)
+            if device.driver in wires and kind in (None, name):
+                settings = validate(driver.Settings, device.settings, f"[{role}] of {file.name}")
+                # The first of the wire's settings is its address.
+                addresses[name] = str(next(iter(simulation.serve(device.driver, settings).values())))
+            else:
+                # The plant needs the instruments that are not served too, such as a laser.
+                simulation.instrument(role, device, driver, "twin")
+                others.append(f"{role} ({device.driver})")
+        if not addresses:
+            raise ConfigurationError(
+                f"The rig {file.name!r} has no instrument to serve{f' as {kind}' if kind else ''}: name "
+                "another rig."
+            )
+        with _stopped() as stopped:
+            if as_json:
+                click.echo(json.dumps(addresses))
+            else:
+                for name, address in addresses.items():
+                    click.echo(f"{name}: {address}")
+            if kind is None and others:
+                click.echo(f"Not served, because they have no protocol: {', '.join(others)}.", err=True)
+            _wait(stopped, simulation.plant, press)
+    finally:
+        simulation.close()
+
+
+@contextmanager
+def _stopped() -> Iterator[threading.Event]:
+    """Give an event that Ctrl-C and SIGTERM set; both end serving normally, with exit code 0."""
+    stopped = threading.Event()
+    before = {
+        number: signal.signal(number, lambda _number, _frame: stopped.set())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _wait(stopped: threading.Event, plant: Plant, press: str | None) -> None:
+    """Wait until stopped; if `press` names a button, press it every `_EVERY` seconds."""
+    from ..instruments import Press, RealClock  # noqa: PLC0415
+
+    clock = RealClock()
+    due, number = clock.now() + _EVERY, 1
+    # With a time-out, because Ctrl-C does not interrupt an unlimited wait on Windows.
+    while not stopped.wait(0.25):
+        if press is not None and clock.now() >= due:
+            plant.press(Press(press, "P01", number, number))
+            due, number = due + _EVERY, number + 1
+
+
+def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
+    @twin.command(kind, help=help_text)
+    @rig
+    @_as_json
+    def serve(rig: str, as_json: bool) -> None:
+        _serve(kind, rig, as_json)
+
+
+@twin.command("all", short_help="Serve all simulated instruments of a rig.")
+@_rig
+@click.option(
+    "--press",
+    metavar="BUTTON",
+    help=f"Let a simulated person press this button every {_EVERY:g} s.",
+)
+@_as_json
+def serve_all(rig: str, press: str | None, as_json: bool) -> None:
+    """Serve all simulated instruments of a rig that have a protocol, on one plant."""
+    _serve(None, rig, as_json, press)
+
+
+_command("yocto", "Serve a Yoctopuce hub with a relay box over HTTP.")
+_command(
+    "serial",
+    "Serve a relay board on a serial line.",
+    click.option(
+        "--rig",
+        "-r",
+        required=True,
+        metavar="FILE",
+        help='Rig file whose [relay] has driver = "serial-relay".',
+    ),
+)
+_command("ofv", "Serve an OFV-5000 vibrometer on a serial line.")
+_command("scpi", "Serve a function generator on a SCPI socket.")

@@ -1,0 +1,74 @@
+"""The folder that the console reads and writes; a page names no other file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..experiments import Store, load_experiment
+from ..instruments import ConfigurationError
+
+__all__ = ["DataFolder", "store_of"]
+
+
+class DataFolder:
+    """A folder, and the only way from a name that a page sent to a path."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.expanduser().resolve()
+
+    def path(self, name: object) -> Path:
+        """Return the path of a name relative to this folder, with forward slashes.
+
+        Raises ConfigurationError for a name that leads out of it, also by a symbolic link, and for hidden
+        files.
+        """
+        text = name if isinstance(name, str) else ""
+        parts = text.split("/")
+        wrong = not text or any(
+            part in ("", "..") or part.startswith(".") or set(part) & set('\\:*?"<>|\0') for part in parts
+        )
+        path = self.root.joinpath(*parts) if not wrong else self.root
+        try:
+            inside = not wrong and path.resolve().is_relative_to(self.root)
+        except (OSError, RuntimeError, ValueError):
+            inside = False
+        if not inside:
+            raise ConfigurationError(
+                f"{text[:80]!r} is no file of the console's data folder {self.root}: name one below it."
+            )
+        return path
+
+    def shown(self, path: Path) -> str:
+        """Return the name of a path that was found below this folder; "" for one that `path` refuses."""
+        name = path.relative_to(self.root).as_posix()
+        try:
+            self.path(name)
+        except ConfigurationError:
+            return ""
+        return name
+
+    def name(self, path: Path) -> str:
+        """Return the name of a path below this folder, with forward slashes.
+
+        Raises ConfigurationError for one that a link leads out of it.
+        """
+        try:
+            return path.resolve().relative_to(self.root).as_posix()
+        except (OSError, RuntimeError, ValueError):
+            raise ConfigurationError(
+                f"{path} leads out of the console's data folder {self.root}: put a folder or file in place "
+                "of the link."
+            ) from None
+
+    def study(self, name: object) -> Path:
+        """Return the folder of a study, as `path`, in which no link leads out to other recordings."""
+        folder = self.path(name)
+        for part in (folder / "study.toml", *folder.glob("recordings"), *folder.glob("recordings/*.h5")):
+            self.name(part)
+        return folder
+
+
+def store_of(data: DataFolder, name: object) -> Store:
+    """Return the experiment in a folder of the data folder, with its answers. Raises HaploopError."""
+    experiment = load_experiment(data.path(f"{name}/experiment.toml"))
+    return Store(experiment, data.path(f"{name}/answers"))

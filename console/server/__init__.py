@@ -1,0 +1,7 @@
+"""The console's server: pages, snapshot and live blocks for browsers, commands from them to the worker."""
+
+from .application import application
+from .security import Access
+from .serving import serve_console
+
+__all__ = ["Access", "application", "serve_console"]

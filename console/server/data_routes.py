@@ -1,0 +1,380 @@
+"""Files of the data folder as JSON: lists, presses, studies, calibrations, maps, digital buttons.
+
+Only paths that `DataFolder` accepts are opened, and only for reading.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from ...acquisition import Representative, load_study
+from ...acquisition.recording import PartReader
+from ...calibration import (
+    Calibration,
+    Check,
+    DigitalButton,
+    Drive,
+    History,
+    VibrationMap,
+    Waveforms,
+    check_feeling,
+)
+from ...calibration.map import MapFolder
+from ...calibration.spectra import resample, third_octaves
+from ...exchange.catalogue import list_files
+from ...instruments import DataError, HaploopError
+from ...instruments.arrays import FloatArray
+from ...reports.figures import activation_time, trend
+from ...reports.show import experiment_values
+from ..data_folder import DataFolder, store_of
+
+__all__ = ["data_routes"]
+
+_BEFORE, _AFTER = 0.25, 0.5
+"""s around the activation of a press that are shown."""
+_MOST_PRESSES = 12
+_MOST_FILES = 500
+_ASKED = ("kind", "participant", "button", "verdict")
+_FORCE_HZ = 1000.0
+_SHOWN_HZ = 5000.0
+"""Samples per second of the waveforms of a check that are sent."""
+
+
+def data_routes(data: DataFolder) -> list[Route]:
+    """Return the routes that read the data folder."""
+
+    def route(path: str, read: Callable[[DataFolder, Mapping[str, str]], Any]) -> Route:
+        async def answer(request: Request) -> Response:
+            def answered() -> Response:
+                found = read(data, request.query_params)
+                if isinstance(found, bytes):
+                    return Response(found, media_type="image/png")
+                return Response(_json(found), media_type="application/json")
+
+            try:
+                # The text too is made beside the loop, which sends a frame of the live scope every 40 ms.
+                return await asyncio.to_thread(answered)
+            except HaploopError as error:
+                return JSONResponse({"error": str(error)}, 409)
+            except FileNotFoundError as error:
+                return JSONResponse({"error": f"There is no file {error.filename}."}, 404)
+
+        return Route(path, answer)
+
+    return [
+        route("/api/files", _files),
+        route("/api/catalogue", _catalogue),
+        route("/api/presses", _presses),
+        route("/api/study", _study),
+        route("/api/experiment", _experiment),
+        route("/api/calibration", _calibration),
+        route("/api/history", _history),
+        route("/api/trend", _trend),
+        route("/api/map", _map),
+        route("/api/shape", _shape),
+        route("/api/button", _button),
+    ]
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(_plain(value), allow_nan=False, separators=(",", ":")).encode()
+
+
+def _plain(value: Any) -> Any:
+    """JSON values: numpy's numbers and arrays as Python's, NaN and infinity as null."""
+    if isinstance(value, dict):
+        return {str(name): _plain(one) for name, one in value.items()}
+    if isinstance(value, np.ndarray):
+        whole = value.dtype.kind not in "fO" or (value.dtype.kind == "f" and np.isfinite(value).all())
+        return value.tolist() if whole else _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _files(data: DataFolder, _: Mapping[str, str]) -> Any:
+    def names(pattern: str) -> list[str]:
+        return sorted(filter(None, map(data.shown, data.root.glob(pattern))))
+
+    return {
+        "recordings": names("recordings/*.h5") + names("*/recordings/*.h5"),
+        "studies": [name.removesuffix("/study.toml") for name in names("*/study.toml")],
+        "experiments": [name.removesuffix("/experiment.toml") for name in names("*/experiment.toml")],
+        "calibrations": [n for n in names("calibrations-made/*.h5") if not Waveforms.is_beside(Path(n))],
+        "maps": [name.removesuffix("/map.json") for name in names("maps/*/map.json")],
+        "buttons": names("buttons/*.h5"),
+        "checks": names("checks/*.h5"),
+    }
+
+
+def _catalogue(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    """What `haploop list` says of the folder: the newest files that meet the conditions of the page."""
+    where = [f"{name}={asked[name]}" for name in _ASKED if asked.get(name)]
+    where += [f"date>={asked['since']}"] if asked.get("since") else []
+    where += filter(None, (one.strip() for one in asked.get("more", "").split(",")))
+    data.root.mkdir(parents=True, exist_ok=True)
+    found = [
+        {**asdict(entry), "file": shown}
+        for entry in list_files([data.root], where)
+        if (shown := data.shown(Path(entry.file)))
+    ]
+    newest = sorted(found, key=lambda one: one["date"], reverse=True)
+    return {"of": len(found), "files": newest[:_MOST_FILES]}
+
+
+def _presses(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    """The newest presses as the file holds them, and how much it holds: read and CRC-checked now."""
+    path = data.path(asked.get("file", ""))
+    if not path.exists():
+        raise DataError(f"There is no file {path}.")
+    recording = _reader(path)
+    recording.look()
+    rate_hz = recording.header.rate_hz
+    count = recording.samples
+    step = max(1, round(rate_hz / _FORCE_HZ))
+    found = []
+    for press in recording.verdicts[-_MOST_PRESSES:]:
+        anchor = press.first if math.isnan(press.activation) else round(press.activation)
+        first, end = max(0, anchor - round(_BEFORE * rate_hz)), min(count, anchor + round(_AFTER * rate_hz))
+        piece = recording.acceleration(first, end)[2]
+        found.append(
+            {
+                "number": press.number,
+                "attempt": press.attempt,
+                "accepted": press.accepted,
+                "reason": press.reason,
+                "force_n": press.force,
+                "start_s": (first - anchor) / rate_hz,
+                "force": np.round(_means(recording.force(first, end), step), 3),
+                "force_step_s": step / rate_hz,
+                "acceleration": np.round(piece - np.median(piece) if len(piece) else piece, 2),
+                "acceleration_step_s": 1 / rate_hz,
+            }
+        )
+    return {
+        "file": data.name(path),
+        "simulated": recording.header.simulated,
+        "state": recording.state,
+        "samples": count,
+        "channels": len(recording.header.channels),
+        "bytes": 2 * count * len(recording.header.channels),
+        "file_bytes": path.stat().st_size,
+        "events": [event._asdict() for event in recording.events[-20:]],
+        "presses": found,
+    }
+
+
+@lru_cache(maxsize=2)
+def _reader(path: Path) -> PartReader:
+    """The reader of a recording, kept from press to press."""
+    return PartReader(path)
+
+
+def _means(values: FloatArray, step: int) -> FloatArray:
+    count = len(values) // step
+    return np.asarray(values[: count * step].reshape(count, step).mean(axis=1))
+
+
+def _study(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    study = load_study(data.study(asked.get("study", "")))
+    return {
+        "name": study.file.name,
+        "participants": study.file.participants,
+        "buttons": study.file.buttons,
+        "entries": [
+            {
+                "participant": entry.participant,
+                "button": entry.button,
+                "accepted": len(entry.accepted),
+                "of": entry.of,
+                "bad": entry.bad,
+                "rejected": entry.rejected,
+                "interrupted": entry.interrupted,
+                "in_progress": entry.in_progress,
+                "consented": entry.consented,
+                "recordings": [data.name(recording.path) for recording in entry.recordings],
+            }
+            for entry in study.progress()
+        ],
+    }
+
+
+def _experiment(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    store = store_of(data, asked.get("experiment", ""))
+    file = store.experiment.file
+    about = {"title": file.title or file.name, "groups": file.groups, "days": file.sessions}
+    return {**about, "consent": file.consent, "buttons": [*file.buttons], **experiment_values(store)}
+
+
+def _calibration(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    found = Calibration.load(data.path(asked.get("file", "")))
+    response, model = found.response, found.model
+    return {
+        "patch": response.patch,
+        "point": response.point,
+        "simulated": response.simulated,
+        "created": response.created,
+        "frequency": response.frequencies,
+        "response": np.abs(response.velocity),
+        "model": np.abs(model.velocity(response.frequencies)),
+        "error": model.error,
+        "coherence": response.coherence,
+        "resonances": [{"frequency_hz": r.frequency_hz, "damping": r.damping} for r in model.resonances],
+    }
+
+
+def _history(data: DataFolder, _: Mapping[str, str]) -> Any:
+    history = History(data.path("calibrations"))
+    return {
+        "generations": [generation.name for generation in history.generations],
+        "activations": [vars(activation) for activation in history.activations],
+        "looks": len(history.looks),
+    }
+
+
+def _trend(data: DataFolder, _: Mapping[str, str]) -> bytes:
+    """The drift over time with the thresholds, as a PNG picture."""
+    figure, picture = trend(History(data.path("calibrations"))), BytesIO()
+    figure.savefig(picture, format="png", dpi=110)
+    return picture.getvalue()
+
+
+def _map(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    """What was measured so far: rms velocity per volt at each point, for each play."""
+    folder = MapFolder.open(data.path(asked.get("map", "")))
+    plan, points = folder.plan, {}
+    for step in plan.steps:
+        if step.again:
+            continue
+        measured = _point(folder.file(step)) if folder.file(step).exists() else None
+        if measured is not None:
+            points[step.point] = measured
+    return {
+        "rows": plan.rows,
+        "columns": plan.columns,
+        "points": plan.points,
+        "patches": plan.patches,
+        "simulated": plan.simulated,
+        "measured": points,
+        "skipped": folder.skipped(),
+    }
+
+
+@lru_cache(maxsize=4096)
+def _point(path: Path) -> dict[str, float]:
+    """m/s per V of each play at a point, rms over the lines; the file of a point never changes."""
+    folder = MapFolder.open(path.parent)
+    step = next(step for step in folder.plan.steps if folder.file(step) == path)
+    measured = folder.read(step)
+    assert measured is not None
+    found = {}
+    for row, (play, patch) in enumerate(measured.rows):
+        gain = _rms(measured.velocity[play]) / _rms(measured.drives[row])
+        if measured.plays[play] != "all":
+            found[patch] = gain
+    return found
+
+
+def _rms(values: NDArray[Any]) -> float:
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
+def _shape(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    """The shape of the mode nearest to a frequency, for the animation: (rows, columns), the largest is 1."""
+    found = VibrationMap.load(data.path(asked.get("map", "")))
+    resonances = [frequency for frequency, _ in found.resonances()]
+    try:
+        near = float(asked.get("frequency", "263"))
+    except ValueError:
+        near = math.nan
+    if not resonances or not math.isfinite(near):
+        raise DataError("The map shows no resonance near that frequency.")
+    frequency = min(resonances, key=lambda f: abs(f - near))
+    shape = found.grid(np.asarray(found.shape(frequency)))
+    return {"frequency_hz": frequency, "resonances": resonances, "shape": shape / np.nanmax(np.abs(shape))}
+
+
+def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
+    """A digital button with its own check, or another check of it: waveforms, spectra, levels."""
+    button = DigitalButton.load(data.path(asked.get("file", "")))
+    check = Check.load(data.path(asked["check"])) if asked.get("check") else button.check
+    feeling = check_feeling(check, button.press)
+    drive = check.drive
+    recorded = _recorded(button.press, check)
+    low, high = check.octaves_hz[0], check.octaves_hz[-1]
+    begin, end = _loud(check.target)
+    step = max(1, round(check.rate_hz / _SHOWN_HZ))
+    return {
+        "name": button.press.button,
+        "simulated": check.simulated,
+        "created": button.created,
+        "patch": drive.patch,
+        "point": drive.point,
+        "check": check.summary(),
+        "felt": feeling.felt,
+        "above_threshold_db": feeling.measured[0].total,
+        "notes": feeling.notes,
+        "step_s": step / check.rate_hz,
+        "recorded": np.round(recorded[begin:end:step], 4),
+        "target": np.round(check.target[begin:end:step], 4),
+        "measured": np.round(check.measured[begin:end:step], 4),
+        "drive": np.round(np.interp(_times(begin, end, step, check.rate_hz), _clock(drive), drive.volts), 3),
+        "octaves_hz": check.octaves_hz,
+        "recorded_db": third_octaves(recorded, check.rate_hz, low * 0.99, high * 1.01)[1],
+        "drive_db": third_octaves(drive.volts, drive.rate_hz, low * 0.99, high * 1.01)[1],
+        "target_db": check.target_db,
+        "measured_db": check.measured_db,
+        "floor_db": check.floor_db,
+        "checks": [
+            name
+            for name in _files(data, {})["checks"]
+            if name.startswith(f"checks/{Path(asked.get('file', '')).stem}-")
+        ],
+    }
+
+
+def _recorded(press: Representative, check: Check) -> FloatArray:
+    """The recorded press at the times of a check, scaled as its target; zeros before and after."""
+    samples = round(len(press.acceleration) * check.rate_hz / press.rate_hz)
+    finer = check.drive.scale * resample(press.acceleration, samples)
+    first = round(
+        (activation_time(press, check.drive) - press.activation_index / press.rate_hz) * check.rate_hz
+    )
+    found = np.zeros(len(check.target))
+    begin, end = max(0, first), min(len(found), first + samples)
+    if begin < end:
+        found[begin:end] = finer[begin - first : end - first]
+    return found
+
+
+def _loud(target: FloatArray) -> tuple[int, int]:
+    """The part of a target that holds its motion, with a margin."""
+    loud = np.flatnonzero(np.abs(target) > 0.01 * np.abs(target).max())
+    if not len(loud):
+        return 0, len(target)
+    margin = max(1, (loud[-1] - loud[0]) // 10)
+    return max(0, int(loud[0] - margin)), min(len(target), int(loud[-1] + margin))
+
+
+def _times(begin: int, end: int, step: int, rate_hz: float) -> FloatArray:
+    return np.arange(begin, end, step) / rate_hz
+
+
+def _clock(drive: Drive) -> FloatArray:
+    return np.arange(len(drive.volts)) / drive.rate_hz

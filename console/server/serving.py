@@ -1,0 +1,76 @@
+"""Run the console: worker, application and socket, until Ctrl-C."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import uvicorn
+
+from ...instruments import ConfigurationError, RigFile
+from ...instruments.driver import Mode
+from ...terminal.progress import note
+from ..data_folder import DataFolder
+from ..worker import WorkerLink, serving, start_worker
+from .application import application
+from .follower import Follower
+from .live_scope import LiveScope
+from .security import Access
+
+__all__ = ["serve_console"]
+
+
+def serve_console(
+    rig: str,
+    file: RigFile,
+    simulate: Mode | None,
+    data: Path,
+    address: str,
+    port: int,
+    ready: Callable[[Access], object],
+    virtual_time: bool = False,
+) -> None:
+    """Serve the console of a rig until a stop signal, and call `ready` when its address can be opened.
+
+    A stop signal reaches the safe state and ends the worker; beside another server of the rig, it stops what
+    was begun here only. A server that is killed leaves the worker running, and the next one takes it over.
+    Raises ConfigurationError for an address or port that cannot be used, and what `serving` and
+    `start_worker` raise.
+    """
+
+    def worker() -> WorkerLink:
+        return start_worker(rig, file, simulate, data, virtual_time)
+
+    with _bound(address, port) as listener, ExitStack() as stack:
+        access = Access(address, listener.getsockname()[1])
+        # Before the worker is found, so that no other server ends it in between.
+        elsewhere = stack.enter_context(serving(file, simulate))
+        follower = Follower(worker(), worker, LiveScope(file, simulate))
+        app = application(access, follower, follower.scope, DataFolder(data))
+        config = uvicorn.Config(
+            app, log_level="error", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
+        )
+        try:
+            ready(access)
+            uvicorn.Server(config).run(sockets=[listener])
+        finally:
+            # Not marked any more: of two that end at once, one at least sees no other.
+            stack.close()
+            if follower.leave(elsewhere()):
+                note(
+                    "The console's worker goes on, because another `haploop serve` of this rig runs. "
+                    "`haploop serve --stop` ends it."
+                )
+
+
+def _bound(address: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    try:
+        return socket.create_server((address, port), family=family)
+    except OSError as error:
+        raise ConfigurationError(
+            f"The console cannot listen on {address}, port {port} ({error.strerror or error}): choose "
+            "another with --port, or 0 for a free one."
+        ) from None

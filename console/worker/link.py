@@ -1,0 +1,205 @@
+"""Find, start and talk to a worker."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from ...instruments import ConfigurationError, InstrumentError, RealClock, RigFile
+from ...instruments.driver import Mode
+from ...instruments.safety import is_marked, marked
+from .address import Address, address_path
+
+__all__ = ["WorkerHangsError", "WorkerLink", "find_worker", "serving", "start_worker"]
+
+_START = 60.0
+"""s for a worker to start: importing alone takes seconds on a slow disk."""
+_ANSWER = 30.0
+"""s for an answer: longer than the snapshot's long poll and the safe state take."""
+_MOST_SERVERS = 16
+_HANGS = 5.0
+"""s after which a living worker that has not answered hangs: it answers a first question at once."""
+
+
+class WorkerLink:
+    """A worker that was found. Each call is one request, and raises InstrumentError when it has gone."""
+
+    def __init__(self, address: Address) -> None:
+        self.address = address
+
+    def state(self, after: int = 0, deadline: float = _ANSWER) -> dict[str, Any]:
+        """Return the snapshot, once its version is above `after` or after ten seconds."""
+        body = self._ask("GET", "/state", b"", {"X-After": str(after)}, deadline)[1]
+        found: dict[str, Any] = json.loads(body)
+        return found
+
+    def command(self, name: str, values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        """Send a command; return its status (200, 400 or 409) and answer."""
+        status, body = self._ask("POST", f"/command/{quote(name, safe='')}", json.dumps(values).encode(), {})
+        found: dict[str, Any] = json.loads(body)
+        return status, found
+
+    def allow(self, origins: list[str]) -> None:
+        """Let pages of these origins send STOP."""
+        self._ask("POST", "/origins", json.dumps(origins).encode(), {})
+
+    def stop(self, deadline: float = _ANSWER) -> dict[str, Any]:
+        """Reach the safe state; return what came of it."""
+        body = self._ask("POST", "/stop", self.address.stop_token.encode(), {}, deadline)[1]
+        found: dict[str, Any] = json.loads(body)
+        return found
+
+    def end(self) -> None:
+        """Reach the safe state and end the worker; nothing when it has gone."""
+        with suppress(InstrumentError, ValueError):
+            self.command("end", {})
+
+    def _ask(
+        self, method: str, path: str, body: bytes, headers: Mapping[str, str], deadline: float = _ANSWER
+    ) -> tuple[int, bytes]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.address.port, timeout=deadline)
+        try:
+            token = {"Authorization": f"Bearer {self.address.token}"}
+            connection.request(method, path, body, {**token, **headers})
+            answer = connection.getresponse()
+            return answer.status, answer.read()
+        except (OSError, http.client.HTTPException) as error:
+            raise InstrumentError(
+                f"The console's worker (process {self.address.pid}) does not answer ({error}): if it has "
+                "died, the relay box opens by itself; switch the amplifier off by hand if in doubt."
+            ) from None
+        finally:
+            connection.close()
+
+
+class WorkerHangsError(InstrumentError):
+    """A worker lives, and does not answer."""
+
+    def __init__(self, link: WorkerLink) -> None:
+        super().__init__(
+            f"The console's process {link.address.pid} hangs: switch the amplifier off, and then end that "
+            "process."
+        )
+        self.link = link
+
+
+def find_worker(file: RigFile, simulate: Mode | None) -> WorkerLink | None:
+    """Return the running worker of a rig; None when there is none. Raises WorkerHangsError.
+
+    A worker lives as long as its address file is marked: the operating system releases the mark of one that
+    has died, and of no other.
+    """
+    path, clock, link = address_path(file, simulate), RealClock(), None
+    until = clock.now() + _HANGS
+    while is_marked(path):
+        # Read anew each time: a worker that begins writes its address just behind the mark.
+        address = Address.read(path)
+        if address is not None:
+            link = WorkerLink(address)
+            with suppress(InstrumentError, ValueError):
+                link.state(deadline=_HANGS)
+                return link
+        if link is not None and clock.now() > until:
+            raise WorkerHangsError(link)
+        if clock.now() > until:
+            raise InstrumentError(
+                f"The console's worker has no address in {path}: switch the amplifier off, and then end its "
+                "process (python -m haploop.console.worker)."
+            )
+        clock.sleep(0.1)  # one that ends answers no more, and dies soon
+    return None
+
+
+def start_worker(
+    rig: str, file: RigFile, simulate: Mode | None, data: Path, virtual_time: bool = False
+) -> WorkerLink:
+    """Return the running worker of a rig, or start one that outlives this program.
+
+    Its errors go to `console-worker.log` in the rig's state folder. Raises ConfigurationError when the
+    running one has another data folder, WorkerHangsError, and InstrumentError when none comes up.
+    """
+    path = address_path(file, simulate)
+    with _alone(path.with_suffix(".start")):
+        found = find_worker(file, simulate)
+        if found is None:
+            return _started(rig, file, simulate, data, virtual_time)
+    if Path(found.address.data) != data.expanduser().resolve():
+        raise ConfigurationError(
+            f"A console of the rig {file.name!r} runs already, with the data folder "
+            f"{found.address.data}: name that one with --data, or end it with `haploop serve --stop`."
+        )
+    return found
+
+
+@contextmanager
+def serving(file: RigFile, simulate: Mode | None) -> Iterator[Callable[[], bool]]:
+    """Mark this program as a server of a rig's console; gives whether there is another one just now.
+
+    The operating system releases the mark of one that was killed. Raises InstrumentError when there are
+    `_MOST_SERVERS`.
+    """
+    path = address_path(file, simulate)
+    marks = [path.with_suffix(f".server-{number}") for number in range(_MOST_SERVERS)]
+    with ExitStack() as stack:
+        for own in marks:
+            with suppress(InstrumentError):
+                stack.enter_context(marked(own))
+                break
+        else:
+            raise InstrumentError(f"{_MOST_SERVERS} consoles of the rig {file.name!r} run: end one of them.")
+        yield lambda: any(is_marked(mark) for mark in marks if mark != own)
+
+
+@contextmanager
+def _alone(start: Path) -> Iterator[None]:
+    """Wait while another program finds or starts the worker, and keep others waiting within the context."""
+    clock = RealClock()
+    until = clock.now() + _START + _ANSWER
+    with ExitStack() as stack:
+        while True:
+            try:
+                stack.enter_context(marked(start))
+                break
+            except InstrumentError:
+                if clock.now() > until:
+                    raise
+                clock.sleep(0.1)
+        yield
+
+
+def _started(rig: str, file: RigFile, simulate: Mode | None, data: Path, virtual_time: bool) -> WorkerLink:
+    path = address_path(file, simulate)
+    command = [sys.executable, "-m", "haploop.console.worker", "--rig", rig, "--data", str(data)]
+    command += ["--simulate", simulate] if simulate else []
+    command += ["--virtual-time"] if virtual_time else []
+    log = path.with_name("console-worker.log")
+    with log.open("ab") as errors:
+        begin = errors.tell()
+        # In a session of its own: Ctrl-C at the terminal is the server's, which then ends the worker.
+        apart: dict[str, Any] = (
+            {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined,unused-ignore]
+            if os.name == "nt"
+            else {"start_new_session": True}
+        )
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors, **apart
+        )
+    clock = RealClock()
+    until = clock.now() + _START
+    while clock.now() < until:
+        found = find_worker(file, simulate)
+        if found is not None:
+            return found
+        if process.poll() is not None:
+            break
+        clock.sleep(0.1)
+    said = log.read_bytes()[begin:].decode(errors="replace").strip().splitlines()
+    raise InstrumentError(f"The console's worker did not start: {said[-1] if said else f'see {log}'}")

@@ -1,0 +1,72 @@
+"""The worker's own look at the stream: which run goes on, and what was at the end of its range.
+
+Overloads are latched here, and not in the page's server, so that one that came while no server ran is
+shown too.
+"""
+
+from __future__ import annotations
+
+import threading
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from ...instruments import LiveBlock, Rig
+from .board import Board
+
+__all__ = ["Observer"]
+
+_WAIT = 0.25
+_CAPACITY = 400
+"""Blocks: 16 s of a recording, in which this thread need not run."""
+
+
+class Observer:
+    """Follows a rig's tap in a thread while its context lasts."""
+
+    def __init__(self, rig: Rig, board: Board) -> None:
+        self._tap = rig.tap(_CAPACITY)
+        self._board = board
+        self._run = 0
+        self._thread = threading.Thread(target=self._follow, name="haploop-observer", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._tap.close()
+
+    def _follow(self) -> None:
+        while not self._tap.closed:
+            block = self._tap.take(_WAIT)
+            if block is not None:
+                self._look(block)
+
+    def _look(self, block: LiveBlock) -> None:
+        run = block.run
+        if run.number != self._run:
+            self._run = run.number
+            shown = {"number": run.number, "doing": run.doing, "about": run.about, "rate_hz": run.rate_hz}
+            self._board.set(run={**shown, "channels": list(run.channels)})
+        beyond = [name for name, over in zip(run.channels, block.overload, strict=True) if over]
+        accelerometer = run.sensors.acceleration
+        if accelerometer is not None and set(accelerometer.channels) <= set(run.channels):
+            rows = [run.channels.index(name) for name in accelerometer.channels]
+            if np.any(accelerometer.saturated(block.volts[rows])):
+                beyond.append("acceleration")
+        if beyond:
+            at = block.first / run.rate_hz
+            self._board.change("saturated", lambda old: _latched(old, beyond, at))
+
+
+def _latched(old: dict[str, Any], names: list[str], at: float) -> dict[str, Any]:
+    """Add overloads at `at` (s); the first time and the number of blocks of each are kept."""
+    found = dict(old)
+    for name in names:
+        before = found.get(name, {"first": at, "blocks": 0})
+        found[name] = {**before, "blocks": before["blocks"] + 1}
+    return found

@@ -1,0 +1,169 @@
+"""What the catalogue knows of a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...instruments.errors import HaploopError
+
+if TYPE_CHECKING:
+    from ...acquisition import Recording
+
+__all__ = ["Entry", "entry_of"]
+
+_PLAYED = ("drive", "check", "button")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One file; what a kind of file does not have is empty. The order of the fields is that of the index."""
+
+    file: str
+    """Absolute path."""
+    kind: str
+    """"recording", "representative", "drive", "check", "calibration", "button", "map", "study", another kind
+    that haploop writes, "damaged", or "unreadable"."""
+    participant: str = ""
+    button: str = ""
+    date: str = ""
+    """When it was measured or made, ISO 8601."""
+    verdict: str = ""
+    """Of a check and a button: pass, fail, not shown. Of a recording: complete, incomplete."""
+    presses: str = ""
+    """Of a recording: accepted presses of those asked for, as 9/10."""
+    rig: str = ""
+    simulated: str = ""
+    """yes, no, or empty where a file does not say."""
+    study: str = ""
+    patch: str = ""
+    point: str = ""
+    content_hash: str = ""
+    problem: str = ""
+    """One sentence on a file that cannot be read."""
+
+    @property
+    def settled(self) -> bool:
+        """False for what may still change: a recording that is not finished, a file that may not be read."""
+        return self.verdict != "incomplete" and self.kind != "unreadable"
+
+
+def entry_of(path: str) -> Entry | None:
+    """Read a file's entry, verified by its content hash; None for a file that haploop did not write."""
+    found = Path(path)
+    try:
+        if found.name == "map.json":
+            return _map(found.parent)
+        if found.name == "study.toml":
+            return _study(found)
+        return _hdf5(found)
+    except HaploopError as error:
+        return Entry(path, "damaged", problem=" ".join(str(error).split()))
+    except FileNotFoundError:
+        said = "it has gone, is a link that leads nowhere, or has a name that is not UTF-8"
+        return Entry(path, "unreadable", problem=f"{path} cannot be read: {said}.")
+    except OSError as error:
+        return Entry(path, "unreadable", problem=f"{path} cannot be read: {error.strerror}.")
+
+
+def _hdf5(path: Path) -> Entry | None:
+    # Here, because a catalogue without new files needs none of it.
+    from ...acquisition import Recording, Representative, content_hash, hdf5  # noqa: PLC0415
+    from ...calibration import Calibration  # noqa: PLC0415
+
+    with path.open("rb") as file:
+        start = file.read(1024)
+    if b"\x89HDF" not in start:
+        return Entry(str(path), "damaged", problem=f"{path} is no HDF5 file.")
+    try:
+        kind = hdf5.kind_of(path)
+    except HaploopError as error:
+        if "not written by this version of haploop" in str(error):
+            return None
+        raise
+    if kind == "recording":
+        return _recording(Recording.open(path))
+    own = {"file": str(path), "kind": kind, "content_hash": content_hash(path)}
+    entry = Entry(**own)
+    if kind == "representative":
+        press = Representative.load(path)
+        entry = Entry(**own, button=press.button, simulated=_yes(press.simulated))
+    elif kind == "calibration":
+        response = Calibration.load(path).response
+        entry = Entry(
+            **own,
+            date=response.created,
+            rig=response.rig,
+            simulated=_yes(response.simulated),
+            patch=response.patch,
+            point=response.point,
+        )
+    elif kind in _PLAYED:
+        entry = _played(path, own)
+    return entry
+
+
+def _played(path: Path, own: dict[str, str]) -> Entry:
+    """A drive, or what holds one."""
+    from ...calibration import Check, DigitalButton, Drive  # noqa: PLC0415
+
+    kind = own["kind"]
+    kinds: dict[str, type[Drive | Check | DigitalButton]] = {
+        "drive": Drive,
+        "check": Check,
+        "button": DigitalButton,
+    }
+    made = kinds[kind].load(path)
+    drive = made if isinstance(made, Drive) else made.drive
+    check = made.check if isinstance(made, DigitalButton) else made if isinstance(made, Check) else None
+    return Entry(
+        **own,
+        button=drive.button,
+        date=made.created if isinstance(made, DigitalButton) else "",
+        verdict=check.verdict if check else "",
+        rig=drive.rig,
+        simulated=_yes(made.simulated),
+        patch=drive.patch,
+        point=drive.point,
+    )
+
+
+def _recording(recording: Recording) -> Entry:
+    header = recording.header
+    # Samples would be unpacked for nothing: their bytes have a checksum.
+    verdicts, content = recording.outline()
+    numbers = {press.number for press in verdicts if press.accepted}
+    return Entry(
+        file=str(recording.path),
+        kind="recording",
+        participant=recording.participant,
+        button=recording.button,
+        date=header.started,
+        verdict="complete" if recording.complete else "incomplete",
+        presses=f"{len(numbers)}/{header.presses}",
+        rig=recording.rig,
+        simulated=_yes(recording.simulated),
+        study=header.study,
+        content_hash=content,
+    )
+
+
+def _map(folder: Path) -> Entry:
+    from ...calibration.map import MapFolder  # noqa: PLC0415
+
+    plan = MapFolder.open(folder).plan
+    patches, simulated = " ".join(plan.patches), _yes(plan.simulated)
+    return Entry(
+        str(folder), "map", rig=plan.rig, simulated=simulated, patch=patches, content_hash=plan.digest
+    )
+
+
+def _study(path: Path) -> Entry:
+    from ...acquisition import load_study  # noqa: PLC0415
+
+    return Entry(str(path), "study", study=load_study(path).file.name)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"

@@ -1,0 +1,119 @@
+"""The tidy table of a study: one row a press and attempt, whatever became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from ..acquisition import ButtonPress, PressVerdict, Recording, find_presses, high_pass
+from ..instruments.arrays import FloatArray
+from .views import About, Cell, PressTable
+
+__all__ = ["COLUMNS", "press_table"]
+
+COLUMNS: Mapping[str, str] = MappingProxyType(
+    {
+        "study": "",
+        "session": "",
+        "participant": "",
+        "button": "",
+        "press": "",
+        "attempt": "",
+        "accepted": "",
+        "flags": "",
+        "reason": "",
+        "onset_s": "s",
+        "first_stage_s": "s",
+        "activation_s": "s",
+        "opened_s": "s",
+        "release_s": "s",
+        "force_at_activation_n": "N",
+        "peak_force_n": "N",
+        "peak_acceleration": "m/s^2",
+        "rms_acceleration": "m/s^2",
+        "centroid_hz": "Hz",
+        "started": "",
+        "rig": "",
+        "simulated": "",
+        "file": "",
+        "content_hash": "",
+    }
+)
+"""Columns and their units. Times are from the recording's first sample; the acceleration is the vertical one
+above 10 Hz, from onset to release; the centroid is its spectrum's, weighted by power."""
+
+
+def press_table(title: str, recordings: Iterable[Recording], about: About) -> PressTable:
+    """Rows of the presses of several recordings, in their order. Raises DataError."""
+    rows = [row for recording in recordings for row in _rows(recording)]
+    return PressTable(title, COLUMNS, tuple(rows), about)
+
+
+def _rows(recording: Recording) -> list[dict[str, Cell]]:
+    found = list(find_presses(recording)) if recording.sensors.force else []
+    verdicts = recording.verdicts
+    moved = None
+    if recording.sensors.acceleration is not None and found:
+        moved = high_pass(recording.acceleration[2], recording.rate_hz)
+    pairs: list[tuple[PressVerdict | None, ButtonPress | None]] = []
+    for verdict in verdicts:
+        within = [press for press in found if verdict.first <= press.peak < verdict.end]
+        # The one that switched stands for an attempt that was pressed twice.
+        within.sort(key=lambda press: press.activation is None)
+        pairs.append((verdict, within[0] if within else None))
+    if not verdicts:
+        pairs = [(None, press) for press in found]
+    return [
+        _row(recording, number, verdict, press, moved) for number, (verdict, press) in enumerate(pairs, 1)
+    ]
+
+
+def _row(
+    recording: Recording,
+    number: int,
+    verdict: PressVerdict | None,
+    press: ButtonPress | None,
+    moved: FloatArray | None,
+) -> dict[str, Cell]:
+    header, rate_hz = recording.header, recording.rate_hz
+    row: dict[str, Cell] = dict.fromkeys(COLUMNS)
+    row |= {
+        "study": header.study,
+        "session": header.session,
+        "participant": recording.participant,
+        "button": recording.button,
+        "press": verdict.number if verdict else number,
+        "attempt": verdict.attempt if verdict else 1,
+        "accepted": verdict.accepted if verdict else None,
+        "flags": " ".join(verdict.flags) if verdict else "",
+        "reason": verdict.reason if verdict else "",
+        "started": header.started,
+        "rig": recording.rig,
+        "simulated": recording.simulated,
+        "file": recording.path.name,
+        "content_hash": recording.content_hash,
+    }
+    if verdict is not None:
+        row |= {"onset_s": verdict.first / rate_hz, "release_s": verdict.end / rate_hz}
+    if press is None:
+        return row
+    row |= {
+        "onset_s": press.onset / rate_hz,
+        "release_s": press.release / rate_hz,
+        "first_stage_s": None if press.first_stage is None else press.first_stage / rate_hz,
+        "activation_s": None if press.activation is None else press.activation / rate_hz,
+        "opened_s": None if press.opened is None else press.opened / rate_hz,
+        "force_at_activation_n": press.force_at_activation,
+        "peak_force_n": float(recording.force[press.onset : press.release + 1].max()),
+    }
+    if moved is not None:
+        own = moved[press.onset : press.release + 1]
+        power = np.abs(np.fft.rfft(own)) ** 2
+        row |= {
+            "peak_acceleration": float(np.abs(own).max()),
+            "rms_acceleration": float(np.sqrt(np.mean(own**2))),
+            "centroid_hz": float(np.fft.rfftfreq(len(own), 1 / rate_hz) @ power / power.sum()),
+        }
+    return row

@@ -1,0 +1,181 @@
+"""Run the same tests on a twin, through the wire, and on hardware: `pytest --rig twin|wire|FILE`.
+
+pytest loads this module in every run of an environment with haploop. It imports only lazily loaded
+packages until a test requests a rig, and does not affect tests without one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from . import instruments
+
+if TYPE_CHECKING:
+    from .instruments import Rig, RigFile
+
+__all__ = ["OpenRig", "Rigs"]
+
+OpenRig = Callable[..., "Rig"]
+
+pytest.register_assert_rewrite("haploop.instruments.conformance")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option `--rig` and the setting `rig_file`."""
+    group = parser.getgroup("haploop")
+    group.addoption(
+        "--rig",
+        default="twin",
+        metavar="twin|wire|FILE",
+        help="what the tests run on: a simulated rig, or the hardware that the rig file FILE describes",
+    )
+    parser.addini("rig_file", "rig file that --rig twin and --rig wire simulate", default="simulated")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the marks."""
+    config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
+    config.addinivalue_line(
+        "markers",
+        "requires(name, ...): skipped on a rig without these parts: instruments or sensors by their "
+        "rig-file names, 'table', or 'simulation'; in a conformance suite, one of its capabilities",
+    )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark each test that opens a rig with `rig`."""
+    for item in items:
+        if "rigs" in getattr(item, "fixturenames", ()) and _ours(item):
+            item.add_marker("rig")
+
+
+class Rigs:
+    """Opens the rig that `--rig` selects, and skips the test when it is not available."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.mode: str = config.getoption("--rig")
+        """Value of `--rig`."""
+        self._project = config.rootpath
+        self._here = config.invocation_params.dir
+        self._simulated: str = config.getini("rig_file")
+        self._stack = ExitStack()
+        self._held = False
+
+    def open(
+        self,
+        node: pytest.Item | pytest.Collector,
+        name: str | None = None,
+        plant: Mapping[str, Any] = MappingProxyType({}),
+    ) -> Rig:
+        """Open a rig for the test `node` (`request.node`); other arguments as in the fixture `open_rig`."""
+        simulate = self.mode if self.mode in ("twin", "wire") else None
+        file = (
+            instruments.load_rig_file(_beside(self._project, name))
+            if simulate and name
+            else self._asked_for()
+        )
+        simulated = bool(simulate or file.simulate)
+        if plant and not simulated:
+            pytest.skip("needs simulation settings, which hardware does not have")
+        for mark in node.iter_markers("requires"):
+            for needed in mark.args:
+                if not _has(file, needed, simulated):
+                    pytest.skip(f"the rig {file.name!r} has no {needed}")
+        if simulated:
+            settings = dict(plant)
+            # A plant's name is a key like any other; an object replaces the plant.
+            given = None if isinstance(plant.get("plant"), str) else settings.pop("plant", None)
+            return instruments.open_rig(file, simulate=simulate, simulation=settings, plant=given)  # type: ignore[arg-type]
+        self._hold()
+        try:
+            return instruments.open_rig(file)
+        except (instruments.ConfigurationError, instruments.InstrumentError) as error:
+            pytest.skip(f"the rig {self.mode} could not be opened: {error}")
+
+    def close(self) -> None:
+        """Release the hardware for other programs."""
+        self._stack.close()
+
+    @property
+    def _path(self) -> Path:
+        if self.mode in ("twin", "wire"):
+            return _beside(self._project, self._simulated)
+        return _beside(self._here, self.mode)
+
+    def _asked_for(self) -> RigFile:
+        try:
+            return instruments.load_rig_file(self._path)
+        except instruments.ConfigurationError as error:
+            # An error in the file is not missing hardware: it must not cause skipped tests.
+            pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
+
+    def _hold(self) -> None:
+        if not self._held:
+            file = self._asked_for()
+            try:
+                self._stack.enter_context(
+                    instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}")
+                )
+            except instruments.InstrumentError as error:
+                pytest.exit(str(error), pytest.ExitCode.USAGE_ERROR)
+            self._held = True
+
+
+@pytest.fixture(scope="session")
+def rigs(request: pytest.FixtureRequest) -> Iterator[Rigs]:
+    """Session-wide `Rigs`, for fixtures of a wider scope; tests use `rig` or `open_rig`."""
+    opener = Rigs(request.config)
+    yield opener
+    opener.close()
+
+
+@pytest.fixture
+def open_rig(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[OpenRig]:
+    """Function that opens a rig as --rig selects: `open_rig(name=None, **simulation)`.
+
+    `name` is a rig file to simulate instead of pytest's setting `rig_file`; `simulation` holds keys of
+    `[simulation]`, where `plant` may also be an object. On hardware, the file of --rig is opened and `name`
+    is ignored; a test with simulation settings is skipped, and so is every test whose hardware cannot be
+    opened. The rigs are closed after the test.
+    """
+    with ExitStack() as stack:
+
+        def opener(name: str | None = None, **simulation: Any) -> Rig:
+            return stack.enter_context(rigs.open(request.node, name, simulation))
+
+        yield opener
+
+
+@pytest.fixture
+def rig(open_rig: OpenRig) -> Rig:
+    """An open rig, as --rig selects; it reaches its safe state after the test."""
+    return open_rig()
+
+
+def _beside(folder: Path, name: str) -> Path:
+    """Path of a file in a folder, or the bare name of a shipped rig."""
+    return folder / name if (folder / name).is_file() else Path(name)
+
+
+def _ours(item: pytest.Item) -> bool:
+    """True when `rigs` is the fixture above, not one of the same name in another project."""
+    found = item.session._fixturemanager.getfixturedefs("rigs", item) or ()
+    return [f.func.__module__ for f in found][-1:] == [__name__]
+
+
+def _has(file: RigFile, needed: str, simulated: bool) -> bool:
+    """True when a rig has an instrument, a sensor, a table, or (when simulated) a plant."""
+    from .instruments.config import roles  # noqa: PLC0415
+
+    parts: dict[str, object] = {role: getattr(file, role, None) for role in roles()}
+    parts |= {name: sensor or None for name, sensor in file.sensors}
+    parts |= {"table": file.table, "simulation": simulated or None}
+    if needed not in parts:
+        pytest.fail(f"requires() does not know {needed!r}; it accepts {', '.join(parts)}", pytrace=False)
+    return parts[needed] is not None

@@ -1,0 +1,8 @@
+"""Results, shown: tables, JSON, figures, reports, notebooks, and the files that a command writes.
+
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

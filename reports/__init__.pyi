@@ -1,0 +1,9 @@
+from . import figures as figures
+from . import outputs as outputs
+from . import plot as plot
+from . import show as show
+from .figures import animate_map as animate_map
+from .figures import trend as trend
+from .html import write_recalibration as write_recalibration
+from .html import write_report as write_report
+from .show import file_contents as file_contents

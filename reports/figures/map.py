@@ -1,0 +1,142 @@
+"""Figures of a vibration map: the paper's figure 3, and an animation of the largest vibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from matplotlib import colormaps
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from ...calibration.map import ALL, VibrationMap
+from ...instruments.arrays import FloatArray
+from ...instruments.files import new_file
+from .encoding import mark_simulated
+from .plotting import GREY, INK, Columns, letter, new_figure, style
+
+__all__ = ["animate_map", "map_figure"]
+
+_SHAPES = 5
+"""Number of mode shapes drawn."""
+_FRAMES = 24
+_COLOURS = 63
+_SQUARE = 0.7
+"""Height over width of the table as drawn (not stated in the paper)."""
+_MICRO = 1e6
+
+
+def map_figure(found: VibrationMap, columns: Columns = 2) -> Figure:
+    """Draw the paper's figure 3 for each configuration at the best frequency, and the strongest modes.
+
+    A map of some points only shows these as squares on the table.
+    """
+    best, names = found.best(), found.configurations
+    at = np.array([best.frequency_hz])
+    sizes = {name: _MICRO * np.abs(found.displacement(name, at)[:, 0]) for name in names}
+    top = max(float(own.max()) for own in sizes.values())
+    modes = sorted(hz for hz, _ in found.resonances()[:_SHAPES])
+    across = max(len(names), len(modes), 1) if columns == 2 else 2
+    with style():
+        rows = [-(-len(names) // across), -(-len(modes) // across)]
+        drawn = new_figure((1.2 if columns == 2 else 1.4) * sum(rows) + 0.2, columns)
+        grid = drawn.add_gridspec(sum(rows), across + 1, width_ratios=[*(1.0,) * across, 0.06])
+        for k, name in enumerate(names):
+            axes = drawn.add_subplot(grid[k // across, k % across])
+            image = _surface(axes, found, sizes[name], "magma", 0.0, top)
+            letter(axes, k, "all" if name == ALL else f"patch {name}")
+            if name == best.patch:
+                row, column = divmod(int(best.point), found.plan.columns)
+                axes.plot(column, row, "o", ms=11, mfc="none", mec=INK, mew=2.2)
+                axes.plot(column, row, "o", ms=11, mfc="none", mec="white", mew=1)
+        bar = drawn.add_subplot(grid[: rows[0], -1])
+        drawn.colorbar(image, cax=bar).set_label(f"µm per V, {best.frequency_hz:.1f} Hz")
+        for k, hz in enumerate(modes):
+            axes = drawn.add_subplot(grid[rows[0] + k // across, k % across])
+            # Brightness tells the sign in grey, too; the line between is where the mode does not move.
+            image = _surface(axes, found, found.shape(hz), "cividis", -1.0, 1.0)
+            if _whole(found):
+                _nodal_lines(axes, found.grid(found.shape(hz)))
+            letter(axes, len(names) + k, f"{hz:.1f} Hz")
+        if modes:
+            bar = drawn.add_subplot(grid[rows[0] :, -1])
+            drawn.colorbar(image, cax=bar, ticks=[-1, 0, 1]).set_label("mode shape")
+    return drawn
+
+
+def animate_map(found: VibrationMap, path: Path) -> None:
+    """Write one period of the vibration at the best frequency, in slow motion, as a new GIF.
+
+    Raises DataError when it exists or cannot be written.
+    """
+    best = found.best()
+    motion = found.displacement(best.patch, np.array([best.frequency_hz]))[:, 0] * _MICRO
+    top = float(np.abs(motion).max())
+    with style():
+        drawn = Figure(figsize=(4.2, 2.6), layout="constrained")
+        axes = drawn.add_subplot()
+
+        def frame(number: int) -> FloatArray:
+            return found.grid(np.real(motion * np.exp(2j * np.pi * number / _FRAMES)))
+
+        # Few enough colours for a GIF, which has one palette per frame; brightness tells up from down.
+        colours = colormaps["cividis"].resampled(_COLOURS)
+        image = _surface(axes, found, np.real(motion), colours, -top, top)
+        axes.set_title(f"Patch {best.patch}, {best.frequency_hz:.1f} Hz, in slow motion")
+        drawn.colorbar(image, ax=axes, label="µm per V", fraction=0.05)
+        if found.plan.simulated:
+            mark_simulated(drawn)
+
+        def draw(number: int) -> tuple[Any, ...]:
+            image.set_data(frame(number))
+            return (image,)
+
+        with new_file(path) as part:
+            # Pillow derives the file type from the suffix.
+            gif = part.with_name(f"{part.name}.gif")
+            try:
+                FuncAnimation(drawn, draw, frames=_FRAMES).save(gif, writer=PillowWriter(fps=12), dpi=110)
+                gif.replace(part)
+            finally:
+                gif.unlink(missing_ok=True)
+
+
+def _surface(
+    axes: Axes, found: VibrationMap, values: FloatArray, colours: str | Colormap, low: float, high: float
+) -> AxesImage:
+    """Draw values (points,) on the table's grid, interpolated between the points."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    # The table's edge, and grey where nothing was measured.
+    axes.set_facecolor("#E4E4E4")
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+        spine.set_color(GREY)
+    plan = found.plan
+    return axes.imshow(
+        found.grid(values),
+        cmap=colours,
+        vmin=low,
+        vmax=high,
+        # The bicubic filter spreads NaN of unmeasured points, so partial maps are not interpolated.
+        interpolation="bicubic" if _whole(found) else "nearest",
+        aspect=_SQUARE * plan.columns / plan.rows,
+    )
+
+
+def _nodal_lines(axes: Axes, shape: FloatArray) -> None:
+    """Draw where a mode shape (rows, columns) is zero, interpolated as the picture is."""
+    finer = scipy.ndimage.zoom(shape, 8, order=3)
+    rows = np.linspace(0, shape.shape[0] - 1, finer.shape[0])
+    columns = np.linspace(0, shape.shape[1] - 1, finer.shape[1])
+    if finer.min() < 0 < finer.max():
+        axes.contour(columns, rows, finer, [0.0], colors="white", linewidths=0.8)
+
+
+def _whole(found: VibrationMap) -> bool:
+    return len(found.points) == found.plan.rows * found.plan.columns

@@ -1,0 +1,380 @@
+"""Figures 6 to 9 of the paper for one run, in the layout of a journal.
+
+Every function takes results of the other packages and returns a matplotlib Figure; only spectra and
+means are computed here. No pyplot state is used, so figures can be made in any process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ...calibration import modulate
+from ...instruments.arrays import FloatArray
+from .plotting import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    SKY,
+    SOFT,
+    VERMILLION,
+    Columns,
+    active,
+    colour,
+    density_axis,
+    label_below,
+    legend_under,
+    letter,
+    panels,
+    spectrum,
+    style,
+    unit_peak,
+)
+
+if TYPE_CHECKING:
+    from ...acquisition import Representative
+    from ...calibration import Check, Drive
+
+__all__ = [
+    "Profile",
+    "activation_forces",
+    "activation_time",
+    "comparison",
+    "drives",
+    "profiles",
+]
+
+
+_TITLE = 42
+"""Characters of a title that fit above a panel one column wide."""
+_NAMES = 40
+"""Most characters of names side by side below a panel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A press to draw: arrays (samples,), with the time (s) of each sample relative to activation."""
+
+    button: str
+    time: FloatArray
+    acceleration: FloatArray
+    force: FloatArray
+    activation: FloatArray
+    rate_hz: float
+    bandwidth_hz: float | None = None
+    spread: FloatArray | None = None
+    """Standard deviation of the averaged presses (m/s^2)."""
+
+    @classmethod
+    def of(cls, press: Representative) -> Profile:
+        """Profile of a representative press."""
+        time = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
+        return cls(
+            press.button,
+            time,
+            press.acceleration,
+            press.force,
+            press.activation,
+            press.rate_hz,
+            press.bandwidth_hz,
+            press.spread,
+        )
+
+
+def profiles(presses: Sequence[Profile], columns: Columns = 2) -> Figure:
+    """Draw figure 6: normalised acceleration, force and activation over time, and the spectral density."""
+    with style():
+        figure, grid = panels(len(presses), 2, 1.62, columns, ratios=(1.55, 1))
+        for row, (press, (left, right)) in enumerate(zip(presses, grid, strict=True)):
+            room = 1 if row == 0 else 0
+            letter(left, 2 * row, press.button.capitalize(), room)
+            letter(right, 2 * row + 1, legend_rows=room if columns == 2 else 0)
+            _profile(left, press, with_legend=row == 0)
+            _density(right, press, with_legend=row == 0)
+        _share_x(grid)
+        label_below(grid, ("Time after activation (ms)", "Frequency (Hz)"), columns)
+        return figure
+
+
+def activation_forces(
+    forces: Mapping[str, Mapping[str, FloatArray]],
+    true_means: Mapping[str, float] | None = None,
+    columns: Columns = 2,
+) -> Figure:
+    """Draw figure 7: force at activation (N) of each button and participant, and of all together.
+
+    `forces` is button -> participant -> (presses,); `true_means` is button -> N, known on a
+    simulated rig.
+    """
+    truth = true_means or {}
+    participants = list(dict.fromkeys(p for by in forces.values() for p in by))
+    everyone = {button: np.concatenate(list(by.values())) for button, by in forces.items()}
+    with style():
+        # The paper puts all buttons together in the upper right.
+        order: list[str | None] = [*forces]
+        order.insert(1, None)
+        rows = (len(order) + 1) // 2
+        figure, grid = panels(rows, 2, 1.8, columns)
+        for place, (axes, button) in enumerate(zip(grid.flat, order, strict=False)):
+            if button is None:
+                letter(axes, place, "All together", legend_rows=1 if truth else 0)
+                _together(axes, everyone, truth)
+                continue
+            index = list(forces).index(button)
+            beside = place == 0 and columns == 2 and bool(truth)
+            letter(axes, place, button.capitalize(), legend_rows=1 if beside else 0)
+            by = forces[button]
+            _forces(axes, [by.get(p, np.empty(0)) for p in participants], participants, [colour(index)])
+            mean = float(np.mean(everyone[button]))
+            axes.axhline(mean, color=colour(index), linewidth=0.6, linestyle=(0, (4, 3)), zorder=0)
+            # The axis need not start at zero: it compares participants; panel b compares buttons.
+            axes.margins(y=0.35)
+        for axes in list(grid.flat)[len(order) :]:
+            figure.delaxes(axes)
+        for axes in grid[:, 0] if columns == 2 else figure.axes:
+            axes.set_ylabel("Force at activation (N)")
+        return figure
+
+
+def drives(
+    waveforms: Sequence[Drive], limits: tuple[float, float] | None = None, columns: Columns = 2
+) -> Figure:
+    """Draw figure 8: the voltage at the patch for each button; `limits` are the lowest and highest (V)."""
+    with style():
+        figure, grid = panels(len(waveforms), 1, 1.3, columns)
+        end = max(active(drive.volts, drive.rate_hz)[1] for drive in waveforms)
+        for row, (drive, axes) in enumerate(zip(waveforms, grid[:, 0], strict=True)):
+            time = 1e3 * np.arange(len(drive.volts)) / drive.rate_hz
+            if limits:
+                label = "limit of the rig"
+                for level in limits:
+                    axes.axhline(level, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), label=label)
+                    label = ""
+            axes.plot(time, drive.volts, color=colour(row), linewidth=0.6)
+            axes.set_xlim(0, 1e3 * end)
+            axes.set_ylabel("Voltage (V)")
+            peak_to_peak = float(np.ptp(drive.volts))
+            told = f", patch {drive.patch}: {peak_to_peak:.1f} V peak to peak"
+            name = drive.button.capitalize()
+            room = _TITLE * columns - len(told)
+            title = (name if len(name) <= room else f"{name[: room - 1]}…") + told
+            letter(axes, row, title, legend_rows=1 if limits and row == 0 else 0)
+            if row:
+                axes.sharey(grid[0, 0])
+        if limits:
+            grid[0, 0].set_ylim(1.16 * limits[0], 1.16 * limits[1])
+            legend_under(grid[0, 0], 1)
+        _share_x(grid)
+        label_below(grid, ("Time (ms)",), columns)
+        return figure
+
+
+def comparison(results: Sequence[tuple[Representative, Check]], columns: Columns = 2) -> Figure:
+    """Draw figure 9: the recorded press, the target and the measured acceleration.
+
+    Per button: the recorded press above the measured acceleration, each scaled to unit peak as in
+    the paper; a stretch around the largest acceleration, target over measured; and the spectra.
+    """
+    with style():
+        figure, grid = panels(len(results), 3, 1.75, columns, ratios=(1.3, 1, 1.05))
+        for row, ((press, check), (whole, stretch, spectra)) in enumerate(zip(results, grid, strict=True)):
+            room = 1 if row == 0 else 0
+            letter(whole, 3 * row, f"{press.button.capitalize()}: {check.verdict}", 2 * room * (columns == 2))
+            title = f"Error {100 * check.wideband_nrmse:.1f} %, r = {check.correlation:.4f}"
+            letter(stretch, 3 * row + 1, title, (columns if columns == 2 else 1) * room)
+            letter(spectra, 3 * row + 2, legend_rows=2 * room)
+            _whole(whole, press, check)
+            _stretch(stretch, press, check, with_legend=row == 0)
+            _spectra(spectra, press, check, with_legend=row == 0)
+        _share_x(grid, hide=False)
+        label_below(
+            grid, ("Time after activation (ms)", "Time after activation (ms)", "Frequency (Hz)"), columns
+        )
+        return figure
+
+
+def _share_x(grid: Any, hide: bool = True) -> None:
+    """Give the panels of a column the same x axis; with `hide`, labels below the last one only."""
+    side_by_side = grid.shape[1] == 1 or grid[0, 0].get_gridspec().ncols > 1
+    for column in grid.T if hide else ():
+        for axes in column[1:]:
+            axes.sharex(column[0])
+        for axes in column[:-1] if side_by_side else ():
+            axes.tick_params(labelbottom=False)
+
+
+def _profile(axes: Axes, press: Profile, with_legend: bool) -> None:
+    time = 1e3 * press.time
+    peak = float(np.max(np.abs(press.acceleration))) or 1.0
+    axes.fill_between(
+        time, 0, 1, where=press.activation > 0.5, transform=axes.get_xaxis_transform(),
+        color=GREEN, alpha=0.10, linewidth=0,
+    )  # fmt: skip
+    force_axes = axes.twinx()
+    force_axes.spines["right"].set_visible(True)
+    force_axes.spines["right"].set_color(VERMILLION)
+    force_axes.tick_params(axis="y", color=VERMILLION, labelcolor=VERMILLION)
+    (force,) = force_axes.plot(time, press.force, color=VERMILLION, linewidth=1.4, label="Force")
+    force_axes.set_ylabel("Force (N)", color=VERMILLION, y=0.75)
+    top = max(float(press.force.max()), 1e-3)
+    force_axes.set_ylim(-1.2 * top, 1.2 * top)
+    # Zero force is level with zero acceleration; the axis shows no labels below it.
+    force_axes.yaxis.set_major_locator(MaxNLocator(5))
+    force_axes.set_yticks([t for t in force_axes.get_yticks() if 0 <= t <= 1.15 * top])
+    force_axes.spines["right"].set_bounds(0, 1.2 * top)
+    if press.spread is not None:
+        band = press.spread / peak
+        centre = press.acceleration / peak
+        axes.fill_between(time, centre - band, centre + band, color=BLUE, alpha=0.18, linewidth=0)
+    (acceleration,) = axes.plot(
+        time, press.acceleration / peak, color=BLUE, linewidth=0.8, label="Acceleration"
+    )
+    (state,) = axes.plot(
+        time, press.activation, color=GREEN, linewidth=0.9, linestyle="--", label="Activation"
+    )
+    axes.set_ylim(-1.2, 1.2)
+    axes.set_yticks([-1, 0, 1])
+    axes.set_xlim(time[0], time[-1])
+    axes.set_ylabel("Acceleration\n(1 = peak)", color=BLUE)
+    axes.tick_params(axis="y", labelcolor=BLUE)
+    axes.annotate(
+        f"peak {peak:.1f} m/s²", (1, 0), xycoords="axes fraction", xytext=(-3, 3),
+        textcoords="offset points", ha="right", va="bottom", fontsize=7, color=BLUE,
+    )  # fmt: skip
+    axes.set_zorder(force_axes.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    if with_legend:
+        legend_under(axes, 3, [acceleration, force, state])
+
+
+def _density(axes: Axes, press: Profile, with_legend: bool) -> None:
+    frequencies, density = spectrum(press.acceleration, press.rate_hz)
+    part = (frequencies >= 5) & (frequencies <= 1000)
+    axes.plot(frequencies[part], density[part], color=BLUE)
+    density_axis(axes, 1000, float(density[part].max()))
+    if press.bandwidth_hz and press.bandwidth_hz < 1000:
+        axes.axvline(press.bandwidth_hz, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+        if with_legend:
+            # Left of the line where the label does not fit on its right.
+            left = press.bandwidth_hz > 550
+            axes.annotate(
+                f"sensor's corner, {press.bandwidth_hz:g} Hz", (press.bandwidth_hz, 1),
+                xycoords=("data", "axes fraction"), xytext=(-3 if left else 3, -2),
+                textcoords="offset points", ha="right" if left else "left", va="top", fontsize=7, color=SOFT,
+            )  # fmt: skip
+
+
+def _together(axes: Axes, everyone: Mapping[str, FloatArray], truth: Mapping[str, float]) -> None:
+    names = [button.capitalize() for button in everyone]
+    _forces(axes, list(everyone.values()), names, [colour(i) for i in range(len(everyone))])
+    label = "truth of the plant"
+    for index, button in enumerate(everyone):
+        if button in truth:
+            axes.plot([index - 0.3, index + 0.3], [truth[button]] * 2, color=INK, linewidth=0.8, label=label)
+            label = ""
+    # From zero, and with room above: presses that agree would lie on the frame.
+    highest = max((float(np.max(values)) for values in everyone.values() if len(values)), default=1.0)
+    axes.set_ylim(0, 1.1 * max(highest, *truth.values(), 1e-3))
+    if truth:
+        legend_under(axes, 1)
+
+
+def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colours: Sequence[str]) -> None:
+    for index, values in enumerate(groups):
+        if not len(values):
+            continue
+        # Presses are spread evenly beside their mean, because random jitter would differ between runs.
+        offsets = np.linspace(-0.22, 0.22, len(values)) if len(values) > 1 else np.zeros(1)
+        colour = colours[index % len(colours)]
+        axes.plot(index + offsets, values, "o", markersize=2.2, color=colour, alpha=0.35, markeredgewidth=0)
+        deviation = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+        axes.errorbar(
+            index, float(np.mean(values)), yerr=deviation, fmt="s", markersize=3.6, color=colour,
+            elinewidth=0.9, capsize=2.5, capthick=0.9,
+        )  # fmt: skip
+    # Long or many names are turned, so that they stay apart.
+    turned = sum(len(name) + 1 for name in names) > _NAMES
+    axes.set_xticks(
+        range(len(names)),
+        [name.replace("$", r"\$") for name in names],
+        rotation=90 if turned else 0,
+    )
+    margin = max(0.6, (4 - len(names)) / 2)
+    axes.set_xlim(-margin, len(names) - 1 + margin)
+
+
+def _whole(axes: Axes, press: Representative, check: Check) -> None:
+    """Draw the recorded press above the measured motion: one over the other, each would hide the other."""
+    drive = check.drive
+    zero = activation_time(press, drive)
+    measured = np.arange(len(check.measured)) / check.rate_hz - zero
+    recorded = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
+    curves = (
+        (1.1, recorded, press.acceleration, BLUE),
+        (-1.1, measured, check.measured, INK),
+    )
+    for level, time, values, paint in curves:
+        axes.axhline(level, color=GREY, linewidth=0.4, zorder=0)
+        axes.plot(1e3 * time, level + unit_peak(values), color=paint, linewidth=0.6)
+    axes.set_xlim(*(1e3 * (edge - zero) for edge in active(drive.target, drive.rate_hz)))
+    axes.set_ylim(-2.3, 2.3)
+    axes.set_yticks([1.1, -1.1], ["recorded", "measured"], rotation=90, va="center")
+    for tick, paint in zip(axes.get_yticklabels(), (BLUE, INK), strict=True):
+        tick.set_color(paint)
+    axes.set_ylabel("Acceleration (1 = peak)")
+
+
+def _stretch(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
+    time = 1e3 * (np.arange(len(check.target)) / check.rate_hz - activation_time(press, check.drive))
+    middle = time[int(np.argmax(np.abs(check.target)))]
+    part = (time >= middle - 15) & (time <= middle + 15)
+    axes.plot(time[part], check.target[part], color=ORANGE, linewidth=2.0, label="Target")
+    axes.plot(time[part], check.measured[part], color=INK, linewidth=0.8, label="Measured")
+    axes.set_xlim(time[part][0], time[part][-1])
+    axes.set_ylabel("Acceleration (m/s²)")
+    if with_legend:
+        legend_under(axes, 2)
+
+
+def activation_time(press: Representative, drive: Drive) -> float:
+    """Time (s) of the activation on the drive's clock, from the best fit of its modulation to the target."""
+    step = round(drive.rate_hz / press.rate_hz)
+    coarse = drive.target[::step]
+    modulated = modulate(press.acceleration, press.rate_hz, drive.carrier_hz)
+    fit = scipy.signal.fftconvolve(coarse, modulated[::-1])
+    first = int(np.argmax(fit)) - (len(modulated) - 1)
+    return float((first + press.activation_index) / press.rate_hz)
+
+
+def _spectra(axes: Axes, press: Representative, check: Check, with_legend: bool) -> None:
+    drive = check.drive
+    curves: tuple[tuple[str, FloatArray, float, dict[str, Any]], ...] = (
+        ("Recorded", press.acceleration * drive.scale, press.rate_hz, {"color": BLUE, "linewidth": 0.8}),
+        ("Target", check.target, check.rate_hz, {"color": ORANGE, "linewidth": 1.9}),
+        ("Measured", check.measured, check.rate_hz, {"color": INK, "linewidth": 0.7}),
+        (
+            "Noise",
+            check.noise,
+            check.rate_hz,
+            {"color": SKY, "linewidth": 0.5, "linestyle": ":", "zorder": 1},
+        ),
+    )
+    top = 0.0
+    for label, signal, rate_hz, look in curves:
+        frequencies, density = spectrum(np.asarray(signal), rate_hz)
+        part = (frequencies >= 5) & (frequencies <= check.judged_hz)
+        axes.plot(frequencies[part], density[part], label=label, **look)
+        top = max(top, float(density[part].max()))
+    density_axis(axes, check.judged_hz, top)
+    axes.axvspan(*drive.band, color=GREY, alpha=0.10, linewidth=0)
+    if with_legend:
+        legend_under(axes, 2)

@@ -1,0 +1,89 @@
+"""What a notebook shows of a rig, recording, press, calibration, map, drive, check or button."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from ..instruments import DataError, Rig
+from ..terminal.progress import SIMULATED, rows_of
+from .figures import mark_simulated, png
+from .show import contents_of
+
+__all__ = ["html"]
+
+_DPI = 100.0
+_STYLE = "text-align:left;vertical-align:top;font-weight:normal"
+
+
+def html(value: Any) -> str:
+    """HTML of a value: its facts and a small picture. Text from files is text, never markup."""
+    if isinstance(value, Rig):
+        return _rig(value)
+    contents = contents_of(value)
+    facts = [(str(name), str(text)) for name, text in rows_of(contents.table)]
+    simulated = bool(contents.values["simulated"])
+    said = f"<div>{escape(SIMULATED)}</div>" if simulated else ""
+    return _table(str(contents.table.title), facts) + said + _picture(contents.draw, simulated)
+
+
+def _table(title: str, rows: list[tuple[str, str]]) -> str:
+    body = "".join(
+        f'<tr><th style="{_STYLE}">{escape(name)}</th><td style="{_STYLE}">{escape(text)}</td></tr>'
+        for name, text in rows
+    )
+    return f"<div><b>{escape(title)}</b><table>{body}</table></div>"
+
+
+def _picture(draw: Callable[..., Figure], simulated: bool) -> str:
+    try:
+        figure = draw(columns=1)
+    except DataError as error:
+        return f"<div>{escape(str(error))}</div>"
+    if simulated:
+        mark_simulated(figure)
+    data = base64.b64encode(png(figure, _DPI)).decode("ascii")
+    return f'<img alt="plot" src="data:image/png;base64,{data}">'
+
+
+def _rig(rig: Rig) -> str:
+    """A rig: its instruments, in the order in which a signal passes them."""
+    instruments = [
+        (role, str(getattr(one, "identity", "")) or type(one).__name__)
+        for role, one in rig.instruments.items()
+    ]
+    kind = f"simulated by its {rig.mode}" if rig.simulated else "not simulated"
+    rows = [("State", f"{'closed' if rig.is_closed else 'open'}, {kind}"), *instruments]
+    return _table(f"Rig {rig.name}", rows) + _chain([role for role, _ in instruments], rig.simulated)
+
+
+def _chain(roles: list[str], simulated: bool) -> str:
+    """A small picture of a rig: a box for each instrument, in a row."""
+    width, height, gap = 92, 34, 14
+    boxes = []
+    for number, role in enumerate(roles):
+        x = number * (width + gap)
+        boxes.append(
+            f'<rect x="{x + 1}" y="1" width="{width - 2}" height="{height - 2}" rx="4" fill="none" '
+            f'stroke="#0072B2"/><text x="{x + width / 2}" y="{height / 2 + 4}" font-size="12" '
+            f'text-anchor="middle" font-family="sans-serif" fill="currentColor">{escape(role)}</text>'
+        )
+        if number:
+            boxes.append(
+                f'<line x1="{x - gap}" x2="{x}" y1="{height / 2}" y2="{height / 2}" stroke="#8C8C8C"/>'
+            )
+    whole = max(1, len(roles) * (width + gap))
+    word = (
+        f'<text x="0" y="{height + 14}" font-size="11" font-family="sans-serif" fill="currentColor">'
+        "simulated</text>"
+        if simulated
+        else ""
+    )
+    return (
+        f'<svg role="img" aria-label="instruments of the rig" width="{whole}" height="{height + 18}" '
+        f'viewBox="0 0 {whole} {height + 18}">{"".join(boxes)}{word}</svg>'
+    )

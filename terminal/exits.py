@@ -1,0 +1,170 @@
+"""Exit codes and errors of every command: an error is one sentence on standard error.
+
+0 done and passed; 1 done, and the result is out of tolerance; 2 invalid request, file or
+configuration; 3 instrument failure; 130, 143 or 129 stopped by Ctrl-C, SIGTERM or a closed terminal.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+import textwrap
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+import click
+
+from ..instruments import HaploopError
+from ..instruments.signals import STOPPING, uninterrupted
+
+__all__ = ["CommandState", "Commands", "usable_streams"]
+
+INTERNAL_ERROR = 70
+"""A bug in haploop: EX_SOFTWARE of sysexits."""
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM or a closed terminal, handled like Ctrl-C: every context exits."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.exit_code = 128 + number
+
+
+@dataclass
+class CommandState:
+    """State of a running command, for the message when it is interrupted."""
+
+    rig_opened: bool = False
+    recordings: Path | None = None
+
+
+class Commands(click.Group):
+    """A command group that reports every failure as one sentence and an exit code."""
+
+    def main(self, *args: Any, **extra: Any) -> NoReturn:
+        """Run a command, and exit as the module describes."""
+        state = CommandState()
+        extra |= {"standalone_mode": False, "obj": state}
+        try:
+            with _stopping_as_interrupt():
+                result = super().main(*args, **extra)
+            sys.stdout.flush()
+        except click.Abort as stop:
+            self._fail(*_interrupted(state, stop.__cause__))
+        except KeyboardInterrupt as stop:
+            self._fail(*_interrupted(state, stop))
+        except click.exceptions.NoArgsIsHelpError as error:
+            click.echo(error.format_message())
+            result = 0
+        except click.UsageError as error:
+            command = error.ctx.command_path if error.ctx else "haploop"
+            self._fail(f"{error.format_message().rstrip('.')}. Try '{command} --help'.", 2)
+        except click.ClickException as error:
+            self._fail(error.format_message(), 2)
+        except HaploopError as error:
+            self._fail(str(error), error.exit_code)
+        except OSError as error:
+            what = error.filename or "A file"
+            self._fail(
+                f"{what} cannot be used ({(error.strerror or str(error)).lower()}): choose another.", 2
+            )
+        except Exception as error:
+            if os.environ.get("HAPLOOP_TRACEBACK"):
+                raise
+            self._fail(
+                f"Internal error in haploop ({type(error).__name__}: {error}). "
+                "Please report it, with the traceback that HAPLOOP_TRACEBACK=1 shows.",
+                INTERNAL_ERROR,
+            )
+        sys.exit(result if isinstance(result, int) else 0)
+
+    @staticmethod
+    def _fail(sentence: str, code: int) -> NoReturn:
+        # A further Ctrl-C does not suppress the message.
+        with uninterrupted():
+            told = "Error: " + " ".join(sentence.split())
+            if sys.stderr.isatty():
+                width = shutil.get_terminal_size().columns - 1
+                told = textwrap.fill(told, width, break_long_words=False, break_on_hyphens=False)
+            click.echo(told, err=True)
+            sys.exit(code)
+
+
+class _Unread:
+    """A standard stream whose reader may leave, as in `haploop schema | head`: the rest goes nowhere.
+
+    The command goes on, and ends with its own exit code.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return int(self._whatever(lambda: self._stream.write(text)) or 0)
+
+    def flush(self) -> None:
+        self._whatever(self._stream.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _whatever(self, action: Callable[[], Any]) -> Any:
+        try:
+            return action()
+        except BrokenPipeError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+            return action()
+
+
+def usable_streams() -> None:
+    """Make standard streams of those that are closed (`>&-`, pythonw), and let a pipe's reader leave."""
+    # No file that is opened later may take the number of a standard stream: what is printed would go there.
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(descriptor)
+    for name, kind in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            stream = open(os.devnull, kind, encoding="utf-8")  # noqa: PTH123, SIM115
+        setattr(sys, name, _Unread(stream) if kind == "w" else stream)
+
+
+@contextmanager
+def _stopping_as_interrupt() -> Iterator[None]:
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise _Terminated(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    # Python already raises KeyboardInterrupt for Ctrl-C.
+    # Nor is a signal handled that whoever started the command has it ignore (`nohup`).
+    handled = [
+        kind for kind in STOPPING if kind != signal.SIGINT and signal.getsignal(kind) != signal.SIG_IGN
+    ]
+    before = {kind: signal.signal(kind, stop) for kind in handled}
+    try:
+        yield
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
+
+
+def _interrupted(state: CommandState, cause: BaseException | None) -> tuple[str, int]:
+    # If the safe state had not been confirmed, its own error would have been raised instead.
+    sentence = "Stopped."
+    if state.rig_opened:
+        sentence = "Stopped: the output is zero and the relay is open."
+    if state.recordings is not None and any(state.recordings.glob("*.h5")):
+        sentence += f" The recordings so far are in {state.recordings} and are readable."
+    return sentence, cause.exit_code if isinstance(cause, _Terminated) else 130
