@@ -3,7 +3,7 @@
     python benchmarks/start.py                              # a few minutes
     python benchmarks/start.py --against OTHER/bin/python   # beside another environment, in the same rounds
 
-Prints Markdown. `tests/haploop/test_start.py` holds what each command may load, which does not depend on a
+Prints Markdown. `tests/commands/test_start.py` holds what each command may load, which does not depend on a
 machine.
 """
 

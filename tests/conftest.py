@@ -18,8 +18,9 @@ from filelock import FileLock
 
 import haploop
 from haploop.pytest_plugin import OpenRig
+from tests.command_line import demo, no_columns, run
 
-__all__ = ["OpenRig"]
+__all__ = ["OpenRig", "demo", "no_columns", "run"]
 
 # An example takes as long as the machine is loaded.
 hypothesis.settings.register_profile("haploop", deadline=None)

@@ -1,0 +1,107 @@
+"""`haploop analyse`: tables, JSON, figures, and one sentence for a wrong file."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import Run
+from tests.experiments.analysis.test_confusion import OVERALL, paper_csv, written
+from tests.experiments.analysis.test_power import plan
+from tests.experiments.analysis.test_ratings import ratings
+
+
+def test_confusion_as_json(run: Run, tmp_path: Path) -> None:
+    result = run("analyse", "confusion", paper_csv(tmp_path), "--json")
+    values = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert values["classes"]["latch"].keys() == {"accuracy", "precision", "sensitivity"}
+    assert values["overall"] == pytest.approx(1000 / 1200)
+    found = {(one["group"], one["day"]): round(100 * one["overall"], 2) for one in values["matrices"]}
+    assert found == OVERALL
+
+
+def test_what_is_not_defined(run: Run, tmp_path: Path) -> None:
+    path = written(tmp_path, "presented,answered,count\nlatch,latch,3\npush,latch,1\n")
+    values = json.loads(run("analyse", "confusion", path, "--json").stdout)
+    assert values["classes"]["push"] == {"accuracy": 0.75, "precision": None, "sensitivity": 0.0}
+    assert "not defined" in run("analyse", "confusion", path).stdout
+
+
+def test_figures_are_new_files(run: Run, tmp_path: Path) -> None:
+    path = paper_csv(tmp_path)
+    for _ in range(2):
+        result = run("analyse", "confusion", path, "--plot", tmp_path / "13.png")
+    assert result.exit_code == 2 and "already exists" in result.stderr
+    assert (tmp_path / "13.png").read_bytes().startswith(b"\x89PNG")
+    ratings(tmp_path)
+    result = run("analyse", "ratings", tmp_path / "ratings.csv", "--plot", tmp_path / "14.png", "--json")
+    assert result.exit_code == 0 and (tmp_path / "14.png").is_file()
+    values = json.loads(result.stdout)
+    assert [one["effect"] for one in values["manova"]["by_person"]] == [
+        "category",
+        "button",
+        "category x button",
+    ]
+
+
+def test_power(run: Run, tmp_path: Path) -> None:
+    result = run("analyse", "power", plan(tmp_path), "--runs", 20, "--json")
+    values = json.loads(result.stdout)
+    assert values["simulated"] and len(values["power"]) == 7
+    assert "Power" in run("analyse", "power", plan(tmp_path), "--runs", 20).stdout
+
+
+@pytest.mark.parametrize("command", ["confusion", "ratings", "power"])
+def test_a_file_that_is_not_one_is_refused(run: Run, tmp_path: Path, command: str) -> None:
+    (tmp_path / "bytes").write_bytes(b"\xff\x00\xfe")
+    for path in (tmp_path / "none", tmp_path / "bytes", tmp_path):
+        result = run("analyse", command, path, "--json")
+        assert result.exit_code == 2 and result.stdout == "", path
+        assert len(result.stderr.splitlines()) == 1
+
+
+def test_thresholds_of_simulated_participants(run: Run, tmp_path: Path) -> None:
+    """The model's: Weibull with 0.2 and slope 2, so that half of the way is at 0.2 ln(2)^(1/2) = 0.167."""
+    pytest.importorskip("psignifit")
+    data, table = tmp_path / "answers", tmp_path / "out.csv"
+    assert run("experiment", "simulate", "two-interval", "-n", 1, "-d", data).exit_code == 0
+    assert run("experiment", "export", "two-interval", table, "-d", data).exit_code == 0
+    result = run("analyse", "thresholds", table, "--json")
+    assert result.exit_code == 0
+    one = json.loads(result.stdout)["thresholds"][0]
+    assert one["participant"] == "P01" and one["trials"] == 120
+    assert one["interval"][0] < 0.667 < one["interval"][1] and 0.55 < one["threshold"] < 0.8
+    assert one["standard"] == 0.5 and one["difference"] == pytest.approx(one["threshold"] - 0.5)
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    for row in rows:
+        row.update(
+            {name: str(1 - float(row[name])) for name in ("first_value", "second_value", "comparison")}
+        )
+    below = table.with_name("below.csv")
+    with below.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    mirrored = json.loads(run("analyse", "thresholds", below, "--json").stdout)["thresholds"][0]
+    assert mirrored["threshold"] == pytest.approx(1 - one["threshold"], abs=0.02)
+    assert mirrored["difference"] == pytest.approx(one["difference"], abs=0.02)
+    _, *lines = below.read_text(encoding="utf-8").splitlines()
+    both = table.with_name("both.csv")
+    both.write_text("\n".join([*table.read_text(encoding="utf-8").splitlines(), *lines]), encoding="utf-8")
+    assert "on both sides of the standard, 0.5" in run("analyse", "thresholds", both).stderr
+    short = table.with_name("short.csv")
+    short.write_text("\n".join(table.read_text(encoding="utf-8").splitlines()[:15]), encoding="utf-8")
+    assert "a threshold needs 20 trials" in run("analyse", "thresholds", short).stderr
+
+
+def test_without_psignifit_the_extra_is_named(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "psignifit", None)
+    path = written(tmp_path, "comparison,correct\n0.1,true\n")
+    result = run("analyse", "thresholds", path)
+    assert result.exit_code == 2 and 'pip install "haploop[psychometrics]"' in result.stderr

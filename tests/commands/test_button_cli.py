@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+import haploop
+from haploop.acquisition import AverageMethod
+from tests.command_line import Demo, Run
+
+
+@pytest.fixture(scope="module")
+def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("made") / "latch.h5"
+
+
+def test_a_button_is_made_shown_and_verified(
+    demo: Demo, made: Path, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    recording = next((demo.folder / "recordings").glob("*latch*.h5"))
+    table = demo.folder / "calibration.h5"
+    result = run("button", "make", recording, "-c", table, "-o", made, "--iterations", 0, "--json")
+    values = json.loads(result.stdout)
+    assert result.exit_code == (0 if values["passed"] else 1)
+    assert values["kind"] == "button" and values["simulated"] and values["button"] == "latch"
+    assert values["sources"][0]["file"] == recording.name
+    assert len(values["iterations"]) == 1 and values["unreached"]
+
+    shown = run("show", made, "--plot", tmp_path / "latch.png")
+    assert shown.exit_code == 0 and (tmp_path / "latch.png").stat().st_size > 10_000
+    assert "Digital latch button, pass" in shown.output and "Simulated" in shown.output
+    again = run("button", "check", made, "--json")
+    values = json.loads(again.stdout)
+    assert again.exit_code == 0 and values["passed"]
+    kept = haploop.Check.load(tmp_path / values["file"])
+    assert len(kept.accelerations) == 8 and kept.wideband_nrmse == values["wideband_nrmse"]
+    assert run("button", "check", made, "--plays", 2).exit_code == 2
+    assert "exists" in run("button", "check", made, "-o", values["file"]).output
+
+    taken = run("button", "make", recording, "-c", table, "-o", made)
+    assert taken.exit_code == 2 and "exists" in taken.output
+
+
+def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run: Run, tmp_path: Path) -> None:
+    recordings = sorted((demo.folder / "recordings").glob("*latch*.h5"))
+    result = run("represent", *recordings, "-o", tmp_path / "both.h5")
+    assert result.exit_code == 0
+    assert "it leaves less of presses that it does not hold" in " ".join(result.output.split())
+    values = json.loads(run("show", tmp_path / "both.h5", "--json").stdout)
+    assert set(values["scores"]) == {"two-level registration", "two-level barycentre, centred in time"}
+    assert values["method"] == min(values["scores"], key=values["scores"].get)
+    result = run("represent", *recordings, "-o", tmp_path / "paper.h5", "--method", "barycentre", "--json")
+    values = json.loads(result.stdout)
+    assert (values["method"], values["scores"]) == ("two-level barycentre", {})
+    assert "exists" in run("represent", *recordings, "-o", tmp_path / "paper.h5").output
+
+
+def test_button_and_check_ask_for_the_paper_s_press_too(demo: Demo, run: Run, tmp_path: Path) -> None:
+    recording = next((demo.folder / "recordings").glob("*latch*.h5"))
+    table = demo.folder / "calibration.h5"
+    result = run("check", recording, "-c", table, "-o", tmp_path, "--method", "barycentre")
+    assert result.exit_code in (0, 1)
+    values = json.loads(run("show", tmp_path / "latch-press.h5", "--json").stdout)
+    assert values["method"] == "two-level barycentre"
+    made = tmp_path / "mean.h5"
+    run("button", "make", recording, "-c", table, "-o", made, "--iterations", 0, "--press-method", "mean")
+    assert haploop.DigitalButton.load(made).press.method == "two-level mean"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("represent",), ("check", "-c", "x.h5"), ("study", "represent"), ("button", "make", "-c", "x.h5")],
+)
+def test_an_unknown_method_is_one_sentence(run: Run, command: tuple[str, ...]) -> None:
+    option = "--press-method" if command[0] == "button" else "--method"
+    result = run(*command, "latch", option, "median")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert len([line for line in result.stderr.splitlines() if line.startswith("Error: ")]) == 1
+    assert all(repr(name) in result.stderr for name in get_args(AverageMethod))
+
+
+def test_what_is_no_button_is_refused(demo: Demo, run: Run) -> None:
+    result = run("button", "check", demo.folder / "calibration.h5")
+    assert result.exit_code == 2 and "is not a haploop button" in result.output

@@ -1,0 +1,183 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import grpc
+import nidaqmx
+import nidaqmx.system
+import pytest
+from click.testing import CliRunner
+
+from haploop.acquisition import Recording
+from haploop.commands.cli import cli
+from tests.command_line import Run
+
+
+def test_help_and_version(run: Run) -> None:
+    assert "demo" in run("--help").stdout
+    assert run("--version").stdout.startswith("haploop 0.")
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["dance"],
+        ["demo", "--seed", "minus one"],
+        ["demo", "--seed", "-1"],
+        ["demo", "--participants", "0"],
+        ["demo", "--simulate", "dream"],
+        ["demo", "--rig", "no-such-rig"],
+        ["demo", "--rig", "no/such/rig.toml"],
+        ["record"],
+        ["record", "latch"],
+        ["record", "latch", "--participant", "P01", "--presses", "0"],
+        ["record", "no such/button", "--participant", "P01"],
+        ["show", "missing.h5"],
+        ["show", "."],
+        ["recover", "missing.h5"],
+        ["calibrate", "--patch", "Z"],
+        ["calibrate", "--point", "nowhere"],
+        ["calibrate", "--point", "84"],
+        ["calibrate", "--out", "no/such/folder/c.h5"],
+        ["check", "missing.h5", "--calibration", "missing.h5"],
+        ["check", "--calibration", "missing.h5"],
+    ],
+    ids=" ".join,
+)
+def test_a_wrong_request_is_one_sentence_and_exit_code_2(
+    run: Run, args: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(*args)
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    errors = [line for line in result.stderr.splitlines() if not line.startswith("Everything here")]
+    assert len(errors) == 1 and errors[0].startswith("Error: ") and errors[0].endswith((".", "?")), errors
+
+
+def test_an_unknown_key_of_the_plant_is_named(run: Run, tmp_path: Path) -> None:
+    rig = tmp_path / "plant.toml"
+    rig.write_text("[simulation]\nmode_drft = 0.1\n", encoding="utf-8")
+    result = run("demo", "--rig", rig)
+    assert result.exit_code == 2
+    assert "mode_drift" in result.stderr
+
+
+@pytest.mark.parametrize("command", [["demo"], ["record", "latch", "--participant", "P01"]], ids=" ".join)
+def test_a_folder_that_cannot_be_made_is_one_sentence(run: Run, tmp_path: Path, command: list[str]) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    result = run(*command, "--out", tmp_path / "file" / "folder")
+    assert result.exit_code == 2
+    assert "Error: " in result.stderr
+    assert str(tmp_path / "file") in result.stderr
+
+
+def test_record_then_show(run: Run, tmp_path: Path) -> None:
+    recorded = run("record", "toggle", "-p", "P03", "--presses", 2, "--out", tmp_path, "--json")
+    assert recorded.exit_code == 0, recorded.output
+    values = json.loads(recorded.stdout)
+    assert (values["button"], values["participant"], values["presses_detected"]) == ("toggle", "P03", 2)
+    assert "Everything here is simulated (twin, seed 0)." in recorded.stderr
+    shown = run("show", tmp_path / "P03-toggle.h5", "--json")
+    assert json.loads(shown.stdout) == values
+    again = run("record", "toggle", "-p", "P03", "--presses", 2, "--out", tmp_path)
+    assert again.exit_code == 2
+    assert "P03-toggle.h5" in again.stderr
+
+
+def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    from haploop.reports import show
+
+    def broken(*_args: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(show, "show_file", broken)
+    result = CliRunner().invoke(cli, ["show", "anything"])
+    assert result.exit_code == 70
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "SIGTERM"]
+)
+def test_a_stopped_recording_is_safe_and_readable(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "haploop",
+        "record",
+        "latch",
+        "-p",
+        "P01",
+        "-n",
+        "60",
+        "-o",
+        str(tmp_path),
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert "simulated" in process.stderr.readline()
+        assert "Record the latch button" in process.stderr.readline()
+        process.send_signal(number)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == code, err
+    assert out == ""
+    (sentence,) = err.split("\n")[1:-1]  # the first line ends what the terminal echoes as ^C
+    assert "the output is zero and the relay is open" in sentence
+    assert str(tmp_path) in sentence
+    recording = Recording.open(tmp_path / "P01-latch.h5")
+    assert not recording.complete
+    assert recording.duration > 0.4
+    assert recording.volts.shape[0] == len(recording.channels)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
+def test_twin_ni_serves_the_devices_of_an_export(tmp_path: Path) -> None:
+    export = tmp_path / "max.ini"
+    export.write_text("[DAQmxDevice Dev1]\nProductType = PCIe-6363\nDevIsSimulated = 1\n", encoding="utf-8")
+    command = [sys.executable, "-m", "haploop", "twin", "ni", "--devices", str(export)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            assert line.startswith("Server listening on port ")
+            with grpc.insecure_channel(
+                f"127.0.0.1:{int(line.split()[-1])}", options=[("grpc.enable_http_proxy", 0)]
+            ) as channel:
+                options = nidaqmx.GrpcSessionOptions(channel, "")
+                assert nidaqmx.system.System.remote(options).devices.device_names == ["Dev1"]
+        finally:
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=30)
+    assert process.returncode == 0, err
+
+
+def test_twin_ni_wants_one_source_of_devices(run: Run, tmp_path: Path) -> None:
+    for args in (["--devices", tmp_path / "missing.ini"], ["--devices", "x.ini", "--rig", "simulated"]):
+        result = run("twin", "ni", *args)
+        assert result.exit_code == 2
+        assert result.stderr.count("\n") == 1
+
+
+def test_importing_haploop_is_cheap_and_finds_every_name() -> None:
+    program = (
+        "import sys, haploop\n"
+        "heavy = {'numpy', 'scipy', 'h5py', 'matplotlib', 'pydantic'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+        "assert set(haploop.__all__) <= set(dir(haploop))\n"
+        "for name in haploop.__all__: getattr(haploop, name)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    import haploop
+
+    with pytest.raises(AttributeError, match="recrod"):
+        haploop.recrod  # noqa: B018

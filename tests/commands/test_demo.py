@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from typing import Any
+
+import h5py
+import pytest
+
+from haploop.acquisition import Recording
+from tests.command_line import Demo, Run
+from tests.documents.pages import ROOT, blocks
+
+
+def numbers(value: Any) -> list[float]:
+    if isinstance(value, dict):
+        return [n for item in value.values() for n in numbers(item)]
+    if isinstance(value, list):
+        return [n for item in value for n in numbers(item)]
+    return [value] if isinstance(value, float | int) else []
+
+
+def test_every_button_passes_and_the_exit_code_says_so(demo: Demo) -> None:
+    assert {name: (b["passed"], b["reasons"]) for name, b in demo.summary["buttons"].items()} == {
+        "latch": (True, []),
+        "toggle": (True, []),
+        "push": (True, []),
+    }
+    assert demo.summary["passed"] is True
+    assert demo.result.exit_code == 0
+
+
+def test_what_is_measured_agrees_with_the_plant(demo: Demo) -> None:
+    buttons = demo.summary["buttons"]
+    for button in buttons.values():
+        assert button["presses"] == button["presses_detected"] == 10
+        assert button["activation_force_n"] == pytest.approx(button["activation_force_true_n"], rel=0.02)
+        assert 0 < button["drive_peak_v"] <= 50
+        assert button["drive_peak_to_peak_v"] <= 100
+        assert button["nrmse"] <= button["tolerance"]
+        assert button["correlation"] >= 0.97
+    force = {name: button["activation_force_n"] for name, button in buttons.items()}
+    assert force["latch"] > force["push"] > force["toggle"]
+    assert demo.summary["resonance_hz"] == pytest.approx(demo.summary["resonance_true_hz"], abs=0.3)
+
+
+def test_the_summary_says_what_the_run_was(demo: Demo, mode: str) -> None:
+    summary = demo.summary
+    assert summary["simulated"] is True
+    assert summary["mode"] == (mode if mode in ("twin", "wire") else "twin")
+    assert (summary["rig"], summary["seed"]) == ("simulated", 0)
+    assert summary["simulated_s"] > 30
+    assert summary["wall_s"] > 0
+    assert 0 <= summary["coherence_min_in_band"] <= 1
+    assert all(math.isfinite(n) for n in numbers(summary))
+    assert json.loads((demo.folder / "summary.json").read_text(encoding="utf-8")) == summary
+
+
+def test_standard_output_is_one_json_object_and_progress_goes_elsewhere(demo: Demo) -> None:
+    assert demo.result.stdout.startswith("{") and demo.result.stdout.rstrip().endswith("}")
+    assert "Record the latch button" in demo.result.stderr
+    assert "simulated" in demo.result.stderr
+
+
+def test_recordings_are_kept_with_the_hash_that_the_summary_names(demo: Demo) -> None:
+    for button in demo.summary["buttons"].values():
+        (source,) = button["sources"]
+        recording = Recording.open(demo.folder / "recordings" / source["file"])
+        assert recording.complete and recording.simulated
+        assert recording.content_hash == source["sha256"]
+
+
+def test_the_report_stands_alone(demo: Demo) -> None:
+    report = (demo.folder / "report.html").read_text(encoding="utf-8")
+    assert demo.summary["report"] == str(demo.folder / "report.html")
+    assert not re.search(r'(?:src|href)="(?!data:)', report)
+    assert not re.search(r"https?://|url\(|@import", report)
+    assert report.count('src="data:image/png;base64,') == 6
+    assert "Everything here is simulated" in report
+    for button in demo.summary["buttons"].values():
+        assert button["sources"][0]["sha256"] in report
+
+
+def test_a_second_demo_overwrites_nothing(demo: Demo, run: Run) -> None:
+    before = (demo.folder / "summary.json").read_bytes()
+    result = run("demo", "--out", demo.folder)
+    assert result.exit_code == 2
+    assert "not overwritten" in result.stderr
+    assert (demo.folder / "summary.json").read_bytes() == before
+
+
+def test_the_scripts_of_the_documents_compute_a_demo_again(
+    demo: Demo, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Error, floor, interval, verdict and response, from the files of its folder."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("calibration.h5", "calibration-waveforms.h5"):
+        shutil.copy(demo.folder / name, name)
+    shutil.copy(demo.folder / "checks" / "push.h5", "push-check.h5")
+    for block in blocks((ROOT / "docs" / "explanation" / "check.md").read_text(encoding="utf-8")):
+        if block.language == "python":
+            exec(compile(block.text, f"line {block.line} of check.md", "exec"), {})
+    printed = capsys.readouterr().out
+    push = demo.summary["buttons"]["push"]
+    low, high = push["wideband_interval"]
+    error, floor = push["wideband_nrmse"], push["wideband_floor"]
+    assert printed.startswith(f"{error:.4f} ({low:.4f} to {high:.4f}), floor {floor:.4f}, pass: True")
+    off = re.search(r"at ([\d.]+) Hz; ([\d.]+)% from the stored one", printed)
+    assert off and float(off[2]) < 2
+    assert float(off[1]) == pytest.approx(demo.summary["resonance_hz"], abs=1)
+    assert (demo.folder / "calibration-waveforms.h5").stat().st_size < 10e6
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("recordings/P01-latch.h5", "recording"),
+        ("presses/latch.h5", "representative"),
+        ("calibration.h5", "calibration"),
+        ("drives/latch.h5", "drive"),
+    ],
+)
+def test_show_knows_every_file_of_a_demo(demo: Demo, run: Run, tmp_path: Any, name: str, kind: str) -> None:
+    plot = tmp_path / "plot.png"
+    result = run("show", demo.folder / name, "--json", "--plot", plot)
+    assert result.exit_code == 0, result.output
+    values = json.loads(result.stdout)
+    assert values["kind"] == kind
+    assert values["simulated"] is True
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert "Simulated" in run("show", demo.folder / name).stdout
+
+
+def test_check_finds_what_the_demo_found(demo: Demo, run: Run, tmp_path: Any) -> None:
+    result = run(
+        "check",
+        demo.folder / "recordings" / "P01-toggle.h5",
+        "--calibration",
+        demo.folder / "calibration.h5",
+        "--out",
+        tmp_path,
+        "--json",
+    )
+    assert result.exit_code == 0, result.output
+    values = json.loads(result.stdout)
+    assert values["button"] == "toggle"
+    assert values["passed"] is True
+    assert values["drive_peak_v"] == pytest.approx(
+        demo.summary["buttons"]["toggle"]["drive_peak_v"], rel=0.05
+    )
+
+
+def test_a_file_cut_in_half_is_damaged_in_one_sentence(demo: Demo, run: Run, tmp_path: Any) -> None:
+    for name in ("recordings/P01-latch.h5", "calibration.h5"):
+        whole = (demo.folder / name).read_bytes()
+        half = tmp_path / "half.h5"
+        half.write_bytes(whole[: len(whole) // 2])
+        result = run("show", half)
+        assert result.exit_code == 2
+        assert result.stderr.count("\n") == 1
+
+
+def test_a_stranger_s_file_is_refused(run: Run, tmp_path: Any) -> None:
+    path = tmp_path / "other.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = 1
+    result = run("show", path)
+    assert result.exit_code == 2
+    assert "was not written by this version of haploop" in result.stderr
+
+
+def test_a_picture_takes_no_file_s_place(demo: Demo, run: Run, tmp_path: Any) -> None:
+    recording = demo.folder / "recordings" / "P01-latch.h5"
+    before = recording.read_bytes()
+    assert run("show", recording, "--plot", recording).exit_code == 2
+    there = tmp_path / "there.png"
+    there.write_text("mine")
+    assert run("show", recording, "--plot", there).exit_code == 2
+    assert run("show", recording, "--plot", tmp_path / "picture.xyz").exit_code == 2
+    assert recording.read_bytes() == before and there.read_text() == "mine"

@@ -1,0 +1,170 @@
+"""What the doctor says of a rig that is as its file says, and of one that is not."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.calibration.examination import Finding, examine, examine_each
+from haploop.calibration.examination.camera_check import check_camera
+from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
+from haploop.instruments.config import RigFile
+from haploop.instruments.driver import Mode
+from haploop.mocks.plant import PlantSource, Surface, random_modal
+from tests.command_line import Run
+from tests.conftest import OpenRig
+
+
+def of_status(findings: list[Finding], status: str) -> list[Finding]:
+    return [finding for finding in findings if finding.status == status]
+
+
+def assert_safe(rig: Rig) -> None:
+    rig.clock.sleep(0.1)
+    assert rig.simulation.truth.closed == frozenset()
+    assert max(map(abs, rig.simulation.truth.patch_voltages.values())) < 0.02
+    assert rig.simulation.truth.peak < 11
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, seed: int) -> None:
+    rig = open("haptable", seed=seed)
+    findings = examine(rig)
+    assert {f.status for f in findings} == {"green"}, of_status(findings, "red") + of_status(
+        findings, "yellow"
+    )
+    assert {f.instrument for f in findings} == {
+        "daq", "amplifier", "relay", "vibrometer", "force", "acceleration", "table", "rig"
+    }  # fmt: skip
+    assert_safe(rig)
+
+
+@pytest.mark.many_plays
+@pytest.mark.parametrize(
+    ("fault", "instrument", "says"),
+    [
+        ({"kind": "relay-swapped"}, "relay", "patches A and B are swapped"),
+        ({"kind": "relay-swapped", "patches": ["D", "C"]}, "relay", "patches C and D are swapped"),
+        ({"kind": "vibrometer-range", "range": 0.5}, "vibrometer", "set the range to 20 mm/s"),
+        ({"kind": "force-calibration"}, "force", "Check the serial number on the .cal file"),
+        ({"kind": "accelerometer-inverted"}, "acceleration", "mounted upside down"),
+        ({"kind": "patch-dead", "patch": "C"}, "table", "the patch is dead"),
+        ({"kind": "rtsi-missing"}, "daq", "connect a RTSI cable"),
+        ({"kind": "clock-drift"}, "daq", "clocks of their own"),
+        ({"kind": "amplifier-gain", "gain": 40}, "amplifier", "0.797 V arrive"),
+        ({"kind": "amplifier-trip", "after": 45}, "amplifier", "is the amplifier on"),
+        ({"kind": "laser-blocked"}, "vibrometer", "is the beam blocked"),
+        ({"kind": "laser-dropout", "after": 46, "times": 20}, "vibrometer", "too little light"),
+        ({"kind": "sensor-disconnected", "channel": "acceleration_z"}, "acceleration", "z must show 9.8"),
+        ({"kind": "daq-overrun"}, "daq", "-200279"),
+        ({"kind": "daq-overflow", "device": "Dev1"}, "daq", "Dev1 lost samples"),
+        (
+            {"kind": "relay-stuck", "patch": "B", "after": 40},
+            "relay",
+            "channel 2 (patch B) was told to close",
+        ),
+        ({"kind": "relay-lost", "patch": "B", "after": 40}, "relay", "channel 2 (patch B) was told to close"),
+        ({"kind": "relay-welded", "patch": "D"}, "relay", "the contact does not close"),
+        ({"kind": "relay-welded", "after": 44.5}, "relay", "welded closed"),
+    ],
+    ids=lambda value: value["kind"] if isinstance(value, dict) else "",
+)
+def test_one_thing_that_is_wrong_is_one_red_sentence(
+    open: OpenRig, mode: str, fault: dict[str, Any], instrument: str, says: str
+) -> None:
+    of_one_card = fault["kind"].startswith(("sensor", "daq"))
+    rig = open("minimal" if of_one_card else "haptable", faults=[fault])
+    red = of_status(examine(rig), "red")
+    assert [finding.instrument for finding in red] == [instrument], red
+    assert says in red[0].sentence
+    assert red[0].sentence.endswith((".", "?"))
+    (asked,) = rig.simulation.faults
+    assert asked.fired
+    if "relay-" not in fault["kind"] and not of_one_card:
+        assert_safe(rig)
+
+
+def test_a_saturated_gauge_is_named(open: OpenRig) -> None:
+    rig = open("minimal", faults=[{"kind": "sensor-saturated", "channel": "gauge2"}])
+    red = of_status(examine(rig), "red")
+    assert [finding.name for finding in red] == ["Noise floor of gauge2", "Known mass"]
+
+
+def test_a_rig_without_a_table_is_tested_for_what_it_has(open: OpenRig, mode: str) -> None:
+    if mode not in ("twin", "wire"):
+        pytest.skip("of a rig that haploop ships")
+    findings = examine(open("minimal"))
+    assert {f.instrument for f in findings} == {"daq", "force", "acceleration"}
+    assert {f.status for f in findings} == {"green"}
+
+
+@pytest.mark.parametrize("mass", [float("nan"), float("inf"), 0.0, -0.5])
+def test_a_mass_that_is_none_is_refused(open: OpenRig, mass: float) -> None:
+    with pytest.raises(ConfigurationError, match="is no mass"):
+        examine(open("minimal"), mass)
+
+
+def test_each_instrument_is_opened_on_the_plant_that_was_given(mode: Mode) -> None:
+    seen: list[str] = []
+
+    class Watched(PlantSource):
+        def make(self, file: RigFile, rng: np.random.Generator) -> Surface:
+            seen.append(file.name)
+            return random_modal(rng).make(file, rng)
+
+    file = load_rig_file("haptable")
+    findings = examine_each(file, mode, InstrumentError("The box does not answer."), plant=Watched())
+    opened = [finding for finding in findings if finding.name == "Identity" and finding.instrument != "rig"]
+    assert {finding.status for finding in opened} == {"green"}
+    assert len(seen) == len(opened) >= 4
+    assert findings[-2].sentence == "The box does not answer."
+
+
+class TestCommand:
+    def test_green_is_exit_code_0(self, run: Run) -> None:
+        result = run("doctor", "--rig", "haptable", "--simulate", "twin", "--json")
+        assert result.exit_code == 0, result.output
+        report = json.loads(result.stdout)
+        assert report["status"] == "green"
+        assert set(report["findings"][0]) == {"name", "instrument", "status", "sentence"}
+
+    def test_red_is_exit_code_1(self, run: Run, tmp_path: Any) -> None:
+        file = tmp_path / "rig.toml"
+        file.write_text(
+            'base = "minimal"\n[[simulation.faults]]\nkind = "accelerometer-inverted"\n', encoding="utf-8"
+        )
+        result = run("doctor", "--rig", file, "--simulate", "twin")
+        assert result.exit_code == 1
+        assert "upside down" in " ".join(result.stdout.split())
+
+    def test_an_instrument_that_does_not_open_is_exit_code_3(self, run: Run, tmp_path: Any) -> None:
+        file = tmp_path / "rig.toml"
+        file.write_text(
+            'base = "haptable"\n[[simulation.faults]]\n'
+            'kind = "reply"\ninstrument = "relay"\nhow = "garbled"\n',
+            encoding="utf-8",
+        )
+        result = run("doctor", "--rig", file, "--simulate", "wire", "--json")
+        assert result.exit_code == 3, result.output
+        red = [f for f in json.loads(result.stdout)["findings"] if f["status"] == "red"]
+        assert [f["instrument"] for f in red] == ["relay"]
+        assert "whole JSON" in red[0]["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ({"kind": "frames-lost", "times": 3}, "3 of 23 frames were lost"),
+        ({"kind": "ambient-light", "light": 200.0}, "lower the exposure"),
+    ],
+)
+def test_a_camera_that_loses_frames_or_sees_a_lamp(fault: dict[str, Any], says: str) -> None:
+    """The first frames are lost, which no gap between two shows."""
+    file = load_rig_file("experiment")
+    simulation = file.simulation.model_copy(update={"faults": (fault,)})
+    with open_rig(file.model_copy(update={"simulation": simulation})) as rig:
+        found = list(check_camera(rig))
+    assert says in " ".join(one.sentence for one in found if one.status != "green")

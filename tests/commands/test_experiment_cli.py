@@ -1,0 +1,123 @@
+"""`haploop experiment` at a terminal: questions, an interruption, confirmation, withdrawal, refusals."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from haploop.commands.cli import cli
+from haploop.commands.experiment import _AtTerminal
+from haploop.experiments.protocol.steps import Step
+from tests.command_line import Run
+
+SHORT = """
+name = "short"
+kind = "identification"
+seed = 3
+consent = true
+[[factor]]
+name = "button"
+levels = ["latch", "push"]
+[question]
+text = "Which was it?"
+identify = "button"
+[[block]]
+name = "training"
+practice = true
+feedback = true
+[[block]]
+name = "experiment"
+repetitions = 2
+"""
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    path = tmp_path / "experiment.toml"
+    path.write_text(SHORT, encoding="utf-8")
+    return path
+
+
+def test_a_person_at_the_terminal(short: Path) -> None:
+    """Interrupted after three answers, by the end of standard input; then continued."""
+    first = CliRunner().invoke(
+        cli, ["experiment", "run", str(short), "-p", "P01"], input="y\nlatch\nlatch\npush\n"
+    )
+    assert first.exit_code == 130
+    assert first.stderr.count("Right.") == 1 and "No, it was push." in first.stderr
+    told = CliRunner().invoke(cli, ["experiment", "status", str(short), "--json"])
+    due = json.loads(told.stdout)["sessions"][0]["due"]
+    assert due == {"block": "experiment", "trial": 2}
+    second = CliRunner().invoke(
+        cli, ["experiment", "run", str(short), "-p", "P01"], input="knob\npush\npush\nlatch\n"
+    )
+    assert second.exit_code == 0 and "consent" not in second.stderr
+    assert "complete" in second.stdout
+
+
+def test_without_consent(short: Path) -> None:
+    result = CliRunner().invoke(cli, ["experiment", "run", str(short), "-p", "P01"], input="n\n")
+    assert result.exit_code == 2 and "has not consented" in result.stderr
+    assert not (short.parent / "answers").exists()
+
+
+def test_a_withdrawal_is_asked_and_told(run: Run, short: Path) -> None:
+    assert run("experiment", "run", short, "-p", "P01", "--simulated").exit_code == 0
+    assert run("experiment", "run", short, "-p", "P02", "--simulated").exit_code == 0
+    kept = CliRunner().invoke(cli, ["experiment", "withdraw", str(short), "P01"], input="n\n")
+    assert kept.exit_code == 130 and (short.parent / "answers" / "P01").exists()
+    gone = run("experiment", "withdraw", short, "P01", "--yes", "--json")
+    assert json.loads(gone.stdout)["deleted"] == ["P01/session-1.jsonl"]
+    assert not (short.parent / "answers" / "P01").exists()
+    assert "P01 withdrew" in run("experiment", "status", short).stdout
+
+
+def test_a_new_experiment_is_a_copy_of_an_example(run: Run, tmp_path: Path) -> None:
+    assert run("experiment", "new", tmp_path / "mine", "--from", "rating").exit_code == 0
+    assert run("experiment", "new", tmp_path / "mine").exit_code == 2
+    assert run("experiment", "run", tmp_path / "mine", "-p", "P01", "--simulated").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["run", "none.toml", "-p", "P01"],
+        ["run", "matching", "-p", "Ann Smith", "--simulated"],
+        ["run", "matching", "-p", "P01", "--session", 2, "--simulated"],
+        ["run", "matching", "-p", "P01", "--model", "m.toml"],
+        ["run", "matching", "-p", "P01", "--simulated", "--model", "none.toml"],
+        ["withdraw", "matching", "P01", "--yes"],
+        ["export", "matching", "out.csv"],
+        ["export", "matching", "out.json"],
+        ["new", "somewhere", "--from", "none"],
+    ],
+)
+def test_a_wrong_request_is_one_sentence(
+    run: Run, args: list[object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run("experiment", *args)
+    assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1, result.stderr
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
+    monkeypatch.setattr("sys.stdin", io.StringIO("nan\n51\n7.5\n"))
+    assert _AtTerminal(None).answer(step) == {"soft": 7.5}
+
+
+def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
+    for people, said in ((3, True), (6, False)):
+        result = run(
+            "experiment", "simulate", "matching", "-n", people, "--session", 1, "--data", tmp_path / "a"
+        )
+        assert result.exit_code == 0, result.output
+        words = " ".join(result.stdout.split())
+        assert ("not balanced with 3 participants" in words and "at a multiple of 6." in words) is said
+    values = json.loads(run("experiment", "status", "matching", "--data", tmp_path / "a", "--json").stdout)
+    assert values["design"] == {"groups": {"I": 3, "II": 3}, "balanced": True, "multiple_of": 6}

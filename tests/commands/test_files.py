@@ -1,0 +1,137 @@
+"""`haploop verify` and `haploop recover`: one line a file, and an exit code that a script can use."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from haploop.acquisition.recording import Rejection, add_rejections
+from haploop.acquisition.recording.salvage import finish
+from haploop.acquisition.recording.writer import Writer
+from tests.acquisition.recording.pattern import block_of, header
+from tests.command_line import Demo, Run
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, Path]:
+    """An intact recording, and recordings that were interrupted, changed and truncated."""
+    names = {"whole": "P01-push", "interrupted": "P02-push", "changed": "P03-push", "cut": "P04-push"}
+    paths = {name: tmp_path / f"{stem}.h5" for name, stem in names.items()}
+    for path in paths.values():
+        with Writer(path, header(), 250, 200) as writer:
+            for i in range(100):
+                writer.write(block_of(250 * i), 0.0)
+    for name in ("whole", "changed", "cut"):
+        finish(paths[name])
+    with h5py.File(paths["changed"], "r+") as file:
+        file["codes"][0, 0] += 1
+    paths["cut"].write_bytes(paths["cut"].read_bytes()[:-1])
+    return paths
+
+
+def test_each_file_is_one_line_and_the_worst_gives_the_exit_code(run, files):
+    for name, code, told in (
+        ("whole", 0, "is intact: SHA-256 "),
+        ("interrupted", 1, "was interrupted: `haploop recover` salvages it into a finished file."),
+        ("changed", 2, "was damaged or changed after it was written: "),
+        ("cut", 2, "is truncated: "),
+    ):
+        result = run("verify", files[name])
+        assert (result.exit_code, result.stdout.count("\n")) == (code, 1)
+        assert result.stdout.startswith(f"{files[name]} {told}")
+    result = run("verify", *files.values(), "nowhere.h5")
+    assert (result.exit_code, result.stdout.count("\n")) == (2, 5)
+    assert "There is no file nowhere.h5: " in result.stdout
+
+
+def test_what_verify_found_is_one_json_object(run, files):
+    result = run("verify", "--json", *files.values())
+    assert result.exit_code == 2
+    told = json.loads(result.stdout)["files"]
+    assert [file["status"] for file in told] == ["intact", "damaged", "unreadable", "unreadable"]
+    assert [len(file["problems"]) for file in told] == [0, 1, 1, 1]
+    assert len(told[0]["content_hash"]) == 64
+
+
+def test_every_file_in_a_folder_is_verified(run, files, tmp_path):
+    study = tmp_path / "study"
+    (study / "recordings").mkdir(parents=True)
+    good = Path(shutil.copy(next(iter(files.values())), study / "recordings" / "P01-push.h5"))
+    shutil.copy(good, study / "recordings" / ".P01-push.h5.part.h5")
+    (study / "z.h5").write_bytes(b"")
+    told = json.loads(run("verify", "--json", study).stdout)["files"]
+    assert [(file["file"], file["status"]) for file in told] == [
+        (str(good), "intact"),
+        (str(study / "z.h5"), "unreadable"),
+    ]
+    (tmp_path / "empty").mkdir()
+    result = run("verify", tmp_path / "empty")
+    assert result.exit_code == 2 and "holds no .h5 file" in result.stderr
+
+
+def test_recovering_tells_what_was_saved_and_leaves_the_file_alone(run, files):
+    for name, saved in (("interrupted", "Recovered 5.00 s"), ("cut", "Recovered ")):
+        before = files[name].read_bytes()
+        result = run("recover", files[name], "--json")
+        assert result.exit_code == 0
+        assert saved in result.stderr
+        assert json.loads(result.stdout)["ended"] in result.stderr
+        assert files[name].read_bytes() == before
+        whole = files[name].with_name(f"{files[name].stem}.recovered.h5")
+        assert run("verify", whole).exit_code == 0
+        again = run("recover", files[name])
+        assert (again.exit_code, again.stdout) == (2, "")
+        assert "not overwritten" in again.stderr
+    assert np.all([run("recover", files[name]).exit_code == 2 for name in ("whole", "changed")])
+
+
+def test_every_kind_of_file_is_verified(run, tmp_path):
+    add_rejections(tmp_path, [Rejection("P01-push.h5", "0" * 64, 1, 1, "why", "now")])
+    path = tmp_path / "rejections.json"
+    assert f"{path} is intact: SHA-256 " in run("verify", path).stdout
+    path.write_bytes(path.read_bytes().replace(b"why", b"who"))
+    result = run("verify", path)
+    assert (result.exit_code, result.stdout) == (
+        2,
+        f"{path} is damaged or was changed by hand: restore it from a copy.\n",
+    )
+
+
+def test_what_crashes_the_library_is_recovered_in_a_process_of_its_own(run, files):
+    """Metadata of which every eighth byte is another: whatever becomes of that process, this one tells."""
+    raw = bytearray(files["whole"].read_bytes())
+    raw[512:4096:8] = bytes(255 - byte for byte in raw[512:4096:8])
+    files["whole"].write_bytes(raw)
+    result = run("recover", files["whole"])
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "so nothing can be recovered: copy it again from its source." in result.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows gives a file the rights of its folder")
+def test_what_is_made_of_peoples_recordings_is_for_its_owner_only(
+    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    out = tmp_path / "out"
+    recordings = demo.folder / "recordings"
+    pressed = recordings / "P01-push.h5"
+    ready = [
+        run("export", pressed, "--to", "csv", "--out", out / "press.csv"),
+        run("report", pressed, "--out", out / "report.html"),
+        run("represent", pressed, "--out", out / "press.h5", "--method", "mean"),
+        run("export", out / "press.h5", "--to", "ahap", "--out", out / "press.ahap"),
+        run("show", pressed, "--plot", out / "presses.png"),
+        run("show", recordings, "--plot", out / "forces.svg"),
+        run("list", "--in", recordings),
+    ]
+    assert [result.exit_code for result in ready] == [0] * len(ready), ready
+    made = [path for folder in (out, tmp_path / "cache" / "haploop") for path in folder.rglob("*")]
+    assert len(made) > 5
+    for path in (out, *made):
+        assert path.stat().st_mode & 0o077 == 0, path

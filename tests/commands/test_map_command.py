@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haploop.calibration import VibrationMap, read_uff
+from haploop.pytest_plugin import Rigs
+from tests.command_line import Run
+
+
+def test_a_small_map_is_measured_shown_and_drawn(run: Run, tmp_path: Path, rigs: Rigs) -> None:
+    if rigs.mode != "twin":
+        pytest.skip("the command opens a rig of its own")
+    out = tmp_path / "map"
+    done = run("map", "--out", out, "--points", "3,17", "--patches", "A", "--json")
+    assert done.exit_code == 0, done.output
+    values = json.loads(done.stdout)
+    assert values["simulated"] is True and values["points_measured"] == 2
+    assert values["best"]["patch"] == "A"
+    gif = tmp_path / "map.gif"
+    again = run("map", "--out", out, "--points", "3,17", "--patches", "A", "--json", "--gif", gif)
+    assert json.loads(again.stdout) == values
+    assert gif.read_bytes().startswith(b"GIF89a")
+    assert sorted(p.name for p in tmp_path.iterdir() if "gif" in p.name) == ["map.gif"]
+    shown = run("show", out, "--plot", tmp_path / "map.png")
+    assert shown.exit_code == 0 and "one patch at a time" in shown.stdout and "Simulated" in shown.stdout
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    listed = run("list", "kind=map", "--in", tmp_path, "--json")
+    (entry,) = json.loads(listed.stdout)["files"]
+    assert (entry["file"], entry["patch"], entry["simulated"]) == (str(out), "A", "yes")
+    assert run("export", out, "--to", "csv", "--out", tmp_path / "map.csv").exit_code == 0
+    rows = np.genfromtxt(tmp_path / "map.csv", delimiter=",", skip_header=1)
+    found = VibrationMap.load(out).velocity("A", rows[:, 0])
+    np.testing.assert_allclose(rows[:, 1::2] + 1j * rows[:, 2::2], found.T, rtol=1e-6)
+    universal = tmp_path / "map.uff"
+    assert run("export", out, "--to", "uff", "--out", universal).exit_code == 0
+    assert [(r.point, r.patch) for r in read_uff(universal)] == [("3", "A"), ("17", "A")]
+    other = run("map", "--out", out, "--points", "3,18", "--patches", "A")
+    assert other.exit_code == 2 and "points" in other.stderr
+
+
+def test_requests_that_make_no_map(run: Run, tmp_path: Path) -> None:
+    for wrong in (("--points", "x"), ("--points", "84"), ("--patches", "Q"), ("--gif", "map.png")):
+        assert run("map", "--out", tmp_path / "map", *wrong).exit_code == 2
+    assert not (tmp_path / "map").exists()

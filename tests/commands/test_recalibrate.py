@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haploop.acquisition import Representative
+from haploop.calibration import Calibration
+from haploop.calibration.drive.button import build_button
+from haploop.calibration.upkeep.history import History
+from haploop.instruments import open_rig
+from haploop.instruments.operator.role import Aim, ConfirmSettings, Place, Press, Rest
+from haploop.instruments.operator.unattended import Unattended
+from haploop.instruments.safety.lock import hold
+from haploop.reports.figures.history import trend
+from tests.command_line import Demo, Run
+from tests.reports.figure_checks import overlaps
+
+REASON = ("--reason", "for a test")
+
+
+@pytest.fixture(scope="session")
+def button(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The demo's latch, as a digital button."""
+    path = tmp_path_factory.mktemp("buttons") / "latch.h5"
+    press = Representative.load(demo.folder / "presses" / "latch.h5")
+    with open_rig("simulated", simulate="twin") as rig:
+        build_button(rig, press, Calibration.load(demo.folder / "calibration.h5"), iterations=0).save(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def folder(button: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A history of two nights: one without a drift, one with."""
+    from click.testing import CliRunner
+
+    from haploop.commands.cli import cli
+
+    place = tmp_path_factory.mktemp("history")
+    folder = place / "calibrations"
+    drifted = _drifted(place)
+    commands = [
+        ["calibrations", "adopt", button, "--reason", "it begins"],
+        ["recalibrate"],
+        ["recalibrate", "--rig", drifted],
+    ]
+    for command in commands:
+        result = CliRunner().invoke(cli, [str(arg) for arg in (*command, "--calibrations", folder)])
+        assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.fixture
+def history(folder: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(folder, tmp_path / "calibrations"))
+
+
+def _drifted(place: Path, extra: str = "") -> Path:
+    path = place / "drifted.toml"
+    path.write_text(f"[simulation]\nmode_drift = 0.03\n{extra}", encoding="utf-8")
+    return path
+
+
+def asked(run: Run, *args: Any) -> dict[str, Any]:
+    result = run(*args, "--json")
+    assert result.exit_code == 0, result.output
+    values: dict[str, Any] = json.loads(result.stdout)
+    return values
+
+
+def test_a_drift_is_reported_with_before_and_after(folder: Path) -> None:
+    history = History(folder)
+    assert [look["outcome"] for look in history.looks] == ["unchanged", "restored"]
+    (report,) = (folder / "reports").glob("*-restored.html")
+    html = report.read_text(encoding="utf-8")
+    assert "The table had drifted; every button is within tolerance again" in html
+    assert "Everything here is simulated." in html
+    before, after = re.findall(r"latch-A-button</th><td>([\d.]+) %</td><td>([\d.]+) %", html)[0]
+    assert float(before) > 50 and float(after) < 20
+    assert html.count("data:image/png;base64,") == 2
+    assert not re.search("https?:", html)
+
+
+def test_the_active_one_is_told(history: Path, run: Run) -> None:
+    at = ("--calibrations", history)
+    found = asked(run, "calibrations", "list", *at)
+    first, second = found["generations"]
+    assert found["active"] == second["name"] and second["parent"] == first["name"]
+    assert first["reason"] == "it begins" and "changed by +3.0" in second["reason"]
+    assert asked(run, "calibrations", "show", *at)["name"] == second["name"]
+    shown = asked(run, "calibrations", "show", "1", *at)
+    assert shown["simulated"] and shown["buttons"]["latch-A-button"]["passed"]
+    change = asked(run, "calibrations", "diff", "1", *at)["places"]["A-button"]
+    assert change["to"]["resonance_hz"] / change["from"]["resonance_hz"] == pytest.approx(1.03, abs=1e-3)
+    for command in (["list"], ["show", "2"], ["diff", "1", "2"]):
+        assert first["name"][:8] in run("calibrations", *command, *at).stdout
+    assert "Simulated: no real instrument measured this." in run("calibrations", "show", "1", *at).stdout
+
+
+def test_an_earlier_one_can_be_activated_and_nothing_is_lost(history: Path, run: Run) -> None:
+    at = ("--calibrations", history)
+    assert asked(run, "calibrations", "activate", "1", *REASON, *at)["name"].startswith("0001-")
+    last = History(history).activations[-1]
+    assert last.generation.startswith("0001-") and last.reason == "for a test"
+    assert "calibrations activate" in last.actor
+    assert len(History(history).generations) == 2
+    damaged = next((history / History(history).find("2").name / "buttons").glob("*.h5"))
+    damaged.write_bytes(damaged.read_bytes()[:-1])
+    result = run("calibrations", "activate", "2", *REASON, *at)
+    assert result.exit_code == 2 and "damaged" in result.stderr
+    result = run("calibrations", "activate", "7", *REASON, *at)
+    assert result.exit_code == 2 and "no calibration '7'" in result.stderr
+    result = run("calibrations", "activate", "1", *REASON, *at, "--rig", "bench")
+    assert result.exit_code == 2 and "not on 'bench'" in result.stderr
+    assert len(History(history).activations) == 3
+
+
+def test_what_is_broken_ends_with_three(history: Path, run: Run, tmp_path: Path) -> None:
+    rig = _drifted(tmp_path, '[[simulation.faults]]\nkind = "laser-blocked"\n')
+    active = History(history).active()
+    result = run("recalibrate", "--rig", rig, "--calibrations", history, "--json")
+    assert result.exit_code == 3
+    said = json.loads(result.stdout)
+    assert said["outcome"] == "broken" and said["report"] is None
+    assert "laser does not see the surface" in said["sentences"][0]
+    assert "Aim the laser at the button point." in said["assumed"]
+    assert History(history).active() == active
+    result = run("recalibrate", "--rig", rig, "--calibrations", history)
+    assert result.exit_code == 3
+    assert "Something is broken; nothing was changed." in result.stdout
+
+
+def test_what_cannot_begin_plays_nothing(history: Path, run: Run, tmp_path: Path) -> None:
+    result = run("recalibrate", "--calibrations", tmp_path / "none")
+    assert result.exit_code == 2 and "no active calibration" in result.stderr
+    assert "simulated (" not in result.stderr
+    with hold({os.path.normcase(history.resolve())}, "This test"):
+        result = run("recalibrate", "--calibrations", history)
+    assert result.exit_code == 3 and "open in this program" in result.stderr
+    result = run("recalibrate", "--calibrations", history, "--laser-at", "84")
+    assert result.exit_code == 2 and "The table has no point" in result.stderr
+
+
+def test_a_laser_left_elsewhere_is_broken(history: Path, run: Run) -> None:
+    result = run("recalibrate", "--calibrations", history, "--laser-at", "37")
+    assert result.exit_code == 3
+    assert "was not measured: the laser would need to be aimed." in result.stdout
+
+
+def test_the_history_stands_beside_the_rig_file(button: Path, run: Run, tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text('base = "simulated"\n', encoding="utf-8")
+    asked(run, "calibrations", "adopt", button, *REASON, "--rig", tmp_path / "own.toml")
+    assert History(tmp_path / "own-calibrations").active().reason == "for a test"
+
+
+def test_the_trend_shows_every_look_and_what_was_active(folder: Path, run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "trend.png"
+    assert asked(run, "calibrations", "plot", out, "--calibrations", folder)["looks"] == 2
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert run("calibrations", "plot", out, "--calibrations", folder).exit_code == 2
+    figure = trend(History(folder))
+    assert overlaps(figure) == overlaps(trend(History(folder), 1)) == []
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == ["Resonance (Hz)", "Damping ratio (%)", "Gain (m/s² per V)", "Coherence"]
+    drawn = [y for line in figure.axes[0].lines for y in line.get_ydata()]
+    assert min(drawn) == pytest.approx(263.2, abs=1) and max(drawn) == pytest.approx(271.1, abs=1)
+
+
+def test_nobody_is_there() -> None:
+    nobody = Unattended("37")
+    assert (
+        nobody.confirm(Aim("37")) and nobody.confirm(ConfirmSettings("20 mm/s?")) and nobody.confirm(Rest(1))
+    )
+    assert not nobody.confirm(Aim("button"))
+    assert not nobody.confirm(Place(0.5)) and not nobody.confirm(Press("latch", "P01", 1, 1))
+    assert list(nobody.assumed) == [
+        "Aim the laser at point 37.",
+        "20 mm/s?",
+        "Hands off for 1 s: the sensors' rest is being measured.",
+    ]

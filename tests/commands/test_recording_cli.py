@@ -1,0 +1,70 @@
+"""`haploop record`: what it refuses, whom it waits for, and what an empty recording does to the next."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+import pytest
+
+from haploop.commands.cli import cli
+from haploop.instruments import Press
+from haploop.mocks.operator.twin import OperatorTwin
+from tests.command_line import Run
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("option", [("-n", 10**9), ("-n", 1001), ("--wait", "nan"), ("--wait", -1)], ids=str)
+def test_what_no_recording_can_hold_is_refused_at_once(
+    run: Run, tmp_path: Path, option: tuple[str, object]
+) -> None:
+    result = run("record", "push", "-p", "P01", "-o", tmp_path / "out", *option)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.count("\n") == 1 and str(option[0]) in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("args", [["doctor", "--mass", "nan"], ["map", "--level", "nan", "--out", "m"]])
+def test_no_option_takes_what_is_no_number(run: Run, args: list[str]) -> None:
+    result = run(*args)
+    assert (result.exit_code, "is not a number" in result.stderr) == (2, True)
+
+
+def test_the_same_command_can_be_given_again_where_nobody_came(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ("record", "push", "-p", "P01", "-n", 1, "-o", tmp_path)
+    with monkeypatch.context() as nobody:
+        tell = OperatorTwin.tell
+        nobody.setattr(OperatorTwin, "tell", lambda self, r: None if isinstance(r, Press) else tell(self, r))
+        result = run(*command, "--wait", 5)
+        assert result.exit_code == 2
+        assert "No press 1 of 1 arrived within 20 s of the prompt" in result.stderr
+    result = run(*command, "--json")
+    assert result.exit_code == 0, result.stderr
+    assert f"was renamed to {tmp_path / 'P01-push.empty-1.h5'}." in result.stderr
+    assert json.loads(result.stdout)["presses_accepted"] == 1
+    again = run(*command)
+    assert again.exit_code == 2 and "already exists" in again.stderr
+
+
+def test_a_study_waits_as_long_as_its_file_or_its_option_says(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = tmp_path / "study.toml"
+    text = 'name = "s"\nrig = "simulated"\nbuttons = ["push"]\nparticipants = ["P01"]\nwait = 10\n'
+    study.write_text(text, encoding="utf-8")
+    monkeypatch.setattr(OperatorTwin, "tell", lambda _self, _request: None)
+    for option, seconds in (((), 25), (("--wait", 0), 15)):
+        result = run("study", "run", "-s", study, *option)
+        assert result.exit_code == 2
+        assert f"arrived within {seconds} s of the prompt" in result.stderr
+
+
+def test_the_readme_lists_every_command() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert isinstance(cli, click.Group)
+    missing = [name for name in cli.commands if f"`haploop {name}" not in readme]
+    assert missing == []

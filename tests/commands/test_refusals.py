@@ -1,0 +1,193 @@
+"""What cannot end well is refused before a rig is opened, or ends in one plain sentence."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import haploop
+from haploop.acquisition.hdf5 import write
+from haploop.instruments import ConfigurationError, DataError
+from haploop.instruments.files import os_error_text
+from haploop.reports.outputs import pictures
+from tests.command_line import Demo, Run
+from tests.elsewhere import in_use_elsewhere
+
+SIMULATED = "Everything here is simulated"
+"""What a command says once its rig is open."""
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    path = tmp_path / "lab.toml"
+    path.write_text('base = "haptable"\nname = "lab"\n', encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["record", "latch", "-p", "P01"], ["calibrate"], ["doctor"], ["reset", "--reason", "why"]],
+    ids=" ".join,
+)
+def test_two_commands_never_share_a_relay(run: Run, lab: Path, tmp_path: Path, command: list[str]) -> None:
+    out = [] if command[0] in ("doctor", "reset") else ["--out", tmp_path / "out"]
+    with in_use_elsewhere(lab):
+        result = run(*command, *out, "--rig", lab)
+    assert result.exit_code == 3
+    assert result.stdout == ""
+    assert "The rig 'lab' is in use (" in result.stderr
+    assert f") by process {os.getpid()} (" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_simulation_needs_no_lock(run: Run, lab: Path, tmp_path: Path) -> None:
+    with in_use_elsewhere(lab):
+        result = run(
+            "record", "latch", "-p", "P01", "-n", 1, "-o", tmp_path, "--rig", lab, "--simulate", "twin"
+        )
+    assert SIMULATED in result.stderr and "in use" not in result.stderr
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that not even root can write to")
+def test_a_calibration_that_could_not_be_kept_is_not_measured(run: Run) -> None:
+    result = run("calibrate", "--out", "/proc/calibration.h5")
+    assert result.exit_code == 2
+    assert "/proc cannot be written" in result.stderr
+    assert SIMULATED not in result.stderr
+
+
+@pytest.mark.parametrize("name", ["latch-press.h5", "latch-drive.h5", "latch-check.png"])
+def test_a_check_that_could_not_be_kept_is_not_played(
+    demo: Demo, run: Run, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("mine")
+    result = run(
+        "check", demo.folder / "recordings" / "P01-latch.h5",
+        "--calibration", demo.folder / "calibration.h5", "--out", tmp_path,
+    )  # fmt: skip
+    assert result.exit_code == 2
+    assert name in result.stderr and "participant" not in result.stderr
+    assert SIMULATED not in result.stderr
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(name, "mine")]
+
+
+def test_a_check_of_what_is_simulated_says_so(
+    demo: Demo, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Figure] = []
+
+    def encode(figure: Figure, kind: str) -> bytes:
+        drawn.append(figure)
+        return b"PNG"
+
+    monkeypatch.setattr(pictures, "encode", encode)
+    recording = demo.folder / "recordings" / "P01-latch.h5"
+    result = run(
+        "check", recording, "--calibration", demo.folder / "calibration.h5", "--out", tmp_path / "new",
+    )  # fmt: skip
+    assert result.exit_code in (0, 1), result.output
+    assert "Simulated: no real instrument measured this." in result.stdout
+    assert run("show", recording, "--plot", tmp_path / "p.png").exit_code == 0
+    assert run("show", tmp_path / "new" / "latch-drive.h5", "--plot", tmp_path / "d.png").exit_code == 0
+    assert len(drawn) == 3
+    assert all([text.get_text() for text in figure.texts] == ["simulated"] for figure in drawn)
+
+
+def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
+    figure = Figure()
+    pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
+    assert not figure.texts
+    with pytest.raises(ConfigurationError, match="exists"):
+        pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sets no limit to the size of a file")
+def test_a_full_disk_is_one_plain_sentence(tmp_path: Path) -> None:
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
+    try:
+        with pytest.raises(DataError, match=r"whole\.h5 cannot be written: File too large\.$"):
+            write(tmp_path / "whole.h5", "drive", {"volts": np.ones(100_000)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_reason_is_the_system_s_own() -> None:
+    text = (
+        "Can't write data (file write failed: errno = 28, error message = 'No space', buf = 0x7f, size = 8)"
+    )
+    assert os_error_text(OSError(28, text)) == os_error_text(RuntimeError(text)) == os.strerror(28)
+    assert "buf" not in os_error_text(OSError("buf = 0x7f"))
+
+
+SIGNALLED = """
+import runpy, signal, sys
+class Impatient:
+    def find_spec(self, name, *_):
+        if name == 'click': signal.raise_signal(signal.{name})
+sys.meta_path.insert(0, Impatient())
+sys.argv[1:] = ['schema']
+runpy.run_module('haploop', run_name='__main__')
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("ignored", [False, True])
+def test_a_signal_while_loading_is_no_traceback_and_one_to_be_ignored_is(name: str, ignored: bool) -> None:
+    """Ignored as under `nohup`, or in a job in the background of a script."""
+    number = getattr(signal, name)
+    disposition = "SIG_IGN" if ignored else "default_int_handler" if name == "SIGINT" else "SIG_DFL"
+    program = f"import signal; signal.signal({int(number)}, signal.{disposition})\n"
+    done = subprocess.run(
+        [sys.executable, "-c", program + SIGNALLED.format(name=name)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    expected = (0, "") if ignored else (128 + number, "Error: Stopped.")
+    assert (done.returncode, done.stderr.strip()) == expected
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("ignored", [False, True])
+def test_a_command_that_was_started_with_nohup_outlives_its_terminal(
+    monkeypatch: pytest.MonkeyPatch, run: Run, ignored: bool
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
+    monkeypatch.setattr(haploop, "rig_schema", lambda: signal.raise_signal(signal.SIGHUP) or {})
+    try:
+        assert run("schema").exit_code == (0 if ignored else 129)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="streams of POSIX")
+@pytest.mark.parametrize("closed", [(1,), (2,), (0, 1, 2)])
+def test_closed_streams_are_no_error(closed: tuple[int, ...]) -> None:
+    program = (
+        "import os, runpy, sys\n"
+        f"for number in {closed}: os.close(number)\n"
+        f"for number in {closed}: setattr(sys, ('stdin', 'stdout', 'stderr')[number], None)\n"
+        "sys.argv[1:] = ['schema']\n"
+        "runpy.run_module('haploop', run_name='__main__')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, timeout=60, check=False)
+    assert done.returncode == 0
+    assert bool(done.stdout) == (1 not in closed)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
+def test_a_reader_that_leaves_changes_no_exit_code() -> None:
+    with subprocess.Popen([sys.executable, "-m", "haploop", "schema"], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stdout.read(5)
+        process.stdout.close()
+        assert process.wait(60) == 0

@@ -1,0 +1,201 @@
+"""The guides to served twins and live views, literally: served by one program, recorded by another."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from haploop.acquisition import Recording
+from tests.command_line import Run
+
+GUIDES = Path(__file__).parents[2] / "docs" / "how-to"
+
+
+def _blocks(guide: str, language: str) -> list[str]:
+    text = (GUIDES / guide).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def _command(line: str) -> list[str]:
+    words = shlex.split(line)
+    assert words[0] == "haploop"
+    return [sys.executable, "-m", "haploop", *words[1:]]
+
+
+@contextmanager
+def _running(
+    command: list[str], folder: Path, out: int | IO[str] = subprocess.PIPE
+) -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen(command, cwd=folder, stdout=out, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
+def test_the_guide_to_served_twins(tmp_path: Path) -> None:
+    serve, record = _blocks("serving-twins.md", "sh")
+    (printed,) = _blocks("serving-twins.md", "text")
+    (rig,) = _blocks("serving-twins.md", "toml")
+    *lines, unserved = printed.splitlines()
+    with _running(_command(serve), tmp_path) as server:
+        assert server.stdout is not None
+        for line in lines:
+            kind, address = line.split(": ", 1)
+            real_kind, real_address = server.stdout.readline().strip().split(": ", 1)
+            assert real_kind == kind
+            assert address in rig
+            rig = rig.replace(address, real_address)
+        (tmp_path / "served.toml").write_text(rig, encoding="utf-8")
+        watch = [sys.executable, "-m", "haploop", "live", "--rig", "served.toml", "--wait", "60", "--json"]
+        # Into a file: a pipe that nobody reads would stop the viewer, which then drops blocks.
+        with (tmp_path / "seen").open("w") as out, _running(watch, tmp_path, out) as viewer:
+            assert viewer.stderr is not None
+            assert viewer.stderr.readline() == "Waiting for a command that uses the rig served.\n"
+            done = subprocess.run(
+                _command(record), cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+            )
+            assert done.returncode == 0, done.stderr
+            _, complaint = viewer.communicate(timeout=30)
+            assert viewer.returncode == 0, complaint
+        server.send_signal(signal.SIGINT)
+        _, said = server.communicate(timeout=30)
+    assert server.returncode == 0
+    assert said.strip() == unserved
+    recording = Recording.open(tmp_path / "recordings" / "P01-latch.h5")
+    assert recording.complete
+    assert recording.simulated
+    assert len(recording.accepted) == 2
+    blocks = [json.loads(line) for line in (tmp_path / "seen").read_text().splitlines()]
+    assert {(b["rig"], b["simulated"], b["doing"]) for b in blocks} == {("served", True, "record")}
+    # A viewer that came in time and kept up has seen everything from then on.
+    count = round((blocks[-1]["first"] - blocks[0]["first"]) / blocks[0]["samples"]) + 1
+    assert len(blocks) + blocks[-1]["dropped"] - blocks[0]["dropped"] == count
+    forces = [level["mean"] for b in blocks for level in b["levels"] if level["name"] == "Fz"]
+    assert max(forces) - min(forces) > 1  # newton: it has seen a press
+
+
+def test_the_guide_to_taps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (script,) = _blocks("live-views.md", "python")
+    exec(compile(script, "live-views.md", "exec"), {})
+
+
+def test_a_rig_without_anything_to_serve_is_refused(run: Run, tmp_path: Path) -> None:
+    result = run("twin", "ofv", "--rig", "haptable")
+    assert result.exit_code == 2
+    assert "no instrument to serve as ofv" in result.output
+    result = run("twin", "yocto", "--rig", _serial(tmp_path))
+    assert result.exit_code == 2
+    assert "no instrument to serve as yocto" in result.output
+    odd = tmp_path / "odd.toml"
+    odd.write_text('base = "haptable"\n[relay]\ndriver = "no-such"\n', encoding="utf-8")
+    result = run("twin", "all", "--rig", odd)
+    assert result.exit_code == 2
+    assert "'no-such'" in result.output
+
+
+def _serial(folder: Path) -> Path:
+    path = folder / "serial.toml"
+    text = 'base = "haptable"\n[relay]\ndriver = "serial-relay"\nport = "COM4"\nrating = 48\n'
+    text += "patches = { A = 0, B = 1 }\n"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows delivers Ctrl-C to a console, not to a process")
+@pytest.mark.parametrize("rig", ["bench", "serial"])
+def test_every_kind_is_served(tmp_path: Path, rig: str) -> None:
+    name = "bench" if rig == "bench" else str(_serial(tmp_path))
+    command = [sys.executable, "-m", "haploop", "twin", "all", "--rig", name, "--json"]
+    with _running(command, tmp_path) as server:
+        assert server.stdout is not None
+        addresses = json.loads(server.stdout.readline())
+        server.send_signal(signal.SIGTERM)
+        server.communicate(timeout=30)
+    kinds = {"bench": {"ni", "yocto", "ofv", "scpi"}, "serial": {"ni", "serial"}}
+    assert set(addresses) == kinds[rig]
+    assert server.returncode == 0
+
+
+def test_nothing_to_watch_is_one_sentence(run: Run) -> None:
+    result = run("live", "--rig", "simulated")
+    assert result.exit_code == 2
+    assert result.output.startswith("Error: No running program publishes the rig 'simulated'")
+    assert len(result.output.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("live", ["on", "off"])
+def test_commands_publish_unless_they_are_told_not_to(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, live: str, _state: Path
+) -> None:
+    from haploop.instruments.live import publisher
+
+    made: list[Path] = []
+    write = publisher.Publisher._write_address
+
+    def noted(self: publisher.Publisher, rig: str) -> None:
+        write(self, rig)
+        made.append(self.path)
+
+    monkeypatch.setattr(publisher.Publisher, "_write_address", noted)
+    monkeypatch.setenv("HAPLOOP_LIVE", live)
+    result = run("record", "latch", "-p", "P01", "-n", 1, "--out", tmp_path)
+    assert result.exit_code == 0
+    assert len(made) == (live == "on")
+    assert not any(path.exists() for path in made)
+
+
+def test_a_command_that_cannot_publish_works_without(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from haploop.instruments.live import publisher
+
+    def refuse(*_args: object, **_more: object) -> None:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(publisher.socket, "create_server", refuse)
+    result = run("record", "latch", "-p", "P01", "-n", 1, "--out", tmp_path)
+    assert result.exit_code == 0
+    assert "No live view" in result.output
+
+
+def test_the_meter_shows_names_as_they_are() -> None:
+    """A rig's name and a path may hold what rich takes for markup."""
+    import io
+
+    import numpy as np
+    from rich.console import Console
+
+    from haploop.exchange.live import show_meter
+    from haploop.instruments import Block, Sensors
+    from haploop.instruments.live import Feed, Run
+
+    feed, out = Feed(), io.StringIO()
+    tap = feed.tap()
+    publish = feed.begin(Run("odd[/x]", True, "record", "[red]a.h5", ("a[/b]",), 100.0, Sensors(), None))
+    publish(Block(0, np.ones((1, 10)), np.array([True])))
+
+    def end() -> None:
+        time.sleep(0.2)
+        feed.close()
+
+    import threading
+
+    threading.Thread(target=end).start()
+    show_meter(tap, Console(file=out, width=100, force_terminal=False))
+    for shown in ("odd[/x] (simulated): record [red]a.h5", "a[/b]", "V overload"):
+        assert shown in out.getvalue()

@@ -1,0 +1,111 @@
+"""How the tests of this folder drive a browser: see docs/how-to/console.md, "Tests in a browser"."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haploop.experiments import load_experiment
+from tests.console.serving import Served
+
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="playwright is not installed: python -m pip install -e '.[browser]'"
+)
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+if CHROMIUM is None:
+    pytest.skip("there is no Chromium: apt-get install chromium", allow_module_level=True)
+OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
+OPTIONS += ["--disable-background-networking", "--disable-component-update"]
+expect = playwright.expect
+WAIT = 60_000
+PAGES = ("", "preflight", "record", "study", "table", "buttons", "experiment", "catalogue")
+STUDY = """
+name = "<script>alert(1)</script>"
+buttons = ["toggle"]
+participants = ["P01", "P02"]
+presses = 2
+[prompts]
+press = "<b>Press</b> {number} of {of}"
+"""
+MATCHING = """
+name = "matching"
+title = "<script>alert(1)</script>"
+kind = "identification"
+seed = 1
+[[factor]]
+name = "button"
+levels = ["latch", "toggle", "push"]
+[question]
+text = "<b>Which</b> one?"
+identify = "button"
+[[block]]
+name = "familiarisation"
+kind = "presses"
+text = "<i>Attend</i> to it."
+[[block]]
+name = "training"
+practice = true
+feedback = true
+[[block]]
+name = "experiment"
+"""
+
+
+def experiments(data: Path) -> None:
+    rating = load_experiment("rating").path.read_text(encoding="utf-8")
+    for name, text in (("matching", MATCHING), ("rating", rating)):
+        (data / name).mkdir(parents=True)
+        (data / name / "experiment.toml").write_text(text, encoding="utf-8")
+
+
+class Tab:
+    """A tab, what went wrong in it, and every host that it asked."""
+
+    def __init__(self, browser: Any, console: Served, **options: Any) -> None:
+        self.context = browser.new_context(viewport={"width": 1366, "height": 900}, **options)
+        self.errors: list[str] = []
+        self.hosts: set[str] = set()
+        self.page = self.another()
+        self.page.goto(console.url)
+        expect(self.page.locator("#rig")).to_contain_text("Rig simulated", timeout=WAIT)
+
+    def another(self) -> Any:
+        page = self.context.new_page()
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("dialog", lambda dialog: self.errors.append(f"dialog {dialog.message}"))
+        page.on("request", lambda request: self.hosts.add(re.sub(r"^\w+://([^/:]+).*", r"\1", request.url)))
+        return page
+
+
+def visit(tab: Tab, console: Served, name: str) -> Any:
+    tab.page.goto(f"{console.base}/{name}")
+    expect(tab.page.locator("#rig")).to_contain_text("Rig simulated", timeout=WAIT)
+    return tab.page
+
+
+def fill(page: Any, participant: str, button: str, presses: int) -> None:
+    page.get_by_label("Participant (a pseudonym such as P01)").fill(participant)
+    page.get_by_label("Button", exact=True).fill(button)
+    page.get_by_label("Presses", exact=True).fill(str(presses))
+
+
+def told(page: Any, text: str) -> None:
+    expect(page.locator("#job")).to_contain_text(text, timeout=WAIT)
+
+
+def press(locator: Any, *keys: str) -> None:
+    """Focus a control, once it can be used, and press keys in it; Enter when none is named."""
+    expect(locator).to_be_enabled(timeout=WAIT)
+    locator.focus()
+    for key in keys or ("Enter",):
+        locator.page.keyboard.press(key)
+
+
+def write(locator: Any, text: str) -> None:
+    """Replace what a field holds, by keyboard."""
+    press(locator, "Control+A", "Delete")
+    locator.page.keyboard.type(text)

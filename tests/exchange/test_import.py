@@ -1,0 +1,359 @@
+"""A press that was recorded elsewhere becomes a representative press here."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
+
+import haploop
+from haploop.acquisition import Representative
+from tests.command_line import Run
+from tests.exchange.conftest import Files
+
+
+def like(found: Representative, press: Representative, most: float = 0.02) -> None:
+    # The contact of this press closes one sample after its activation.
+    assert found.rate_hz == 5000 and 0 <= found.activation_index - press.activation_index <= 1
+    own = haploop.high_pass(press.acceleration, 5000)  # the press made for tests is not high-passed
+    error = np.linalg.norm(found.acceleration - own) / np.linalg.norm(own)
+    assert len(found.acceleration) == len(own) and error < most
+
+
+@pytest.mark.parametrize(
+    ("format", "suffix"),
+    [
+        ("csv", ".csv"), ("wav", ".wav"), ("wav48", ".wav"), ("mat", ".mat"), ("uff", ".uff"),
+        ("sep005", ".json"), ("sep005", ".sep005"), ("sep005", ".signals"),
+    ],
+)  # fmt: skip
+def test_a_press_goes_out_and_comes_back(files: Files, tmp_path: Path, format: str, suffix: str) -> None:
+    """With no word on channel, unit, rate, button or activation: the file has them."""
+    out = tmp_path / f"press{suffix}"
+    haploop.export_file(files.representative, format, out)
+    found = haploop.import_press(out, format=format if suffix == ".signals" else None)
+    like(found, files.press, 0.04 if format == "wav48" else 0.02)
+    assert found.simulated and found.sources[0][0] == out.name
+    assert found.button == ("imported" if format == "uff" else "push")
+
+
+@pytest.mark.parametrize("format", ["csv", "wav", "mat", "uff", "sep005"])
+def test_one_press_of_an_exported_recording_is_imported(files: Files, tmp_path: Path, format: str) -> None:
+    """The contact of the press with the largest acceleration, at its first touch."""
+    out = tmp_path / f"presses.{format}"
+    haploop.export_file(files.recording, format, out)
+    found = haploop.import_press(out)
+    assert "where its contact closed" in found.reason
+    closed = files.presses.activation
+    middle = files.presses.acceleration[2] - np.median(files.presses.acceleration[2])
+    largest = int(np.argmax(np.abs(middle)))
+    rises = np.flatnonzero(np.diff(closed) > 0.5) + 1
+    nearest = rises[np.argmin(np.abs(rises - largest))]
+    first = rises[rises >= nearest - 50][0]
+    cut = slice(first - 750, first - 750 + len(found.acceleration))
+    assert found.activation_index == 750
+    np.testing.assert_allclose(found.force, files.presses.force[cut], rtol=1e-6, atol=1e-6)
+
+
+def test_an_imported_press_can_be_driven(files: Files, tmp_path: Path) -> None:
+    """As `haploop button make` begins: of each format the drive is that of the press itself."""
+    table = haploop.Calibration.load(files.calibration)
+    limits = haploop.load_rig_file("simulated").limits.limits()
+    own = haploop.drive_for(files.press, table, limits=limits)
+    for format in ("csv", "wav", "mat", "uff", "sep005"):
+        haploop.export_file(files.representative, format, tmp_path / f"press.{format}")
+        press = haploop.import_press(tmp_path / f"press.{format}")
+        found = haploop.drive_for(press, table, limits=limits)
+        assert len(found.volts) == len(own.volts), format
+        assert np.linalg.norm(found.volts - own.volts) < 0.05 * np.linalg.norm(own.volts), format
+
+
+def click_of(rate: int = 10_000) -> np.ndarray:
+    """0.5 s, switched at 0.15 s, of which the largest acceleration is 2 m/s^2."""
+    since = np.maximum(np.arange(rate // 2) / rate - 0.15, 0)
+    wave = np.exp(-since / 0.01) * np.sin(2 * np.pi * 235 * since)
+    return np.asarray(2 * wave / np.abs(wave).max())
+
+
+def by_soundfile(path: Path, values: np.ndarray) -> None:
+    pytest.importorskip("soundfile").write(path, values / 4, 10_000, subtype="PCM_24")
+
+
+def by_pandas(path: Path, values: np.ndarray) -> None:
+    pandas = pytest.importorskip("pandas")
+    pandas.DataFrame({"t": np.arange(len(values)) / 10_000, "acc [m/s^2]": values}).to_csv(path, index=False)
+
+
+def by_octave(path: Path, values: np.ndarray) -> None:
+    octave = shutil.which("octave")
+    if octave is None:
+        pytest.skip("no octave")
+    np.savetxt(path.with_suffix(".txt"), values, fmt="%.17g")
+    code = f"acc = load('{path.with_suffix('.txt')}'); fs = 10000; save('-v7', '{path}', 'acc', 'fs')"
+    subprocess.run([octave, "--no-gui", "--norc", "--eval", code], check=True, timeout=100)
+
+
+def by_pyuff(path: Path, values: np.ndarray) -> None:
+    import pyuff
+
+    one = {
+        "type": 58, "binary": 0, "func_type": 1, "id1": "acc", "rsp_node": 1, "rsp_dir": 3, "ref_node": 0,
+        "ref_dir": 0, "abscissa_spacing": 1, "abscissa_spec_data_type": 17, "ordinate_spec_data_type": 12,
+        "orddenom_spec_data_type": 0, "data": values, "x": np.arange(len(values)) / 10_000,
+    }  # fmt: skip
+    pyuff.UFF(str(path)).write_sets([one], mode="overwrite")
+
+
+def by_sdypy(path: Path, values: np.ndarray) -> None:
+    sep005 = pytest.importorskip("sdypy_sep005")
+    one = sep005.Sep005Data(data=values.tolist(), name="acc", unit_str="m/s²", fs=10_000.0)
+    path.write_text(f"[{one.model_dump_json()}]", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("write", "name", "scale"),
+    [
+        (by_soundfile, "a.wav", 4.0),
+        (by_pandas, "a.csv", None),
+        (by_octave, "a.mat", 1.0),
+        (by_pyuff, "a.uff", None),
+        (by_sdypy, "a.sep005", None),
+    ],
+)
+def test_a_file_that_another_library_wrote_alone(
+    tmp_path: Path, write: Callable[[Path, np.ndarray], None], name: str, scale: float | None
+) -> None:
+    values = click_of()
+    write(tmp_path / name, values)
+    found = haploop.import_press(tmp_path / name, "latch", scale=scale)
+    assert not found.simulated and found.button == "latch" and len(found.acceleration) == 2500
+    assert found.activation_index == pytest.approx(750, abs=6)
+    own = haploop.high_pass(values[::2], 5000)  # what is below 1 kHz needs no other filter
+    assert np.linalg.norm(found.acceleration - own) < 0.05 * np.linalg.norm(own)
+
+
+def test_by_the_command(files: Files, run: Run, tmp_path: Path) -> None:
+    out, back = tmp_path / "press.uff", tmp_path / "back.h5"
+    assert run("export", files.representative, "--to", "uff", "-o", out).exit_code == 0
+    args = ["import", out, "--button", "push", "--channel", "acceleration", "--activation", "0.3"]
+    assert run(*args, "-o", back, "--json").exit_code == 0
+    found = haploop.load_press([back])
+    like(found, files.press)
+    assert found.simulated and "press.uff" in found.reason
+    assert run(*args, "-o", back).exit_code == 2  # it exists
+
+
+def recorded(seconds: float = 3.0, rate: int = 44_100, at: float = 1.7) -> np.ndarray:
+    t = np.arange(round(seconds * rate)) / rate
+    since = np.maximum(t - at, 0)
+    return np.asarray(1.0 + 0.4 * np.exp(-since / 0.01) * np.sin(2 * np.pi * 235 * since))
+
+
+def test_a_stranger_s_wav_needs_its_scale(tmp_path: Path) -> None:
+    """44.1 kHz, 24 dB of gravity beneath it: what is longer than a second is cut about the click."""
+    path = tmp_path / "click.wav"
+    wavfile.write(path, 44_100, (recorded() / 2 * 32767).astype(np.int16))
+    with pytest.raises(haploop.ConfigurationError, match="--scale"):
+        haploop.import_press(path, "latch")
+    found = haploop.import_press(path, "latch", scale=2 * 9.81)
+    assert found.duration == pytest.approx(0.5, abs=0.001) and not found.simulated
+    assert found.activation_index == pytest.approx(750, abs=6)
+    assert np.abs(found.acceleration).max() == pytest.approx(0.4 * 0.9 * 9.81, rel=0.1)
+    power = np.abs(np.fft.rfft(found.acceleration))
+    assert np.fft.rfftfreq(2500, 1 / 5000)[power.argmax()] == pytest.approx(235, abs=5)
+
+
+def test_units_of_strangers_are_understood(tmp_path: Path) -> None:
+    rate, values = 10_000, recorded(rate=10_000)
+    savemat(tmp_path / "a.mat", {"fs": float(rate), "acc": values[:, None]})
+    in_si = haploop.import_press(tmp_path / "a.mat", "latch", scale=9.80665)
+    t = np.arange(len(values)) / rate
+    np.savetxt(
+        tmp_path / "a.csv", np.stack([t, values], axis=1), delimiter=";", header="t;a (g)", comments=""
+    )
+    in_g = haploop.import_press(tmp_path / "a.csv", "latch")
+    np.testing.assert_allclose(in_g.acceleration, in_si.acceleration, atol=1e-6)
+    one = {"name": "a", "unit_str": "m/s²", "fs": rate, "data": (9.80665 * values).tolist()}
+    (tmp_path / "a.json").write_text(json.dumps([one]))
+    np.testing.assert_allclose(haploop.import_press(tmp_path / "a.json", "latch").acceleration,
+                               in_si.acceleration, atol=1e-6)  # fmt: skip
+
+
+def uff(kind: int, step: float) -> str:
+    """A time response of six values, of a data type, with a step of its own."""
+    lines = [
+        "    -1",
+        "    58",
+        *["NONE"] * 5,
+        "    1         0    1         0 NONE          1   3 NONE          1   3",
+    ]
+    lines += [
+        f"{kind:10d}{6:10d}{1:10d}{0:13.5e}{step:13.5e}{0:13.5e}",
+        *["        17    0    0    0 NONE NONE"] * 4,
+    ]
+    return "\n".join([*lines, *[f"{1:13.5e}" * 6] * (2 if kind == 5 else 1), "    -1", ""])
+
+
+@pytest.mark.parametrize(
+    ("separator", "encoding"), [(";", "utf-8-sig"), (";", "cp1252"), ("\t", "utf-16"), ("\t", "utf-16-be")]
+)
+def test_a_spreadsheet_with_decimal_commas(tmp_path: Path, separator: str, encoding: str) -> None:
+    """As a spreadsheet saves CSV in most of Europe, or as Unicode text."""
+    values = np.sin(np.arange(5000) / 10)
+    rows = [f"{k / 10_000:.4f}{separator}{value:.9e}" for k, value in enumerate(values)]
+    text = f"t [s]{separator}Beschl. für z [m/s²]\r\n" + "\r\n".join(rows).replace(".", ",") + "\r\n"
+    mark = b"\xfe\xff" if encoding == "utf-16-be" else b""
+    (tmp_path / "a.csv").write_bytes(mark + text.encode(encoding))
+    (tmp_path / "b.csv").write_text(text.replace(separator, "|").replace(",", ".").replace("|", ","), "utf-8")
+    found, same = (haploop.import_press(tmp_path / name).acceleration for name in ("a.csv", "b.csv"))
+    np.testing.assert_array_equal(found, same)
+    assert np.ptp(found) > 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("a.xyz", "", "unknown file type"),
+        ("missing.wav", None, "There is no file"),
+        ("a.wav", "RIFF", "no WAV file"),
+        ("a.csv", "t,a\n0,1\n1,x\n", "column 2).\n"),
+        ("a.csv", "", "headings"),
+        ("a.csv", "t [s];a [g]\n0;1.000,5\n0,0002;2.000,5\n", "no table of numbers"),
+        ("a.csv", "t [ms],a [g]\n" + "".join(f"{k / 5000},{k % 3}\n" for k in range(2500)), "lasts 0.5 ms"),
+        ("a.csv", "a\n1\n2\n", "--rate"),
+        ("a.csv", "t,a\n0,1\n1,1\n2,3\n9,3\n", "constant rate"),
+        ("a.csv", "t,a,b\n0,1,2\n1,2,2\n2,3,4\n", "--channel"),
+        ("a.mat", "no", "no MATLAB file"),
+        ("a.csv", "frequency [Hz],a\n1,1\n2,1\n", "over frequency"),
+        ("a.json", "{}", "SEP-005"),
+        ("a.sep005", "", "SEP-005"),
+        ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": []}', "empty"),
+        ("a.json", "[]", "several rates or lengths"),
+        ("a.uff", "no", "no time responses"),
+        ("a.sep005", '{"name": "a", "unit_str": "g", "fs": 5000, "data": [1' + 400 * "0" + "]}", "SEP-005"),
+        ("a.uff", uff(2, 0.0), "constant rate"),
+        ("a.uff", uff(5, 2e-4), "no real values"),
+    ],
+)
+def test_what_cannot_be_read_is_one_sentence(
+    run: Run, tmp_path: Path, name: str, content: str | None, sentence: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    result = run("import", tmp_path / name, "--out", tmp_path / "out.h5")
+    assert result.exit_code == 2 and sentence in result.stderr and result.stderr.count("\n") == 1
+    assert not (tmp_path / "out.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("channels", "bits", "bytes_each", "chunk"),
+    [(65535, 16, 2, b"data"), (1, 16, 2, b"JUNK"), (0, 16, 0, b"data"), (1, 65535, 1, b"data")],
+)
+def test_a_wav_header_that_contradicts_itself_is_one_sentence(
+    run: Run, tmp_path: Path, channels: int, bits: int, bytes_each: int, chunk: bytes
+) -> None:
+    """scipy's reader divides by zero, and uses what it has not read."""
+    kind = struct.pack("<IHHIIHH", 16, 1, channels, 48_000, 96_000, bytes_each, bits)
+    sized = struct.pack("<I", 0xFFFFFFFF)
+    path = tmp_path / "a.wav"
+    path.write_bytes(b"RIFF" + sized + b"WAVEfmt " + kind + chunk + sized + bytes(100))
+    result = run("import", path, "--out", tmp_path / "out.h5")
+    assert result.exit_code == 2 and "is no WAV file that can be read" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_time_in_milliseconds_is_not_taken_for_seconds(tmp_path: Path) -> None:
+    time = np.arange(5000) / 5000
+    wave = np.exp(-(((time - 0.5) / 0.01) ** 2)) * np.sin(2 * np.pi * 200 * time)
+    made = []
+    for name, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6)):
+        path = tmp_path / f"{name}.csv"
+        table = np.stack([time * scale, wave], axis=1)
+        np.savetxt(path, table, header=f"Time ({name}),a [g]", comments="", delimiter=",")
+        made.append(haploop.import_press(path, "b").acceleration)
+    assert np.allclose(made[1], made[0]) and np.allclose(made[2], made[0])
+    path.write_text("time [fortnights],a [g]\n0,1\n1,2\n")
+    with pytest.raises(haploop.DataError, match="fortnights"):
+        haploop.import_press(path, "b")
+
+
+def test_an_uneven_time_is_refused_in_every_kind_of_file(tmp_path: Path) -> None:
+    time = np.sort(np.random.default_rng(0).random(5000))
+    wave = np.sin(2 * np.pi * 200 * time)
+    savemat(tmp_path / "a.mat", {"a": wave, "time": time})
+    one = {"name": "a", "unit_str": "g", "data": wave.tolist(), "time": time.tolist()}
+    (tmp_path / "a.json").write_text(json.dumps([one]))
+    for name in ("a.mat", "a.json"):
+        with pytest.raises(haploop.DataError, match="constant rate"):
+            haploop.import_press(tmp_path / name, "b", scale=1.0)
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        {"channels": [{}]},
+        {"channels": 5},
+        {"channels": [{"name": "a", "unit": "g"}], "unit_per_count": ["x"]},
+        {"channels": [{"name": "a", "unit": "g"}], "unit_per_count": []},
+        {"about": 5},
+        {"about": {"activation_s": "x"}},
+        {"about": {"bandwidth_hz": []}},
+    ],
+)
+def test_a_sidecar_of_another_shape_is_one_sentence(tmp_path: Path, beside: dict[str, object]) -> None:
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 5000, np.sin(np.arange(5000.0)).astype(np.float32))
+    path.with_name("a.wav.json").write_text(json.dumps(beside))
+    with pytest.raises(haploop.DataError):
+        haploop.import_press(path, "b", scale=1.0)
+
+
+@pytest.mark.parametrize("scale", [0.0, np.nan, np.inf, 1e300])
+def test_a_scale_that_no_sensor_has_is_one_sentence(tmp_path: Path, run: Run, scale: float) -> None:
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.sin(np.arange(5000.0)), header="a", comments="")
+    result = run("import", path, "--rate", 5000, "--scale", scale, "--out", tmp_path / "out.h5")
+    assert result.exit_code == 2 and "--scale" in result.stderr and result.stderr.count("\n") == 1
+    assert not (tmp_path / "out.h5").exists()
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(haploop.ConfigurationError, match="is a folder"):
+        haploop.import_press(tmp_path)
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -5.0, 1e-9, 1e12, np.inf, np.nan])
+def test_a_rate_that_no_press_has_is_one_sentence(tmp_path: Path, rate_hz: float) -> None:
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.sin(np.arange(5000.0)), header="a [g]", comments="")
+    with pytest.raises(haploop.ConfigurationError, match="samples/s"):
+        haploop.import_press(path, "b", rate_hz=rate_hz)
+
+
+def test_a_heading_of_many_spaces_takes_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a" + " " * 50_000 + "[x\n1\n2\n")
+    with pytest.raises(haploop.ConfigurationError, match="state how"):
+        haploop.import_press(path, "b", rate_hz=5000.0)
+
+
+def test_a_matlab_file_that_crashes_its_reader_is_one_sentence(
+    files: Files, run: Run, tmp_path: Path
+) -> None:
+    """scipy's reader dies of a segmentation fault on it."""
+    path = tmp_path / "press.mat"
+    assert run("export", files.representative, "--to", "mat", "-o", path).exit_code == 0
+    raw = bytearray(path.read_bytes())
+    place = raw.index(b"time") + 4
+    assert raw[place] == 9  # the tag of double precision; 32 is no type
+    raw[place] = 32
+    path.write_bytes(raw)
+    result = run("import", path, "--channel", "acceleration", "-o", tmp_path / "back.h5")
+    assert result.exit_code == 2 and "is no MATLAB file of level 5" in result.stderr, result.output

@@ -1,0 +1,203 @@
+"""Every kind of file that a command reads, changed: one sentence and an exit code, at no cost of memory.
+
+The bytes, and the structure under a checksum that fits.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from haploop.acquisition import Representative, hdf5
+from haploop.acquisition.json_files import write_json
+from haploop.acquisition.recording import Rejection, add_rejections
+from haploop.calibration import Calibration, build_button
+from haploop.instruments import open_rig
+from tests.command_line import Demo, Run
+from tests.mutating import mutations, restructure, within_memory
+
+STORED = ("representative", "calibration", "drive", "check", "button")
+
+
+@pytest.fixture(scope="module")
+def files(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A file of each kind, by kind."""
+    folder = tmp_path_factory.mktemp("whole")
+    found = {
+        "recording": demo.folder / "recordings" / "P01-push.h5",
+        "representative": demo.folder / "presses" / "push.h5",
+        "calibration": demo.folder / "calibration.h5",
+        "drive": demo.folder / "drives" / "push.h5",
+        "check": demo.folder / "checks" / "push.h5",
+        "button": folder / "button.h5",
+    }
+    press, calibration = Representative.load(found["representative"]), Calibration.load(found["calibration"])
+    with open_rig("simulated") as rig:
+        build_button(rig, press, calibration, iterations=0).save(found["button"])
+    return found
+
+
+def used(run: Run, *arguments: object) -> int:
+    """As `ended`. Returns the exit code."""
+    return ended(run, *arguments).exit_code
+
+
+def ended(run: Run, *arguments: object) -> Result:
+    """Run a command: it ends by itself, in one sentence where it refuses."""
+    with within_memory():
+        result = run(*arguments)
+    assert result.exit_code in (0, 1, 2, 3), (arguments, result.output[-500:])
+    if result.exit_code > 1:
+        assert result.output.count("\n") <= 12 and len(result.stderr) < 2000, result.output
+    return result
+
+
+@pytest.mark.parametrize("kind", ["recording", *STORED])
+@pytest.mark.timeout(3600)
+def test_a_command_survives_any_bytes(
+    kind: str, files: dict[str, Path], run: Run, tmp_path: Path, full: bool
+) -> None:
+    path, codes = tmp_path / "P01-push.h5", []
+    raw = files[kind].read_bytes()
+    for number, changed in enumerate(mutations(raw, 500 if full else 12, seed=11)):
+        path.write_bytes(changed)
+        codes.append(used(run, "show", path, "--json"))
+        verified = used(run, "verify", path, "--json")
+        assert verified >= 1 or changed == raw
+        if kind == "recording" and number % 20 == 0:
+            used(run, "recover", path)
+            (tmp_path / "P01-push.recovered.h5").unlink(missing_ok=True)
+    assert codes.count(2) > len(codes) // 2
+
+
+@pytest.mark.parametrize("kind", ["recording", *STORED])
+@pytest.mark.timeout(3600)
+def test_a_command_survives_any_structure(
+    kind: str, files: dict[str, Path], run: Run, tmp_path: Path, full: bool
+) -> None:
+    path = tmp_path / "P01-push.h5"
+    for seed in range(500 if full else 12):
+        shutil.copyfile(files[kind], path)
+        restructure(path, seed, kind)
+        used(run, "show", path, "--json")
+        used(run, "verify", path, "--json")
+
+
+NONSENSE = {
+    "representative": {"rate_hz": 1e300, "acceleration": np.full(4, np.nan), "activation_index": 10**9},
+    "calibration": {
+        "model/poles": np.zeros(3, complex),
+        "response/frequencies": np.zeros(5),
+        "response/coherence": np.full(5, np.nan),
+    },
+    "drive": {"volts": np.zeros(0), "rate_hz": -1.0},
+    "check": {"verdict": "perhaps", "rate_hz": 1e300, "floor_db": np.full(3, np.nan)},
+}
+
+
+@pytest.mark.parametrize("kind", NONSENSE)
+def test_content_that_nobody_measured_is_refused_under_a_hash_that_fits(
+    kind: str, files: dict[str, Path], run: Run, tmp_path: Path
+) -> None:
+    flat = hdf5.read(files[kind], kind)
+    for number, (key, value) in enumerate(NONSENSE[kind].items()):
+        assert key in flat
+        path = tmp_path / f"{number}.h5"
+        hdf5.write(path, kind, {**flat, key: value})
+        assert used(run, "show", path, "--json") == 2
+
+
+def test_a_response_without_coherence_is_shown_and_reported(
+    files: dict[str, Path], run: Run, tmp_path: Path
+) -> None:
+    """As another program may have measured it."""
+    found = Calibration.load(files["calibration"])
+    path = tmp_path / "other.h5"
+    bare = replace(found.response, coherence=np.zeros(0), deviation=np.zeros(0))
+    replace(found, response=bare).save(path)
+    assert json.loads(run("show", path, "--json").stdout)["confidence"] is None
+    shown = run("show", path, "--plot", tmp_path / "other.png")
+    assert shown.exit_code == 0 and "not measured" in shown.stdout, shown.output
+    assert run("report", path, "--out", tmp_path / "report.html").exit_code == 0
+    assert "coherence not measured" in (tmp_path / "report.html").read_text("utf-8")
+
+
+OTHERS = ([], {}, [1], [[]], {"a": None}, "a", None, 1e308, [None] * 1000)
+
+
+@pytest.mark.parametrize(
+    ("kind", "own"), [("map", {"rig": "rig"}), ("rejections", [{"file": "P01-push.h5"}])]
+)
+def test_a_list_or_plan_of_another_content_is_refused(
+    kind: str, own: object, files: dict[str, Path], run: Run, tmp_path: Path
+) -> None:
+    path = tmp_path / f"{kind}.json"
+    shutil.copyfile(files["recording"], tmp_path / files["recording"].name)
+    for changed in (own, *OTHERS):
+        path.unlink(missing_ok=True)
+        write_json(path, kind, changed)
+        used(run, "verify", path)
+        used(run, "show", tmp_path, "--json")
+        used(run, "show", tmp_path / files["recording"].name, "--json")
+        used(run, "list", "--in", tmp_path, "--json")
+
+
+@pytest.fixture
+def texts(demo: Demo, run: Run, tmp_path: Path) -> dict[str, tuple[Path, list[tuple[object, ...]], bool]]:
+    """By kind: a file that a command reads, the commands, and whether it is haploop's own."""
+    study, data = tmp_path / "study", tmp_path / "answers"
+    (study / "recordings").mkdir(parents=True)
+    (study / "study.toml").write_text(
+        'name = "demo"\nbuttons = ["push"]\nparticipants = ["P01"]\npresses = 5\n', encoding="utf-8"
+    )
+    shutil.copy(demo.folder / "recordings" / "P01-push.h5", study / "recordings")
+    ready = [
+        run("experiment", "simulate", "rating", "-n", "2", "-d", data),
+        run("experiment", "export", "rating", tmp_path / "ratings.csv", "-d", data),
+    ]
+    assert all(result.exit_code == 0 for result in ready), ready
+    add_rejections(study / "recordings", [Rejection("P01-push.h5", "0" * 64, 1, 1, "why", "now")])
+    session = data / "P01" / "session-1.jsonl"
+    status = ("experiment", "status", "rating", "-d", data, "--json")
+    return {
+        "session": (session, [status, ("verify", session)], True),
+        "rejections": (
+            study / "recordings" / "rejections.json",
+            [("show", study, "--json"), ("list", "--in", study, "--json")],
+            True,
+        ),
+        "study": (study / "study.toml", [("study", "status", "--study", study, "--json")], False),
+        "ratings": (
+            tmp_path / "ratings.csv",
+            [("analyse", "ratings", tmp_path / "ratings.csv", "--json")],
+            False,
+        ),
+    }
+
+
+@pytest.mark.parametrize("kind", ["session", "rejections", "study", "ratings"])
+@pytest.mark.timeout(3600)
+def test_a_command_survives_any_text(
+    kind: str,
+    texts: dict[str, tuple[Path, list[tuple[object, ...]], bool]],
+    run: Run,
+    full: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path, commands, own = texts[kind]
+    raw, refused, whole = path.read_bytes(), 0, run(*commands[0]).stdout
+    for changed in mutations(raw, 500 if full else 24, seed=12):
+        path.write_bytes(changed)
+        first, *_ = [ended(run, *command) for command in commands]
+        refused += first.exit_code == 2
+        # A log that ends earlier is one of an earlier moment; a space or a key twice says nothing else.
+        assert first.exit_code == 2 or not own or first.stdout == whole or raw.startswith(changed)
+    assert refused > 8

@@ -1,0 +1,123 @@
+"""Responses of calibrations for other programs, and from them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import haploop
+from haploop.calibration import Calibration, VibrationMap
+from tests.command_line import Run
+from tests.exchange.conftest import FREQUENCIES, Files, velocity
+
+
+def test_a_response_goes_out_and_comes_back(files: Files, run: Run, tmp_path: Path) -> None:
+    universal, back = tmp_path / "a.uff", tmp_path / "b.h5"
+    assert run("export", files.calibration, "--to", "uff", "--out", universal).exit_code == 0
+    result = run("import", universal, "--out", back, "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["source"].startswith("imported from a.uff, sha256 ")
+    imported = Calibration.load(back)
+    np.testing.assert_allclose(imported.response.velocity, velocity(), rtol=1e-4)
+    assert imported.model.resonance_hz == pytest.approx(263.5, abs=0.1)
+    assert imported.response.simulated
+
+
+def test_a_model_goes_to_matlab(files: Files, run: Run, tmp_path: Path) -> None:
+    result = run("export", files.calibration, "--to", "mat", "--out", tmp_path / "a.mat", "--json")
+    assert json.loads(result.stdout) == {
+        "kind": "calibration", "to": "mat", "files": [str(tmp_path / "a.mat")], "simulated": True,
+    }  # fmt: skip
+    found = loadmat(tmp_path / "a.mat", simplify_cells=True)
+    assert found["A"].ndim == 2 and found["units"]["velocity"] == "(m/s)/V"
+    assert found["about"]["content_hash"] == haploop.content_hash(files.calibration)
+
+
+def own(path: Path, f: np.ndarray) -> np.ndarray:
+    """Velocities of the map's four responses, (response, frequency), as haploop computes them."""
+    found = VibrationMap.load(path)
+    return np.concatenate([found.velocity(patch, f) for patch in ("A", "B")])
+
+
+PLACES = [("A", "3", 0, 3), ("A", "17", 1, 5), ("B", "3", 0, 3), ("B", "17", 1, 5)]
+
+
+def test_a_map_opens_in_pandas(measured_map: Path, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    done = haploop.export_file(measured_map, "csv", tmp_path / "a.csv")
+    assert done.files == (tmp_path / "a.csv", tmp_path / "a.csv.json") and done.simulated
+    table = pandas.read_csv(tmp_path / "a.csv")
+    beside = json.loads((tmp_path / "a.csv.json").read_text(encoding="utf-8"))
+    assert [tuple(one.values()) for one in beside["responses"]] == PLACES
+    assert beside["about"]["simulated"] is True and beside["about"]["source"] == "map"
+    wanted = own(measured_map, table["frequency [Hz]"].to_numpy())
+    for (patch, point, *_), values in zip(PLACES, wanted, strict=True):
+        name = f"patch {patch} point {point} velocity"
+        np.testing.assert_allclose(table[f"{name} real [(m/s)/V]"], values.real, rtol=1e-8)
+        np.testing.assert_allclose(table[f"{name} imaginary [(m/s)/V]"], values.imag, rtol=1e-8)
+
+
+def test_a_map_as_parquet_opens_in_pandas(measured_map: Path, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    arrow = pytest.importorskip("pyarrow.parquet")
+    haploop.export_file(measured_map, "parquet", tmp_path / "a.parquet")
+    table = pandas.read_parquet(tmp_path / "a.parquet")
+    groups = table.groupby(["patch", "point", "row", "column"], sort=False)
+    assert [key for key, _ in groups] == PLACES
+    f = table["frequency"][: len(table) // 4].to_numpy()
+    for (_, rows), values in zip(groups, own(measured_map, f), strict=True):
+        np.testing.assert_array_equal(rows["velocity_real"] + 1j * rows["velocity_imaginary"], values)
+    schema = arrow.read_schema(tmp_path / "a.parquet")
+    assert schema.field("velocity_real").metadata == {b"unit": b"(m/s)/V"}
+    assert json.loads(schema.metadata[b"haploop"])["simulated"] is True
+
+
+def test_a_map_in_libnetcdf(measured_map: Path, tmp_path: Path) -> None:
+    netcdf = pytest.importorskip("netCDF4")
+    haploop.export_file(measured_map, "netcdf", tmp_path / "a.nc")
+    with netcdf.Dataset(tmp_path / "a.nc") as file:
+        found = np.asarray(file["velocity_real"][:] + 1j * file["velocity_imaginary"][:])
+        np.testing.assert_array_equal(found, own(measured_map, np.asarray(file["frequency"][:])))
+        assert (file["velocity_real"].units, file["frequency"].units) == ("m s-1 V-1", "Hz")
+        names = [netcdf.chartostring(file[name][:]).tolist() for name in ("patch", "point")]
+        cells = [file[name][:].tolist() for name in ("row", "column")]
+        assert list(zip(*names, *cells, strict=True)) == PLACES
+
+
+def test_a_map_in_pyuff(measured_map: Path, tmp_path: Path) -> None:
+    pyuff = pytest.importorskip("pyuff")
+    haploop.export_file(measured_map, "uff", tmp_path / "a.uff")
+    sets = [s for s in pyuff.UFF(str(tmp_path / "a.uff")).read_sets() if s["type"] == 58]
+    for one, (patch, point, *_), values in zip(sets, PLACES, own(measured_map, sets[0]["x"]), strict=True):
+        assert (one["rsp_ent_name"].strip(), one["ref_ent_name"].strip()) == (point, patch)
+        assert (one["rsp_node"], one["ref_node"]) == (int(point) + 1, " AB".index(patch))
+        assert (one["func_type"], one["ordinate_spec_data_type"], one["orddenom_spec_data_type"]) == (
+            4,
+            11,
+            1,
+        )
+        np.testing.assert_allclose(one["data"], values, rtol=1e-4)
+
+
+def test_a_response_as_a_table(files: Files, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    haploop.export_file(files.calibration, "csv", tmp_path / "a.csv")
+    table = pandas.read_csv(tmp_path / "a.csv")
+    np.testing.assert_allclose(table["frequency [Hz]"], FREQUENCIES)
+    name = "patch A point button velocity"
+    found = table[f"{name} real [(m/s)/V]"] + 1j * table[f"{name} imaginary [(m/s)/V]"]
+    np.testing.assert_allclose(found, velocity(), rtol=1e-7)
+
+
+def test_a_response_in_libnetcdf(files: Files, tmp_path: Path) -> None:
+    netcdf = pytest.importorskip("netCDF4")
+    haploop.export_file(files.calibration, "netcdf", tmp_path / "a.nc")
+    with netcdf.Dataset(tmp_path / "a.nc") as file:
+        found = np.asarray(file["velocity_real"][0] + 1j * file["velocity_imaginary"][0])
+        np.testing.assert_array_equal(found, velocity())
+        assert file["velocity_real"].units == "m s-1 V-1"
+        assert b"".join(file["point"][0]).decode() == "button"

@@ -1,0 +1,110 @@
+"""`haploop report`: what is read, what is said of it, and that nothing changes when it is made again."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from haploop.reports.html import write_report
+from tests.command_line import Demo, Run
+
+
+@pytest.fixture(scope="module")
+def made(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("report")
+    paths = [demo.folder / "recordings" / "P01-latch.h5", demo.folder / "calibration.h5"]
+    for name in ("once", "again"):
+        write_report(paths, place / name / "all.html", pdf=True)
+    return place
+
+
+def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, demo: Demo) -> None:
+    page = (made / "once" / "all.html").read_text(encoding="utf-8")
+    assert not re.search(r'(?:src|href)="(?!data:)', page)
+    assert not re.search(r"<script|@import|url\(", page)
+    assert page.count('src="data:image/png;base64,') == 3
+    assert "Simulated." in page and "All of these data" in page
+    sha256 = demo.summary["buttons"]["latch"]["sources"][0]["sha256"]
+    assert sha256 in page
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", page, re.S)
+    assert all("n = " in caption and "SHA-256" in caption and "Simulated." in caption for caption in captions)
+    assert "latch, n = 10 presses by 1 participant" in captions[0].lower()
+    assert ">stable</td>" in page and "10 presses accepted, 0 not" in page
+
+
+def test_a_report_made_again_is_the_same_bytes(made: Path) -> None:
+    once = sorted(path.relative_to(made / "once") for path in (made / "once").rglob("*") if path.is_file())
+    again = sorted(path.relative_to(made / "again") for path in (made / "again").rglob("*") if path.is_file())
+    assert once == again and len(once) == 2 + 2 * 3
+    for path in once:
+        assert (made / "once" / path).read_bytes() == (made / "again" / path).read_bytes(), path
+
+
+def test_its_figures_are_there_as_pdf_and_svg_and_it_as_pdf(made: Path) -> None:
+    folder = made / "once" / "all-figures"
+    names = ["01-forces", "02-presses", "03-response"]
+    assert sorted(p.name for p in folder.iterdir()) == [f"{n}.{k}" for n in names for k in ("pdf", "svg")]
+    assert b"simulated" in (folder / "03-response.svg").read_bytes()
+    pdf = (made / "once" / "all.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF") and b"/Type3" not in pdf and b"CreationDate" not in pdf
+
+
+def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
+    run: Run, tmp_path: Path
+) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(
+        'name = "<script>alert(1)</script>"\nrig = "simulated"\nbuttons = ["push"]\npresses = 2\n'
+        'participants = ["P01", "P02"]\n[participant.P01]\nage = 20\nsex = "<b>f"\n'
+        '[participant.P02]\nage = 31\nsex = "m"\n',
+        encoding="utf-8",
+    )
+    assert run("report", study, "-o", tmp_path / "a.html").exit_code == 2
+    assert run("study", "run", "-s", study).exit_code == 0
+    result = run("report", study, "-o", tmp_path / "a.html", "--json")
+    assert result.exit_code == 0, result.output
+    values = json.loads(result.stdout)
+    assert values["simulated"] and values["pdf"] is None and len(values["figures"]) == 4
+    assert [v["said"] for v in values["verdicts"]] == ["complete", "complete"]
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "<script" not in page and "<b>f" not in page
+    assert "20 to 31, mean 25.5, standard deviation 7.8 (n = 2)" in page
+    assert "&lt;b&gt;f: 1, m: 1" in page
+    shown = json.loads(run("show", tmp_path / "recordings" / "P01-push.h5", "--json").stdout)
+    assert shown["participant_columns"] == {"age": 20, "sex": "<b>f"}
+    taken = run("report", study, "-o", tmp_path / "a.html")
+    assert taken.exit_code == 2 and "exists" in taken.stderr
+    within = run("report", tmp_path / "recordings", "-o", tmp_path / "within.html")
+    assert within.exit_code == 0, within.output
+    assert (tmp_path / "within.html").read_bytes() == (tmp_path / "a.html").read_bytes()
+
+
+def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(
+    demo: Demo, run: Run, tmp_path: Path
+) -> None:
+    result = run("report", demo.folder / "presses", "-o", tmp_path / "presses.html", "--json")
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "presses.html").read_text(encoding="utf-8")
+    assert all(f"{name}.h5" in page for name in ("latch", "push", "toggle"))
+    assert "P01" in run("show", demo.folder / "recordings").stdout
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "experiment.toml").touch()
+    (tmp_path / "empty").mkdir()
+    for said, path in (("experiment export", "mine"), ("neither a study", "empty")):
+        for command in (("report", "-o", tmp_path / "x.html"), ("show",)):
+            refused = run(*command, tmp_path / path)
+            assert refused.exit_code == 2 and said in refused.stderr, refused.output
+    mixed = run("show", *sorted((demo.folder / "presses").glob("*.h5")))
+    assert mixed.exit_code == 2 and "holds a representative" in mixed.stderr
+
+
+def test_what_cannot_be_reported_is_one_sentence(run: Run, demo: Demo, tmp_path: Path) -> None:
+    calibration = demo.folder / "calibration.h5"
+    wrong = run("report", calibration, "-o", tmp_path / "a.pdf")
+    assert wrong.exit_code == 2 and ".html" in wrong.stderr
+    wrong = run("report", tmp_path / "nothing.h5", "-o", tmp_path / "a.html")
+    assert wrong.exit_code == 2 and wrong.stderr.count("Error") == 1
+    assert list(tmp_path.iterdir()) == []
