@@ -63,8 +63,8 @@ from .calibration import quick_response as quick_response
 from .calibration import read_uff as read_uff
 from .calibration import recalibrate as recalibrate
 from .calibration import write_uff as write_uff
-from .commands.demo import claim_folder as claim_folder
-from .commands.demo import run_demo as run_demo
+from .commands.demo.run import claim_folder as claim_folder
+from .commands.demo.run import run_demo as run_demo
 from .exchange import Exported as Exported
 from .exchange import export_file as export_file
 from .exchange import import_press as import_press

@@ -18,6 +18,7 @@ import random
 import resource
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -29,8 +30,8 @@ from pathlib import Path
 from cosmic_ray import plugins
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
-from types_and_contracts import ROOT, copy_sources
 
+ROOT = Path(__file__).resolve().parents[1]
 SAFETY, RECORDING = "tests/instruments/safety/test_", "tests/acquisition/recording/test_"
 DRIVE = "tests/calibration/drive/test_"
 PLAYED = tuple(
@@ -153,7 +154,7 @@ def tested(tree: Path, tests: tuple[str, ...], seconds: float, log: Path) -> tup
     began, child = time.monotonic(), os.fork()
     if child == 0:
         os.setpgid(0, 0)
-        os.chdir(tree)
+        os.chdir(tree / "haploop")
         os.environ.update(PYTHONPATH=str(tree), TMPDIR=str(log.parent), PYTHONDONTWRITEBYTECODE="1")
         tempfile.tempdir = None
         output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -186,10 +187,14 @@ def tested(tree: Path, tests: tuple[str, ...], seconds: float, log: Path) -> tup
 
 
 def made_tree(folder: Path) -> Path:
-    """A copy of haploop as it is imported, with its tests."""
+    """A copy of the files that git knows, in a folder called haploop, which is the package."""
     tree = folder / "tree"
-    copy_sources(tree)
-    shutil.copytree(ROOT / "rigs", tree / "rigs")  # tests read them where they lie in the checkout
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True)
+    for name in listed.stdout.decode().split("\0"):
+        if name and (source := ROOT / name).is_file():
+            target = tree / "haploop" / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(source, target)
     return tree
 
 

@@ -1,4 +1,4 @@
-"""Check that a wheel of haploop installs one import name and survives a lab's own files beside a script.
+"""Check that a wheel of haploop installs one import name, with every file, beside a lab's own modules.
 
 Usage: python .ci/one_name.py SOURCE. Builds a wheel of the checkout SOURCE, installs it into an empty
 virtual environment, and runs a script beside which lie a lab's own `calibration.py`, `instruments.py`
@@ -15,7 +15,7 @@ import venv
 import zipfile
 from pathlib import Path
 
-ROOMS = ("instruments", "acquisition", "calibration", "mocks", "rigs")
+ROOMS = ("instruments", "acquisition", "calibration", "mocks", "commands", "reports", "rigs")
 SCRIPT = """
 import calibration
 import haploop
@@ -27,6 +27,28 @@ print(recording.path.name, haploop.__version__)
 """
 
 
+def compare_files(source: Path, installed: set[Path]) -> None:
+    """Compare the wheel with the files of every folder of the source that is a package."""
+    rooms = {init.parent.name for init in source.glob("*/__init__.py")} - {"tests"}
+    wanted = {
+        Path("haploop") / path.relative_to(source)
+        for room in rooms
+        for path in (source / room).rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
+    wanted |= {
+        Path("haploop") / name
+        for name in ("__init__.py", "__init__.pyi", "__main__.py", "py.typed", "pytest_plugin.py")
+    }
+    found = {path for path in installed if path.parts[0] == "haploop"}
+    if missing := wanted - found:
+        raise SystemExit(
+            f"The wheel lacks {', '.join(map(str, sorted(missing)))}: name it in [package-data]."
+        )
+    if more := found - wanted:
+        raise SystemExit(f"The wheel would also install {', '.join(map(str, sorted(more)))}.")
+
+
 def main(source: Path) -> None:
     """Build, install, look at the top-level names, run the script."""
     with tempfile.TemporaryDirectory() as folder:
@@ -34,10 +56,15 @@ def main(source: Path) -> None:
         pip = [sys.executable, "-m", "pip", "--quiet"]
         subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", work, source], check=True)
         (wheel,) = work.glob("haploop-*.whl")
-        names = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
-        surplus = {name for name in names if name != "haploop" and not name.endswith(".dist-info")}
+        installed = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
+        surplus = {
+            path.parts[0]
+            for path in installed
+            if path.parts[0] != "haploop" and path.parts[0][-10:] != ".dist-info"
+        }
         if surplus:
             raise SystemExit(f"The wheel would install {', '.join(sorted(surplus))} beside haploop.")
+        compare_files(source, installed)
 
         # This environment's pip installs, and what the script imports is compiled then: one of its own, and
         # every module compiled, would take longer than all else here.

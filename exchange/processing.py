@@ -46,7 +46,8 @@ from ..instruments.extras import optional
 from ..instruments.files import check_destination, new_file, private_files
 from ..instruments.progress import Progress, silent
 from ..instruments.safety import marked
-from . import COLUMNS, press_table, write_rows
+from .csv_file import write_rows
+from .press_rows import COLUMNS, press_table
 from .workers import worker_pool
 
 __all__ = ["Processed", "process_study"]

@@ -1,7 +1,4 @@
-from . import figures as figures
-from . import outputs as outputs
 from . import plot as plot
-from . import show as show
 from .figures import animate_map as animate_map
 from .figures import trend as trend
 from .html import write_recalibration as write_recalibration

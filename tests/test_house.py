@@ -1,6 +1,7 @@
 """Where things stand, and how they are reached. The rules:
 
-1. A folder with an `__init__` is installed: `[tool.setuptools] packages` lists it, and nothing else.
+1. The root is the package: a folder with an `__init__` is installed, but for the tests, and imports inside
+   are relative.
 2. A sub-package whose `__init__` hands on names is entered by that door: from outside it, product code says
    `from haploop.calibration.response import Response`, not `from haploop.calibration.response.response import
    Response`. A sub-package that hands on nothing (`haploop.commands`, those of `mocks`) is entered by its
@@ -19,6 +20,7 @@ from __future__ import annotations
 import ast
 import re
 import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -28,24 +30,21 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-FOLDERS: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
-"""Where the rooms are that are not folders of `haploop`."""
-ROOMS = {"haploop", *FOLDERS}
+CLIENTS = {"tests", "benchmarks", "examples", "docs", "build"}
+ROOMS = {f"haploop.{init.parent.name}" for init in ROOT.glob("*/__init__.py")} - {
+    f"haploop.{c}" for c in CLIENTS
+}
 
 
 def folder_of(package: str) -> Path:
-    for room, folder in FOLDERS.items():
-        if package == room or package.startswith(f"{room}."):
-            return ROOT / folder / package[len(room) + 1 :].replace(".", "/")
-    return ROOT / package.replace(".", "/")
+    return ROOT.joinpath(*package.split(".")[1:])
 
 
 def found_packages() -> set[str]:
-    found = set()
+    found = {"haploop"}
     for room in ROOMS:
-        top = folder_of(room)
-        for init in top.rglob("__init__.py"):
-            found.add(".".join([room, *init.parent.relative_to(top).parts]))
+        for init in folder_of(room).rglob("__init__.py"):
+            found.add(".".join(["haploop", *init.parent.relative_to(ROOT).parts]))
     return found
 
 
@@ -90,10 +89,8 @@ def package_of(module: str) -> str:
 
 def sub_package_of(module: str) -> str:
     """The sub-package of a room that a module stands in, however deep; empty for a room's own module."""
-    parts = module.split(".")
-    depth = 2 if parts[1:] and ".".join(parts[:2]) not in ROOMS else 3
-    candidate = ".".join(parts[:depth])
-    return candidate if candidate in PACKAGES - ROOMS else ""
+    candidate = ".".join(module.split(".")[:3])
+    return candidate if candidate in PACKAGES - ROOMS and candidate.count(".") == 2 else ""
 
 
 def inside(module: str, package: str) -> bool:
@@ -101,19 +98,18 @@ def inside(module: str, package: str) -> bool:
 
 
 def imports(path: Path) -> Iterator[tuple[int, str, str]]:
-    """Line, module, and name of every import of haploop's; the name is empty for `import module`."""
+    """Line, module, and name of every import of haploop's; the name is empty for a module."""
+    package = package_of(MODULES[path]).split(".")
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            above = package[: len(package) + 1 - node.level]
+            module = ".".join([*above, *([node.module] if node.module else [])])
             for alias in node.names:
-                if inside(alias.name, "haploop"):
-                    yield node.lineno, alias.name, ""
-        elif isinstance(node, ast.ImportFrom) and node.module and inside(node.module, "haploop"):
-            for alias in node.names:
-                whole = f"{node.module}.{alias.name}"
-                if whole in IMPORTED and alias.name not in DOORS[package_of(node.module)]:
+                whole = f"{module}.{alias.name}"
+                if whole in IMPORTED and alias.name not in DOORS[package_of(module)]:
                     yield node.lineno, whole, ""
                 else:
-                    yield node.lineno, node.module, alias.name
+                    yield node.lineno, module, alias.name
 
 
 def role_of(module: str) -> str:
@@ -142,7 +138,26 @@ def each_import() -> list[tuple[str, str, str, str]]:
 
 
 def test_every_package_is_installed() -> None:
-    assert sorted(PROJECT["tool"]["setuptools"]["packages"]) == sorted(PACKAGES)
+    """`setup.py` finds packages; what it would install is read from the distribution's own list."""
+    code = (
+        "import setuptools, runpy; said = {};"
+        "setuptools.setup = lambda **words: said.update(words);"
+        "runpy.run_path('setup.py'); print(*said['packages'])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert sorted(ran.stdout.split()) == sorted(PACKAGES)
+
+
+def test_imports_within_the_package_are_relative() -> None:
+    """A tool that derives a module's name from its path resolves them, whatever the checkout is called."""
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in sorted(MODULES)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if (isinstance(node, ast.Import) and any(inside(alias.name, "haploop") for alias in node.names))
+        or (isinstance(node, ast.ImportFrom) and not node.level and inside(node.module or "", "haploop"))
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_a_sub_package_is_entered_by_its_door() -> None:
@@ -172,7 +187,7 @@ def test_a_room_does_not_use_its_own_door() -> None:
     wrong = [
         f"{place}: {module}"
         for place, importer, module, name in each_import()
-        if name and module in FOLDERS and inside(importer, module)
+        if name and module in ROOMS and inside(importer, module) and importer != module
     ]
     assert not wrong, "\n".join(wrong)
 

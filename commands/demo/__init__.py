@@ -1,8 +1,1 @@
-"""The complete workflow on a simulated rig, with a report.
-
-Names are loaded when they are first used; `__init__.pyi` lists them.
-"""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""`haploop demo`: the complete workflow on a simulated rig, with a report."""
