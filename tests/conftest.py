@@ -28,8 +28,9 @@ hypothesis.settings.load_profile("haploop")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--full`: experiments at their whole size, which takes hours, not minutes."""
+    """`--full`: experiments at their whole size, which takes hours, not minutes. `--pages`: minutes."""
     parser.addoption("--full", action="store_true", help="run long experiments at their full size")
+    parser.addoption("--pages", action="store_true", help="run the blocks of every page of the documents")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:

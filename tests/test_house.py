@@ -160,6 +160,23 @@ def test_imports_within_the_package_are_relative() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.parametrize("where", ["beside", "in", "above"])
+def test_a_script_finds_the_package_wherever_it_starts(where: str, tmp_path: Path) -> None:
+    """Above a clone that is called haploop, its folder is the package, and not an empty namespace."""
+    if where == "above":
+        try:
+            (tmp_path / "haploop").symlink_to(ROOT, target_is_directory=True)
+        except OSError:
+            pytest.skip("this user may make no link")
+    folder = ROOT if where == "in" else tmp_path
+    script = tmp_path / "script.py"
+    script.write_text("import haploop\nprint(haploop.open_rig.__module__)\n", encoding="utf-8")
+    for started in ([str(script)], ["-c", script.read_text(encoding="utf-8")]):
+        command = [sys.executable, *started]
+        ran = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert ran.stdout == "haploop.instruments.rig.opening\n", ran.stderr
+
+
 def test_a_sub_package_is_entered_by_its_door() -> None:
     wrong = [
         f"{place}: {module}"
