@@ -18,6 +18,7 @@ from . import instruments
 
 if TYPE_CHECKING:
     from .instruments import Rig, RigFile
+    from .mocks.daq.ni import NiTwin
 
 __all__ = ["OpenRig", "Rigs"]
 
@@ -41,6 +42,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marks."""
     config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
+    config.addinivalue_line(
+        "markers",
+        'nidaqmx(Dev1="PCIe-6363", ..., time="virtual"): cards of the fixture nidaqmx_twin; or a text export of '
+        'NI MAX: nidaqmx("cards.ini")',
+    )
     config.addinivalue_line(
         "markers",
         "requires(name, ...): skipped on a rig without these parts: instruments or sensors by their "
@@ -156,6 +162,22 @@ def open_rig(rigs: Rigs, request: pytest.FixtureRequest) -> Iterator[OpenRig]:
 def rig(open_rig: OpenRig) -> Rig:
     """An open rig, as --rig selects; it reaches its safe state after the test."""
     return open_rig()
+
+
+@pytest.fixture
+def nidaqmx_twin(request: pytest.FixtureRequest) -> Iterator[NiTwin]:
+    """Simulated NI cards: under this fixture, `nidaqmx.Task()` and `System.local()` use them, unchanged.
+
+    The mark `nidaqmx` names the cards: `@pytest.mark.nidaqmx(Dev1="PCIe-6363")`; without it there is that one.
+    """
+    from .mocks.daq.ni import NiTwin  # noqa: PLC0415
+
+    mark = request.node.get_closest_marker("nidaqmx")
+    words = dict(mark.kwargs) if mark else {}
+    time = words.pop("time", "virtual")
+    listed = request.config.rootpath / mark.args[0] if mark and mark.args else None
+    with NiTwin(listed or words or {"Dev1": "PCIe-6363"}, time=time) as twin:
+        yield twin
 
 
 def _beside(folder: Path, name: str) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -69,11 +70,24 @@ def twin() -> None:
     metavar="FILE.ini",
     help="Serve the devices in this NI MAX text export.",
 )
-def ni(port: int, rig: str | None, devices: Path | None) -> None:
+@click.option(
+    "--device",
+    "named",
+    multiple=True,
+    metavar="NAME=PRODUCT",
+    help="Serve this device: --device Dev1=PCIe-6363. Can be repeated.",
+)
+@click.argument("command", nargs=-1, type=click.UNPROCESSED)
+def ni(
+    port: int, rig: str | None, devices: Path | None, named: tuple[str, ...], command: tuple[str, ...]
+) -> int | None:
     """Serve simulated NI-DAQmx devices over gRPC, for any program that uses nidaqmx.
 
     The first line on standard output is "Server listening on port N". Ctrl-C stops the server. The
     devices measure the rig's simulated plant.
+
+    With a COMMAND, run it with the devices of --device or --devices in place of NI's driver, and exit as it
+    does: haploop twin ni --device Dev1=PCIe-6363 -- python my_script.py
     """
     from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
     from ..instruments.config import validate  # noqa: PLC0415
@@ -83,9 +97,11 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
 
     if devices is not None and rig is not None:
         raise click.UsageError("--rig and --devices exclude each other: use one of them")
+    if command or named:
+        return _run_with_twin(command, named, devices)
     if devices is not None:
         run(inventory_from_file(devices), port)
-        return
+        return None
     file = load_rig_file(rig or "simulated")
     if file.daq.driver != "ni-daqmx" or not file.daq.settings.get("devices"):
         raise ConfigurationError(
@@ -94,6 +110,25 @@ def ni(port: int, rig: str | None, devices: Path | None) -> None:
     settings = validate(NiDaq.Settings, file.daq.settings, f"[daq] of {file.name}")
     plant = Plant(file, RealClock())
     run(inventory_of(settings.devices), port, plant, wiring_of(settings), plant.has_rtsi())
+    return None
+
+
+def _run_with_twin(command: tuple[str, ...], named: tuple[str, ...], devices: Path | None) -> int:
+    """Run a command whose nidaqmx finds simulated cards, and return its exit code."""
+    from ..mocks.daq.ni import NiTwin  # noqa: PLC0415
+
+    pairs = [name.partition("=")[::2] for name in named]
+    if not command:
+        raise click.UsageError(
+            "--device needs a command: haploop twin ni --device ... -- python my_script.py"
+        )
+    if bool(devices) == bool(pairs) or not all(name and product for name, product in pairs):
+        raise click.UsageError("name the devices by --device NAME=PRODUCT, or by --devices FILE.ini")
+    with NiTwin(devices or dict(pairs), time="real") as twin:
+        try:
+            return subprocess.run(command, env=twin.environment(), check=False).returncode
+        except OSError as error:
+            raise click.UsageError(f"{command[0]} cannot be run: {error.strerror}") from None
 
 
 def _serve(kind: str | None, rig: str, as_json: bool, press: str | None = None) -> None:

@@ -1,5 +1,6 @@
 """The NI-DAQmx wire: simulated NI devices behind NI's own gRPC service."""
 
+from .bench import NiTwin
 from .devices import Inventory, NiDevice, devices_from_ini
 from .server import NiServer
 from .standalone import inventory_from_file, inventory_of, run
@@ -9,6 +10,7 @@ __all__ = [
     "Inventory",
     "NiDevice",
     "NiServer",
+    "NiTwin",
     "devices_from_ini",
     "inventory_from_file",
     "inventory_of",

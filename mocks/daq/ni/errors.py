@@ -27,6 +27,7 @@ _SENTENCES = {
     DAQmxErrors.INVALID_TASK: "Task specified is invalid or does not exist.",
     DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST: "Physical channel specified does not exist on this device.",
     DAQmxErrors.PAL_RESOURCE_RESERVED: "The specified resource is reserved.",
+    DAQmxErrors.DEV_CANNOT_BE_ACCESSED: "Device cannot be accessed: it is no longer present in the system.",
     DAQmxErrors.SAMPLES_NOT_YET_AVAILABLE: "Some or all of the samples requested have not yet been acquired.",
     DAQmxErrors.WRITE_NUM_CHANS_MISMATCH: "Write cannot be performed, because the number of channels in the "
     "data does not match the number of channels in the task.",

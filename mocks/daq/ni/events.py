@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import EveryNSamplesEventType
 
+from ...clock import VirtualClock
 from . import channels
 from .errors import DaqmxError, DAQmxErrors
 from .system import NiSystem
@@ -20,6 +22,8 @@ __all__ = ["Events"]
 
 _POLL = 0.02
 """Longest interval (s of real time) between checks of the clock while an event is expected."""
+_MOMENT = 0.05
+"""Real time for a program to handle an event on a virtual clock (s)."""
 
 
 @dataclass
@@ -59,6 +63,51 @@ class Events:
         """End the streams of a task that is cleared."""
         for key in [key for key, listener in self._listeners.items() if listener.task is task]:
             self._listeners.pop(key).stream.put(None)
+
+    def clear_tasks(self) -> None:
+        """Clear all tasks, and end their streams. With the system's lock held."""
+        for task in list(self._system.tasks.values()):
+            self.forget(task)
+            self._system.clear_task(task)
+
+    def advance(self, until: float) -> None:
+        """Move a virtual clock to `until` (s), and stop at each event until its program has handled it.
+
+        Handled is what a program has read for; one that reads nothing has a moment of real time.
+        """
+        clock = self._system.clock
+        assert isinstance(clock, VirtualClock)
+        real = threading.Event()  # time.sleep may be virtual
+        while clock.now() < until:
+            with self._system.lock:
+                due = [when for each in self._listeners.values() if (when := self._due(each)) is not None]
+                clock.sleep_until(min([until, *(max(when, clock.now() + 1e-9) for when in due)]))
+                fired = [each for each in self._listeners.values() if self._fire_now(each)]
+                self._system.changed.notify_all()
+            patience = time.monotonic() + _MOMENT
+            while fired and time.monotonic() < patience and not all(map(self._handled, fired)):
+                real.wait(1e-3)
+
+    def _due(self, listener: _Listener) -> float | None:
+        """Time of the next event (s), or None."""
+        task = listener.task
+        if not task.running or not task.timed:
+            return None
+        if listener.kind == "done":
+            return None if task.total is None else task.ready(task.total)
+        sent = listener.sent if listener.acquisition == task.starts else 0
+        return task.ready((sent + 1) * max(1, listener.every))
+
+    def _fire_now(self, listener: _Listener) -> bool:
+        before = listener.sent
+        self._fire(listener)
+        return listener.sent > before
+
+    @staticmethod
+    def _handled(listener: _Listener) -> bool:
+        task = listener.task
+        read = task.read_position >= listener.sent * listener.every if listener.kind == "samples" else False
+        return listener.stream.empty() and task.is_input and read
 
     # Calls, with the system's lock held
 

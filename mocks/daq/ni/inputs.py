@@ -19,6 +19,8 @@ __all__ = ["acquire", "samples"]
 
 _SINE_PERIOD = 100
 """Samples per period of the sine at an unwired analog input."""
+_HIGH = 0.5
+"""Level above which a digital input that is set reads 1, be it set in 0 and 1 or in volts."""
 _SINE_PART, _SINE_NOISE = 0.6, 0.02
 """Amplitudes of that sine and its noise, as fractions of half the range; the sum stays below 1 to avoid
 clipping."""
@@ -134,7 +136,11 @@ def _lines(system: NiSystem, task: Task, times: FloatArray, index: Any) -> BoolA
     states = []
     for channel in task.channels:
         for line in channel.physical:
-            output = system.outputs[f"{channel.device.name}/{line}"]
+            name = f"{channel.device.name}/{line}"
+            output = system.outputs[name]
+            if name in system.wiring and system.nodes is not None:
+                states.append(system.nodes.read([system.wiring[name]], times[np.newaxis])[0] > _HIGH)
+                continue
             if channel.device.simulated and not system.is_driven(channel.device, line):
                 # NI's simulated lines count in binary, in groups of eight.
                 states.append((index >> (int(line.rsplit("line", 1)[1]) % 8)) & 1 == 1)

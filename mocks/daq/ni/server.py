@@ -29,6 +29,7 @@ from .devices import Inventory, NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .events import Events
 from .system import NiSystem
+from .terminals import OutputTerminal
 
 __all__ = ["NiServer"]
 
@@ -48,7 +49,8 @@ class NiServer:
     It serves `devices`; `wiring` connects their terminals ("Dev2/ai4", "Dev2/ao0") to nodes of the plant
     `nodes`. An unwired analog input shows a sine within its range, an unwired digital input counts. Cards
     share a clock only with a declared RTSI cable (`rtsi`). On a virtual clock a blocking read advances time
-    until its samples exist; events fire when a wait advances time.
+    until its samples exist; events fire when a wait advances time. There each call takes `call_time` (s), so
+    that a program that polls comes to an end.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class NiServer:
         port: int = 0,
         rtsi: bool = False,
         seed: int = 0,
+        call_time: float = 0.0,
     ) -> None:
         self._pool = _Threads()
         options = [
@@ -76,7 +79,7 @@ class NiServer:
         clock = clock or (nodes.clock if nodes is not None else RealClock())
         self._system = NiSystem(inventory, clock, nodes, wiring or {}, rtsi, seed)
         self._events = Events(self._system)
-        self._service = _Service(self._system, self._events)
+        self._service = _Service(self._system, self._events, call_time)
         self._server.add_generic_rpc_handlers((self._service,))
         self._server.start()
 
@@ -89,6 +92,31 @@ class NiServer:
         """Make the next read on `device` fail with `code`."""
         with self._system.lock:
             self._system.inject(device, code)
+
+    def fail(self, device: str, code: DAQmxErrors | None) -> None:
+        """Make every use of `device` fail with `code` from now on; None ends that."""
+        with self._system.lock:
+            self._system.fail(device, code)
+
+    def connect(self, terminal: str, node: str) -> None:
+        """Connect an input to a node of `nodes` from now on. Raises DaqmxError for an unknown terminal."""
+        with self._system.lock:
+            list(self._system.inventory.resolve(terminal))
+            self._system.wiring[terminal] = node
+
+    @property
+    def outputs(self) -> Mapping[str, OutputTerminal]:
+        """Every analog output and digital line, by name."""
+        return self._system.outputs
+
+    def advance(self, until: float) -> None:
+        """Move a virtual clock to `until` (s), from event to event, and let programs handle each."""
+        self._events.advance(until)
+
+    def clear(self) -> None:
+        """Clear all tasks, as the end of their programs does."""
+        with self._system.lock:
+            self._events.clear_tasks()
 
     def corrupt(self, how: Corrupt) -> None:
         """Replace every reply from now on by `how(call, reply)`, which may be any bytes."""
@@ -166,7 +194,8 @@ class _Threads(Executor):
 class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
     """Handler of all calls, selected by name: most of NI's 451 calls need nothing else."""
 
-    def __init__(self, system: NiSystem, events: Events) -> None:
+    def __init__(self, system: NiSystem, events: Events, call_time: float) -> None:
+        self._call_time = call_time
         self.corrupt: Corrupt = lambda _call, reply: reply
         self._system = system
         self._events = events
@@ -200,6 +229,8 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
                 return reply()
             if name == "ClearTask":
                 self._events.forget(self._system.task(request.task.name))
+            elif hasattr(request, "task") and name != "StopTask":
+                self._system.refuse(request.task.name)
             answer = CALLS[name](self._system, request, alive)
             return reply() if answer is None else answer
 
@@ -220,6 +251,8 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         def handle(request: Any, context: Any) -> Any:
             try:
                 with self._system.lock:
+                    if self._call_time:
+                        self._system.clock.sleep(self._call_time)
                     return run(request, context.is_active)
             except DaqmxError as error:
                 _abort(context, error)
@@ -252,9 +285,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]
         def run(request: Any, alive: Callable[[], bool]) -> Any:
             answer = reply()
             if name == "ResetServer":
-                for task in list(self._system.tasks.values()):
-                    self._events.forget(task)
-                    self._system.clear_task(task)
+                self._events.clear_tasks()
                 answer.is_server_reset = True
             elif name == "EnumerateDevices":
                 for device in self._system.inventory.devices.values():

@@ -16,7 +16,7 @@ from ...clock import VirtualClock
 from ...plant import Nodes, PlayStopped
 from ..converter import STOPPED, noise_of
 from .devices import Inventory, NiDevice
-from .errors import DaqmxError, DAQmxErrors
+from .errors import DaqmxError, DAQmxErrors, error_string
 from .tasks import State, Task
 from .terminals import OutputTerminal, Timebase
 
@@ -63,6 +63,7 @@ class NiSystem:
         }
         self._reserved: dict[tuple[str, str], Task] = {}
         self._injected: dict[str, DAQmxErrors] = {}
+        self._failing: dict[str, DAQmxErrors] = {}
         self._acquisitions: Counter[str] = Counter()
         self._unnamed = 0
         for name, node in self.wiring.items():
@@ -114,6 +115,26 @@ class NiSystem:
         """Make the next read on `device` fail with `code`."""
         self._injected[device] = code
 
+    def fail(self, device: str, code: DAQmxErrors | None) -> None:
+        """Make every use of `device` fail with `code` from now on; None ends that.
+
+        PAL_RESOURCE_RESERVED is another program's task: the device's tasks can be made, and not reserved.
+        """
+        name = self.inventory.device(device).name
+        if code is None:
+            self._failing.pop(name, None)
+        else:
+            self._failing[name] = code
+
+    def refuse(self, name: str, reserving: bool = False) -> None:
+        """Raise DaqmxError when a device of a task fails for good, or another program has reserved it."""
+        task = self.tasks.get(name)
+        for device in task.devices if task is not None and task.channels else ():
+            code = self._failing.get(device.name)
+            if code is not None and (reserving or code is not DAQmxErrors.PAL_RESOURCE_RESERVED):
+                sentence = error_string(code.value).partition("\n")[0]
+                raise DaqmxError(code, f"{sentence}\n\nDevice: {device.name}")
+
     def injected(self, task: Task) -> DAQmxErrors | None:
         """Return, once, the failure injected for the next read of `task`, or None."""
         for device in task.devices:
@@ -139,6 +160,7 @@ class NiSystem:
         if task.watchdog is not None:
             task.state = State.RESERVED
             return
+        self.refuse(task.name, reserving=True)
         self.verify(task)
         wanted = self._resources(task)
         for key in wanted:

@@ -67,6 +67,11 @@ class OutputTerminal:
         self.driven = False
         """True once a value has been written."""
 
+    def watch(self) -> None:
+        """Keep the steps from now on until they are taken."""
+        with self._lock:
+            self._wired = True
+
     def hold(self, value: float, now: float) -> None:
         """Step to `value` at `now` (s) and hold it."""
         with self._lock:

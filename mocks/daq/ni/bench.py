@@ -1,0 +1,188 @@
+"""Simulated NI cards for code that uses nidaqmx and knows nothing of haploop.
+
+Under `with NiTwin(...)`, `nidaqmx.Task()` and `System.local()` use simulated cards, unchanged. What an input
+reads is set, what an output did can be asked for, and cards can fail.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Self
+
+from nidaqmx import utils
+
+from ....instruments.arrays import FloatArray
+from ....instruments.clock import RealClock
+from ....instruments.errors import ConfigurationError
+from ...clock import VirtualClock
+from ..signals import Put, Signal, Signals, Wire, signal_of
+from .devices import Inventory
+from .errors import DaqmxError, DAQmxErrors
+from .redirect import sitecustomize
+from .server import NiServer
+from .standalone import inventory_from_file, inventory_of
+
+__all__ = ["NiTwin"]
+
+Time = Literal["virtual", "real"]
+Failure = Literal["overflow", "overrun", "removed", "reserved"]
+
+_CALL = 0.3e-3
+"""Time that a call takes on the virtual clock (s): a bare call on loopback, measured."""
+_FAILURES = {
+    "overflow": DAQmxErrors.INPUT_FIFO_OVERFLOW,
+    "overrun": DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
+    "removed": DAQmxErrors.DEV_CANNOT_BE_ACCESSED,
+    "reserved": DAQmxErrors.PAL_RESOURCE_RESERVED,
+}
+_ONCE = ("overflow", "overrun")
+
+
+class NiTwin:
+    """Simulated cards, and a context manager under which nidaqmx finds them.
+
+    `devices` names a product for each device, {"Dev1": "PCIe-6363"}, or is a text export of NI MAX. In
+    virtual time, a wait for samples, and `time.sleep`, take no real time; a program that reads the clock
+    itself (`time.time`) wants `time="real"`. Raises ConfigurationError for an unknown product.
+    """
+
+    def __init__(
+        self, devices: Mapping[str, str] | str | Path, *, time: Time = "virtual", seed: int = 0
+    ) -> None:
+        if time not in ("virtual", "real"):
+            raise ConfigurationError(f'The twin\'s time is "virtual" or "real", not {time!r}.')
+        listed = isinstance(devices, Mapping)
+        inventory: Inventory = inventory_of(devices) if listed else inventory_from_file(Path(devices))  # type: ignore[arg-type]
+        self._clock = VirtualClock() if time == "virtual" else RealClock()
+        self._began = self._clock.now()
+        self._signals = Signals(self._clock)
+        self._server = NiServer(
+            inventory,
+            self._signals,
+            clock=self._clock,
+            rtsi=True,
+            seed=seed,
+            call_time=_CALL if time == "virtual" else 0.0,
+        )
+        for name, output in self._server.outputs.items():
+            output.watch()
+            self._signals.drive(name, output)
+        self._stack = ExitStack()
+
+    @property
+    def address(self) -> str:
+        """Address of the server, for programs that give nidaqmx gRPC options."""
+        return self._server.address
+
+    @property
+    def now(self) -> float:
+        """Time since the twin was made (s), on its clock."""
+        return self._clock.now() - self._began
+
+    def set(
+        self,
+        terminal: str,
+        value: float | Sequence[float] | FloatArray | Signal | str | Path,
+        *,
+        rate_hz: float | None = None,
+        repeat: bool = False,
+    ) -> None:
+        """Let an input read `value` from now on: a number, samples at `rate_hz`, a function of time, a file.
+
+        `terminal` is "Dev1/ai0" (V) or "Dev1/port0/line0" (0 and 1). A function takes times (samples,) in s
+        since the twin was made and returns values (samples,). Samples begin now; the last is held unless they
+        `repeat`. A file is a .npy, a .csv of one number in a line, or a .wav (its full scale is 1 V). Raises
+        ConfigurationError.
+        """
+        signal = signal_of(value, rate_hz, repeat, self.now)
+        self._connect(terminal, lambda times: signal(times - self._began))
+
+    def wire(self, output: str, terminal: str, **wire: Any) -> None:
+        """Connect an output to an input.
+
+        In its way can be a `gain`, an `offset` (V), a `delay` (s), a low-pass (`low_pass_hz`) and `noise`
+        (V rms). Raises ConfigurationError.
+        """
+        self._known_output(output)
+        self._connect(terminal, None)
+        self._signals.wire(output, terminal, Wire(**wire))
+
+    def put(self, output: str) -> Put:
+        """Return what "Dev1/ao0" (V) or "Dev1/port0/line0" (0 and 1) has put out, with its times.
+
+        Raises ConfigurationError for an unknown output.
+        """
+        self._known_output(output)
+        put = self._signals.put(output)
+        return Put(put.times - self._began, put.values)
+
+    def fail(self, device: str, how: Failure | None) -> None:
+        """Let a device fail; None mends it.
+
+        "overflow" and "overrun" end the next read (-200010, -200279), once. "removed" refuses every use
+        (-201003), and "reserved" is another program's task on it (-50103). Raises ConfigurationError.
+        """
+        if how is not None and how not in _FAILURES:
+            raise ConfigurationError(f"A card fails by {', '.join(_FAILURES)}, not by {how!r}.")
+        try:
+            if how in _ONCE:
+                self._server.inject(device, _FAILURES[how])
+            else:
+                self._server.fail(device, None if how is None else _FAILURES[how])
+        except DaqmxError as error:
+            raise ConfigurationError(str(error)) from None
+
+    def sleep(self, duration: float) -> None:
+        """Let `duration` (s) pass on the twin's clock; a virtual one stops at each event of the program."""
+        if isinstance(self._clock, VirtualClock):
+            self._server.advance(self._clock.now() + max(0.0, duration))
+        else:
+            self._clock.sleep(duration)
+
+    def environment(self) -> dict[str, str]:
+        """Return the environment for another program, whose nidaqmx will find these cards."""
+        folder = str(Path(sitecustomize.__file__).parent)
+        others = [folder, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+        return {**os.environ, sitecustomize.ADDRESS: self.address, "PYTHONPATH": os.pathsep.join(others)}
+
+    def close(self) -> None:
+        """Stop serving; nidaqmx is as it was before."""
+        self._stack.close()
+        self._server.close()
+
+    def __enter__(self) -> Self:
+        options = sitecustomize.options_for(self.address)
+        self._stack.callback(options.grpc_channel.close)
+        self._stack.callback(sitecustomize.redirect(utils, lambda: options))
+        if isinstance(self._clock, VirtualClock):
+            self._stack.callback(_sleeping(self.sleep))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _connect(self, terminal: str, signal: Signal | None) -> None:
+        if signal is not None:
+            self._signals.set(terminal, signal)
+        try:
+            self._server.connect(terminal, terminal)
+        except DaqmxError as error:
+            raise ConfigurationError(str(error).partition("\n")[0]) from None
+
+    def _known_output(self, output: str) -> None:
+        if output not in self._server.outputs:
+            raise ConfigurationError(f"There is no output {output!r}: {', '.join(self._server.outputs)}.")
+
+
+def _sleeping(sleep: Callable[[float], None]) -> Callable[[], None]:
+    """Let `time.sleep` of this program be `sleep`; return what undoes it."""
+    before = time.sleep
+    time.sleep = sleep
+    return lambda: setattr(time, "sleep", before)
