@@ -44,8 +44,8 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "rig: runs on an open rig, the one that --rig selects")
     config.addinivalue_line(
         "markers",
-        'nidaqmx(Dev1="PCIe-6363", ..., time="virtual"): cards of the fixture nidaqmx_twin; or a text export of '
-        'NI MAX: nidaqmx("cards.ini")',
+        'nidaqmx(Dev1="PCIe-6363", ..., time="virtual"): cards of the fixture nidaqmx_twin; '
+        'nidaqmx("cards.ini"): those of a text export of NI MAX',
     )
     config.addinivalue_line(
         "markers",
@@ -166,9 +166,9 @@ def rig(open_rig: OpenRig) -> Rig:
 
 @pytest.fixture
 def nidaqmx_twin(request: pytest.FixtureRequest) -> Iterator[NiTwin]:
-    """Simulated NI cards: under this fixture, `nidaqmx.Task()` and `System.local()` use them, unchanged.
+    """Simulated NI cards, which `nidaqmx.Task()` and `System.local()` use in code that is unchanged.
 
-    The mark `nidaqmx` names the cards: `@pytest.mark.nidaqmx(Dev1="PCIe-6363")`; without it there is that one.
+    The mark `nidaqmx` names them: `@pytest.mark.nidaqmx(Dev1="PCIe-6363")`; without it there is that one.
     """
     from .mocks.daq.ni import NiTwin  # noqa: PLC0415
 

@@ -119,9 +119,7 @@ def _run_with_twin(command: tuple[str, ...], named: tuple[str, ...], devices: Pa
 
     pairs = [name.partition("=")[::2] for name in named]
     if not command:
-        raise click.UsageError(
-            "--device needs a command: haploop twin ni --device ... -- python my_script.py"
-        )
+        raise click.UsageError("--device needs a command: -- python my_script.py")
     if bool(devices) == bool(pairs) or not all(name and product for name, product in pairs):
         raise click.UsageError("name the devices by --device NAME=PRODUCT, or by --devices FILE.ini")
     with NiTwin(devices or dict(pairs), time="real") as twin:

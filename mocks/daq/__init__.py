@@ -1,6 +1,8 @@
-"""Simulated DAQ cards: the twin, and NI's device server as the wire (in `ni`)."""
+"""Simulated DAQ cards: the twin, and NI's device server as the wire (in `ni`).
 
-from .products import PRODUCTS, Product
-from .twin import DaqTwin
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
 
-__all__ = ["PRODUCTS", "DaqTwin", "Product"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

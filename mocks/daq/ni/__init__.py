@@ -1,20 +1,8 @@
-"""The NI-DAQmx wire: simulated NI devices behind NI's own gRPC service."""
+"""The NI-DAQmx wire: simulated NI devices behind NI's own gRPC service.
 
-from .bench import NiTwin
-from .devices import Inventory, NiDevice, devices_from_ini
-from .server import NiServer
-from .standalone import inventory_from_file, inventory_of, run
-from .wire import wire, wiring_of
+Names are loaded when they are first used; `__init__.pyi` lists them.
+"""
 
-__all__ = [
-    "Inventory",
-    "NiDevice",
-    "NiServer",
-    "NiTwin",
-    "devices_from_ini",
-    "inventory_from_file",
-    "inventory_of",
-    "run",
-    "wire",
-    "wiring_of",
-]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

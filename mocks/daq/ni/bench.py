@@ -184,5 +184,5 @@ class NiTwin:
 def _sleeping(sleep: Callable[[float], None]) -> Callable[[], None]:
     """Let `time.sleep` of this program be `sleep`; return what undoes it."""
     before = time.sleep
-    time.sleep = sleep
+    time.sleep = sleep  # type: ignore[assignment]  # a number is all that haploop knows
     return lambda: setattr(time, "sleep", before)

@@ -47,10 +47,11 @@ class _Redirects:
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         if name != _UTILS:
             return None
-        sys.meta_path.remove(self)  # type: ignore[arg-type]
+        sys.meta_path.remove(self)
         spec = importlib.util.find_spec(name)
         if spec is not None and spec.loader is not None:
-            load, made = spec.loader.exec_module, []
+            load = spec.loader.exec_module
+            made: list[Any] = []
 
             def options() -> Any:
                 if not made:
@@ -68,7 +69,7 @@ class _Redirects:
 def _start() -> None:
     here = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120
     sys.path[:] = [folder for folder in sys.path if os.path.abspath(folder or ".") != here]  # noqa: PTH100
-    sys.meta_path.insert(0, _Redirects())  # type: ignore[arg-type]
+    sys.meta_path.insert(0, _Redirects())
     # The environment's own, which this file stands before.
     spec = PathFinder.find_spec("sitecustomize")
     if spec is not None and spec.loader is not None:

@@ -1,0 +1,10 @@
+from .bench import NiTwin as NiTwin
+from .devices import Inventory as Inventory
+from .devices import NiDevice as NiDevice
+from .devices import devices_from_ini as devices_from_ini
+from .server import NiServer as NiServer
+from .standalone import inventory_from_file as inventory_from_file
+from .standalone import inventory_of as inventory_of
+from .standalone import run as run
+from .wire import wire as wire
+from .wire import wiring_of as wiring_of
