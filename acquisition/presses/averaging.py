@@ -143,7 +143,7 @@ def average(
 
 def _reason(method: AverageMethod, members: int, scores: Mapping[str, float]) -> str:
     if scores:
-        return "it leaves less of presses that it does not hold"
+        return "its error on held-out presses is smaller"
     if members == 1:
         return "a single press stands for itself"
     return "two presses cannot tell which method is better" if method == "automatic" else "asked for by name"

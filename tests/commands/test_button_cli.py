@@ -48,7 +48,7 @@ def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run:
     recordings = sorted((demo.folder / "recordings").glob("*latch*.h5"))
     result = run("represent", *recordings, "-o", tmp_path / "both.h5")
     assert result.exit_code == 0
-    assert "it leaves less of presses that it does not hold" in " ".join(result.output.split())
+    assert "its error on held-out presses is smaller" in " ".join(result.output.split())
     values = json.loads(run("show", tmp_path / "both.h5", "--json").stdout)
     assert set(values["scores"]) == {"two-level registration", "two-level barycentre, centred in time"}
     assert values["method"] == min(values["scores"], key=values["scores"].get)
