@@ -1,9 +1,8 @@
 """Every benchmark in a short form, into one table: `python benchmarks/all.py --out RESULTS`.
 
     python benchmarks/all.py
-    python benchmarks/all.py --only start twin
-    python benchmarks/all.py --long                         # what README.md states of each; hours
-    python benchmarks/all.py --against OTHER/bin/python     # start, demo, server beside another environment
+    python benchmarks/all.py --only start fits
+    python benchmarks/all.py --long                         # each with what it does by default; hours
 
 Every benchmark runs in a process of its own, one after the other; peers have their turn in the same rounds.
 What each printed follows the table. Exits with 1 when a benchmark failed.
@@ -34,26 +33,17 @@ SHORT = {
     "recording": "--rounds 5 --megabytes 128 --seconds 4",
     "server": "--rounds 3 --seconds 5",
     "tap": "--rounds 3 --seconds 2",
-    "console": "--seconds 20",
     "start": "--rounds 5",
-    "demo": "--rounds 3 --participants 1",
-    "twin": "--rounds 5 --presses 5",
     "representative": "--seeds 100 101 --families tempo",
     "corpus": "36",
-    "responses": "--seeds 5 --estimates",
+    "responses": "--seeds 5",
     "fits": "--count 5",
     "uncertainty": "--plants 4 --settled 1 --sweeps 1",
     "drives": "--seeds 1 --plays 4 --only beside",
     "recalibration": "--tables 1 --part 1/30 --restore 100 --iterations 0",
 }
 """Arguments that make each benchmark take a minute or a few."""
-LONG = dict.fromkeys(SHORT, "") | {
-    "demo": "--participants 1 12 48",
-    "corpus": "360 3600",
-    "console": "--seconds 600",
-}
-AGAINST = ("start", "demo", "server")
-"""Those that run another environment's haploop too."""
+LONG = dict.fromkeys(SHORT, "") | {"corpus": "360 3600"}
 
 
 def main() -> int:
@@ -61,7 +51,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--only", nargs="+", choices=SHORT, default=list(SHORT))
     parser.add_argument("--long", action="store_true", help="each with what it does by default")
-    parser.add_argument("--against", metavar="PYTHON", help="of an environment with another haploop")
     parser.add_argument("--out", type=Path, help="a Markdown file, written anew after each benchmark")
     asked = parser.parse_args()
     packages = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "scipy", "h5py"))
@@ -74,12 +63,11 @@ def main() -> int:
     said: list[str] = []
     for name in asked.only:
         arguments = (LONG if asked.long else SHORT)[name]
-        given = f"{arguments} --against {asked.against}" if asked.against and name in AGAINST else arguments
-        print(name, given, file=sys.stderr, flush=True)
+        print(name, arguments, file=sys.stderr, flush=True)
         began, clock, before, load = datetime.now(UTC), time.monotonic(), os.times(), os.getloadavg()[0]
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(1, mp_context=context) as process:
-            found, text, failure = process.submit(run, name, given.split()).result()
+            found, text, failure = process.submit(run, name, arguments.split()).result()
         after = os.times()
         cpu = after.children_user + after.children_system - before.children_user - before.children_system
         took.append(

@@ -1,9 +1,8 @@
 """Our fit beside scikit-rf's `VectorFitting.auto_fit`, scipy's AAA and pyEMA: `python benchmarks/fits.py`.
 
-Prints Markdown: a measured beam, synthetic beams and plates, and with `--tables N` the carriers of simulated
-tables, measured by sweeps and by the 2.05 s path. CPU is `time.process_time` in this process, the best of
-three, with one thread for linear algebra. "Error" is the relative rms difference from the response as
-measured. AAA is told to stop at 2 %; pyEMA is told every natural frequency, which the others find.
+Prints Markdown: a measured beam, synthetic beams and plates. CPU is `time.process_time` in this process, the
+best of three, with one thread for linear algebra. "Error" is the relative rms difference from the response
+as measured. AAA is told to stop at 2 %; pyEMA is told every natural frequency, which the others find.
 """
 
 from __future__ import annotations
@@ -27,10 +26,9 @@ from skrf import Frequency, Network
 from skrf.vectorFitting import VectorFitting
 from threadpoolctl import threadpool_limits
 
-from benchmarks.synthetic_responses import Case, beam, generator, plate, response_of
+from benchmarks.synthetic_responses import Case, beam, plate, response_of
 from benchmarks.table import Row, ratios
-from haploop.calibration import LinearSweep, Model, Multisine, fit, measure_response
-from haploop.instruments import open_rig
+from haploop.calibration import Model, fit
 
 BEAM = Path(__file__).parents[1] / "tests" / "data" / "beam_accelerance_point1.txt"
 BEAM_HZ = np.array([51.5, 142.2, 278.7, 460.4, 687.2, 958.5])
@@ -159,37 +157,10 @@ def compare(name: str, cases: list[Case]) -> list[Row]:
     return rows
 
 
-def carriers(tables: int, name: str) -> None:
-    """Print how far the carriers of simulated tables are from the plant's, by sweeps and from 2.05 s."""
-    ways = {"sweeps": LinearSweep(), "multisine from rest": Multisine()}
-    off: dict[str, list[float]] = {way: [] for way in ways}
-    both = dict.fromkeys(ways, 0)
-    for number in range(tables):
-        seed = int(generator(name, number).integers(2**32))
-        for way, excitation in ways.items():
-            with open_rig("simulated", simulation={"seed": seed}) as rig:
-                model = fit(measure_response(rig, excitation=excitation))
-                off[way].append(abs(model.resonance_hz - rig.simulation.truth.resonance_hz))
-            both[way] += len(model.carriers) > 1
-            if off[way][-1] > 0.3:
-                print(f"\nseed {seed}, {way}: {off[way][-1]:.2f} Hz off", flush=True)
-        if (number + 1) % 50 and number + 1 < tables:
-            continue
-        for way, hz in off.items():
-            print(
-                f"\n{len(hz)} tables, {way}: carrier off by {1e3 * np.median(hz):.1f} mHz (median), "
-                f"{1e3 * max(hz):.1f} (worst), more than 0.3 Hz on {sum(one > 0.3 for one in hz)}; "
-                f"{both[way]} ambiguous.",
-                flush=True,
-            )
-
-
 def main(words: Sequence[str] | None = None) -> list[Row]:
-    """Print the table of fits, and the carriers; return the fits' figures, a round for each response."""
+    """Print the table, and return its figures, a round for each response."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=30, help="synthetic responses of each kind; 0: none")
-    parser.add_argument("--tables", type=int, default=0, help="simulated tables to measure")
-    parser.add_argument("--name", default="table", help="another name gives other tables")
     options = parser.parse_args(words)
     accelerance = np.array([complex(line) for line in BEAM.read_text().split()])
     f = np.arange(len(accelerance), dtype=np.float64)
@@ -214,8 +185,6 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
             "plates, 30 modes, 37 dB": [plate(n, modes=30) for n in range(count)],
         }.items():
             rows += compare(name, cases)
-    if options.tables:
-        carriers(options.tables, options.name)
     return rows
 
 

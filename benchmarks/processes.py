@@ -57,9 +57,9 @@ def _cost(used: resource.struct_rusage) -> Cost:
     return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss * unit / 1e6)
 
 
-def haploop(arguments: str, python: str = sys.executable) -> list[str]:
-    """Return the words of a command of haploop, in this environment or in another one's `python`."""
-    return [python, "-m", "haploop", *arguments.split()]
+def haploop(arguments: str) -> list[str]:
+    """Return the words of a command of haploop."""
+    return [sys.executable, "-m", "haploop", *arguments.split()]
 
 
 def spread(values: Sequence[float], digits: int = 2) -> str:

@@ -4,10 +4,6 @@ Errors are against the template that the presses were made from. Each row is one
 user time per 120 presses as a ratio to the paper's two-level barycentre, root mean square of the error
 as a ratio to what true warps would leave, shape error (once the best smooth warp is taken away), and the
 error of the third-octave spectrum.
-
-`--choice N` shows instead how well the automatic method chooses, on N sets of presses a row that nobody
-chose: the errors of both methods that it compares and of the paper's, how often the better one was taken,
-and how much larger the chosen one's error is than the better one's, in the geometric mean.
 """
 
 from __future__ import annotations
@@ -40,7 +36,7 @@ from benchmarks.synthetic_presses import (
     spectrum_error,
 )
 from benchmarks.table import Row, ratios
-from haploop.acquisition.presses.averaging import BARYCENTRE, CENTRED, REGISTRATION, average
+from haploop.acquisition.presses.averaging import BARYCENTRE, REGISTRATION, average
 from haploop.acquisition.presses.barycentre import barycentre
 from haploop.acquisition.presses.registration import WarpModel, register
 
@@ -102,40 +98,6 @@ def unseen(family: str, kind: str, number: int) -> Presses:
     return made.warped(seed, *people, stretch=float(rng.uniform(0.02, 0.08)), noise=noise)
 
 
-def choice(count: int, families: Sequence[str]) -> None:
-    """Print how well the automatic method chooses, in Markdown."""
-    print("| presses | measure | paper's | registration | centred | chosen | better taken | regret | time |")
-    print("|---|---|---|---|---|---|---|---|---|")
-    for family in families:
-        for kind in ("jittered", "warped"):
-            found, paper_time, time_taken = [], 0.0, 0.0
-            for number in range(count):
-                presses = unseen(family, kind, number)
-                groups = list(presses.curves[:, :, None])
-                begin = time.process_time()
-                paper = average(groups, RATE, None, "barycentre").template[0]
-                halfway = time.process_time()
-                both = average(groups, RATE)
-                paper_time += halfway - begin
-                time_taken += time.process_time() - halfway
-                leads = (paper, both.leads[REGISTRATION], both.leads[CENTRED], both.template[0])
-                found.append(
-                    (
-                        [error(lead, presses.limit) for lead in leads],
-                        [spectrum_error(lead, presses.template) for lead in leads],
-                    )
-                )
-            for place, name in enumerate(("error", "spectrum")):
-                values = np.array(found)[:, place]
-                regret = np.log(values[:, 3] / values[:, 1:3].min(axis=1))
-                means = " | ".join(f"{value:.3f}" for value in np.exp(np.log(values).mean(axis=0)))
-                print(
-                    f"| {family}, {kind} | {name} | {means} | {np.sum(regret < 1e-9)} of {count} "
-                    f"| {np.exp(regret.mean()):.2f} | {time_taken / paper_time:.2f} |",
-                    flush=True,
-                )
-
-
 def peers() -> Iterator[tuple[str, Callable[[Curve], Curve]]]:
     """Barycentres of other libraries, where they are installed."""
     share = WINDOW / 2000
@@ -165,11 +127,7 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     parser.add_argument("--seeds", type=int, nargs="+", default=[100, 101, 102])
     parser.add_argument("--families", nargs="+", default=list(FAMILIES))
     parser.add_argument("--noise", type=float, default=0.05)
-    parser.add_argument("--choice", type=int, metavar="N")
     args = parser.parse_args(words)
-    if args.choice:
-        choice(args.choice, [*args.families, "chance"])
-        return []
     methods = {
         "mean at activation": mean,
         "cross-correlation mean": correlated,

@@ -1,7 +1,6 @@
 """The NI driver on the simulated server, in real time: processor time of both, and how far the reading lags.
 
-    python benchmarks/server.py                     # two minutes
-    python benchmarks/server.py --against OTHER/bin/python
+    python benchmarks/server.py                     # two minutes; Linux
 
 16 channels of two cards at 5000 samples a second, in blocks of 10 and of 50 ms, read by haploop's driver and
 by plain nidaqmx on the same server (two tasks, no check of clocks), one after the other in each round; and
@@ -12,6 +11,7 @@ simulates the plant as well. "Behind" is how much later the last block came than
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import subprocess
 import sys
@@ -33,7 +33,6 @@ from nidaqmx.constants import AcquisitionType
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 
 import haploop
-from benchmarks.console import rig, used
 from benchmarks.contestants import header
 from benchmarks.processes import spread
 from benchmarks.table import Row, ratios
@@ -46,6 +45,14 @@ from haploop.instruments.config.validation import validate
 from haploop.instruments.daq.ni_daqmx import NiDaq
 
 RATE = 5000.0
+RIG = """
+base = "simulated"
+name = "sixteen"
+[daq.channels]
+{channels}
+[sensors.extra]
+{sensors}
+"""
 
 
 def main(words: Sequence[str] | None = None) -> list[Row]:
@@ -53,32 +60,28 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=8.0)
-    parser.add_argument("--against", metavar="PYTHON", help="whose server is another haploop's")
     asked = parser.parse_args(words)
-    servers = {"this": sys.executable} | ({"other": asked.against} if asked.against else {})
-    found: dict[tuple[str, int, str], list[tuple[float, float, float]]] = {}
+    found: dict[tuple[int, str], list[tuple[float, float, float]]] = {}
     with tempfile.TemporaryDirectory() as name:
         file = rig(Path(name))
         for _ in range(asked.rounds):
-            for server, python in servers.items():
-                for size in (50, 250):
-                    for way, read in WAYS.items():
-                        row = measured(python, file, asked.seconds, size, read)
-                        found.setdefault((server, size, way), []).append(row)
-    print("| blocks | server | client | client: part of a core | server: part of a core | behind, s |")
-    print("|---|---|---|---|---|---|")
-    for (server, size, way), figures in found.items():
+            for size in (50, 250):
+                for way, read in WAYS.items():
+                    found.setdefault((size, way), []).append(measured(file, asked.seconds, size, read))
+    print("| blocks | client | client: part of a core | server: part of a core | behind, s |")
+    print("|---|---|---|---|---|")
+    for (size, way), figures in found.items():
         own, its, behind = zip(*figures, strict=True)
         shares = " | ".join(f"{100 * median(each):.0f} %" for each in (own, its))
-        print(f"| {1e3 * size / RATE:.0f} ms | {server} | {way} | {shares} | {spread(behind)} |")
+        print(f"| {1e3 * size / RATE:.0f} ms | {way} | {shares} | {spread(behind)} |")
     rows = []
     for size in (50, 250):
         blocks = f"{1e3 * size / RATE:.0f} ms blocks x 16 channels"
         for way, peer in PEERS.items():
-            own, theirs = ([100 * one[0] for one in found["this", size, which]] for which in (way, peer))
+            own, theirs = ([100 * one[0] for one in found[size, which]] for which in (way, peer))
             what = f"NI driver{way.removeprefix('haploop')}, {blocks}: CPU of the client"
             rows.append(Row(what, own, "% of a core", peer, ratios(own, theirs)))
-        driver = found["this", size, "haploop"]
+        driver = found[size, "haploop"]
         goal = "50 %" if size == 50 else ""
         rows.append(
             Row(f"simulated NI server, {blocks}: CPU", [100 * x[1] for x in driver], "% of a core", goal=goal)
@@ -89,19 +92,37 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     return rows
 
 
+def rig(folder: Path) -> Path:
+    """Write a rig file with six channels more than the ten of a recording."""
+    names = [f"more{k}" for k in range(6)]
+    channels = "\n".join(
+        f'{n} = {{ terminal = "Dev2/ai{6 + k}", range = 5, config = "rse" }}' for k, n in enumerate(names)
+    )
+    sensors = "\n".join(f'{n} = {{ channel = "{n}", scale = 1.0, unit = "V" }}' for n in names)
+    path = folder / "sixteen.toml"
+    path.write_text(RIG.format(channels=channels, sensors=sensors), encoding="utf-8")
+    return path
+
+
+def used(pid: int) -> float:
+    """Processor time of a process (s); Linux."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def measured(
-    python: str, file: Path, seconds: float, size: int, read: Callable[[int, Path, float, int], float]
+    file: Path, seconds: float, size: int, read: Callable[[int, Path, float, int], float]
 ) -> tuple[float, float, float]:
     """Parts of a core of client and server, and the lag (s) at the end, of one acquisition."""
-    command = [python, "-m", "haploop", "twin", "ni", "--rig", str(file)]
+    command = [sys.executable, "-m", "haploop", "twin", "ni", "--rig", str(file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             assert server.stdout is not None
             port = int(re.findall(r"\d+", server.stdout.readline())[-1])
-            before, own, began = used(server.pid)[0], time.process_time(), time.perf_counter()
+            before, own, began = used(server.pid), time.process_time(), time.perf_counter()
             behind = read(port, file, seconds, size)
             took = time.perf_counter() - began
-            return (time.process_time() - own) / took, (used(server.pid)[0] - before) / took, behind
+            return (time.process_time() - own) / took, (used(server.pid) - before) / took, behind
         finally:
             server.terminate()
 

@@ -1,7 +1,6 @@
 """Processor time and memory of commands on small files: what a person waits for before anything is measured.
 
-    python benchmarks/start.py                              # a few minutes
-    python benchmarks/start.py --against OTHER/bin/python   # beside another environment, in the same rounds
+    python benchmarks/start.py                              # a few minutes; not on Windows
 
 Prints Markdown. `tests/commands/test_start.py` holds what each command may load, which does not depend on a
 machine.
@@ -15,7 +14,6 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import median
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -55,7 +53,6 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     """Make the files, run the commands in rounds, print the table, and return its figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--against", metavar="PYTHON", help="of an environment with another haploop")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these rows")
     asked = parser.parse_args(words)
     chosen = {name: words for name, words in COMMANDS.items() if name in (asked.only or COMMANDS)}
@@ -65,26 +62,17 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
             subprocess.run(haploop(made), cwd=folder, capture_output=True, check=True)
         programs = {name: haploop(command) for name, command in chosen.items()}
         programs |= {peer: [sys.executable, "-c", imports] for peer, imports in PEERS.items()}
-        if asked.against:
-            programs |= {f"other {name}": haploop(command, asked.against) for name, command in chosen.items()}
         found = in_rounds(programs, asked.rounds, folder)
-    other = " other: CPU s | ratio |" if asked.against else ""
-    print(f"| command | CPU s, median (range) of {asked.rounds} | MB |{other}")
-    print(f"|---|---|---|{'---|---|' if asked.against else ''}")
+    print(f"| command | CPU s, median (range) of {asked.rounds} | MB |")
+    print("|---|---|---|")
     for name in chosen:
         cpu = [cost.cpu for cost in found[name]]
-        row = f"| {name} | {spread(cpu)} | {max(cost.memory for cost in found[name]):.0f} |"
-        if asked.against:
-            before = [cost.cpu for cost in found[f"other {name}"]]
-            row += f" {spread(before)} | {median(cpu) / median(before):.2f} |"
-        print(row)
+        print(f"| {name} | {spread(cpu)} | {max(cost.memory for cost in found[name]):.0f} |")
     script, plot = PEERS
     rows = []
     for name in chosen:
         cpu = [cost.cpu for cost in found[name]]
         peer = plot if name.startswith(("report", "show RECORDING --plot")) else script
-        if asked.against:
-            peer = f"other {name}"
         goal = f"{GOALS[name]} s" if name in GOALS else ""
         theirs = [cost.cpu for cost in found[peer]]
         rows.append(Row(f"`haploop {name}`: CPU", cpu, "s", peer, ratios(cpu, theirs), goal))

@@ -43,7 +43,7 @@ CENTRED = "two-level barycentre, centred in time"
 _LATE = 0.1
 """Weight of the error that is due to an event's time. Lags of short segments are uncertain, so that at full
 weight they would decide between methods whose times are both right. Of 0 to 1, this had the least regret on
-the 64 sets of presses of `benchmarks/README.md`."""
+64 sets of presses of `unseen` in `benchmarks/representative.py`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +82,8 @@ def average(
     time, and of each participant a template. Raises ConfigurationError for an unknown method, DataError when
     the disk for temporary files is full.
 
-    "automatic" scores each template on presses that it does not hold: each press is compared with the
-    template less that press's own share, its alignment kept. Segments of two thirds of `WarpModel.reach` of
+    "automatic" scores each template on held-out presses: each press is compared with the template computed
+    without that press, its alignment kept. Segments of two thirds of `WarpModel.reach` of
     a press are matched to the template, and segments of the template to the press, each at its best lag
     within `reach`; the score is the root of the residual power of all segments, relative to the presses. It
     penalises blur, missing or spurious events, and copied noise; and, at a tenth of its weight, the error of
@@ -247,7 +247,7 @@ def _deviation(aligned: Sequence[FloatArray]) -> FloatArray:
 
 
 def _score(template: _Template, own: _Kept, reach: int) -> float:
-    """Score a template on presses that it does not hold, see `average`."""
+    """Score a template on held-out presses, see `average`."""
     count, lead = own.members, template.curves[0]
     length = max(4, 2 * reach // 3)
     taper = np.hanning(length + 2)[1:-1] ** 2

@@ -23,7 +23,8 @@ WarpingPath = NDArray[np.int32]
 """(2, steps): samples of a template, and those of a curve that they are compared with."""
 _ROUNDS, _SETTLED = 5, 0.97
 """Most rounds of a barycentre, and the squared length of new paths, over that of the old ones, from which no
-other round follows: hardly different from always three, or five, on 200 sets in `benchmarks/README.md`."""
+other round follows: hardly different from always three, or five, on 200 sets of `unseen` in
+`benchmarks/representative.py`."""
 _ALIKE, _SHARE = 2.0, 0.25
 """A press is unlike the others when its DTW distance from the barycentre of all exceeds both this multiple of
 the median distance and this fraction of the barycentre's norm, were all as loud. Chosen by raw distances of

@@ -94,8 +94,8 @@ class Representative(InNotebook):
     reason: str = ""
     """Reason for the method, as a clause."""
     scores: Mapping[str, float] = field(default_factory=dict)
-    """Relative residual that each method compared leaves of presses that its template does not hold
-    (`averaging.average`); smaller is better. Empty for a method that was asked for by name."""
+    """Relative error of each method compared on held-out presses (`averaging.average`); smaller is better.
+    Empty for a method that was asked for by name."""
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Parameters: window, warps, and the segmentation of each recording (by file name)."""
     undone_hz: tuple[float, float] | None = None
@@ -182,8 +182,8 @@ def representative(
     Presses are aligned at the activation, and at the opening of the contact, which is moved to their median
     or to what the shortest can be stretched to. `method` then averages them: "barycentre" as the paper does,
     by dynamic time warping; "registration" by smooth warps; "mean" without any further alignment. "automatic"
-    computes a registration and a barycentre at the presses' mean time, and takes the one that leaves less of
-    presses that it does not hold; the result holds both scores.
+    computes a registration and a barycentre at the presses' mean time, and takes the one with the
+    smaller error on held-out presses; the result holds both scores.
 
     `undo_low_pass` is a band (Hz) in which the accelerometer's response stated in the rig file is divided
     out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz. The

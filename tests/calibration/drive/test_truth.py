@@ -112,7 +112,7 @@ def holds(result: Check, error: float) -> bool:
 
 
 def tell(rows: list[tuple[str, Check, float, float]]) -> None:
-    """Print the table of benchmarks/README.md, so far."""
+    """Print the table so far."""
     for way in dict.fromkeys(row[0] for row in rows):
         checks, errors, outside = zip(*(row[1:] for row in rows if row[0] == way), strict=True)
         held = sum(map(holds, checks, errors))
