@@ -3,7 +3,7 @@
 Written from the publications named, and not from what haploop writes: each field with its type, its range
 and whether it is needed. A field that a publication does not name is refused, but where readers ignore it by
 rule. The programs that read these formats (iOS, Android, Meta's SDK) do not run here, and no package with a
-reader of them is to be had; docs/how-to/exchange.md says which readers were built once from their source.
+reader of them is to be had; docs/how-to/phone.md says which readers were built once from their source.
 """
 
 from __future__ import annotations
