@@ -244,7 +244,7 @@ def _number(path: Path, signals: Signals, name: str) -> float | None:
     if said is None:
         return None
     if not isinstance(said, int | float) or not 0 <= said < np.inf:
-        raise DataError(f"{path} gives {name} as {str(said)[:40]!r}, which is no number of zero or more.")
+        raise DataError(f"{path} gives {name} as {str(said)[:40]!r}, which is not a number of zero or more.")
     return float(said)
 
 
