@@ -109,7 +109,7 @@ def press_method(*names: str, default: str | None = "automatic") -> Callable[[_C
         default=default,
         help="Average of the presses. barycentre: the paper's dynamic time warping, per participant and then "
         "over participants. registration: smooth warps. mean: aligned at the activation only. automatic: "
-        "the one that explains presses it was not made from best.  "
+        "the one with the smaller error on held-out presses.  "
         f"[default: {default or 'as the study says'}]",
     )
 

@@ -23,7 +23,8 @@ _DENSEST = 0.5
 Labels = tuple[tuple[str, str], ...]
 """Name and unit of each channel."""
 _LARGEST_DRIFT = 1e-4
-"""Largest difference of two clocks' rates; crystals differ by 5 to 50 ppm (docs/hardware.md, "Two cards")."""
+"""Largest difference of two clocks' rates; crystals differ by 5 to 50 ppm (docs/hardware.md,
+"Two cards on one clock")."""
 
 
 class Stamps:
