@@ -205,11 +205,16 @@ def export(file: str, out: Path, practice: bool, data: Path | None, as_json: boo
         outputs.check_new_file(path)
     if out.suffix == ".json":
         raise click.UsageError(f"{out} is the name of the description: use a name that ends with .csv.")
-    lines = haploop.export_answers(_store(file, data), out, practice)
+    store = _store(file, data)
+    lines = haploop.export_answers(store, out, practice)
+    unfinished = [f"{one.path.parent.name}/{one.path.name}" for one in store.unfinished()]
     if as_json:
-        print_json({"file": str(out), "description": str(out.with_suffix(".json")), "lines": lines})
+        description = str(out.with_suffix(".json"))
+        print_json({"file": str(out), "description": description, "lines": lines, "unfinished": unfinished})
     else:
         print_line(f"{out} has {lines} lines; {out.with_suffix('.json')} describes its columns.")
+        if unfinished:
+            print_line(f"Not complete: {', '.join(unfinished)}. Their lines say so (column complete).")
     return 0
 
 

@@ -34,6 +34,7 @@ _COLUMNS = {
     "duration": "From the (last) beginning of the stimulus to the answer",
     "presentations": "How often the stimulus was presented before the answer",
     "time": "Time of the answer (UTC)",
+    "complete": "Whether the session was completed: its log is sealed, and nothing of it is missing",
     "simulated": "Whether a simulated participant answered, and no person",
 }
 _UNITS = {"onset": "s", "duration": "s", "time": "ISO 8601"}
@@ -42,8 +43,10 @@ _UNITS = {"onset": "s", "duration": "s", "time": "ISO 8601"}
 def export_answers(store: Store, path: str | Path, practice: bool = False) -> int:
     """Write the answers of all participants as CSV, and `NAME.json` beside it; return the number of lines.
 
-    With `practice`, answers of practice blocks too. The table fits `haploop analyse`. The JSON file describes
-    the columns as a BIDS sidecar does. Raises DataError: no answer, a damaged log, a file that exists.
+    With `practice`, answers of practice blocks too. A session that was not completed is named in the JSON
+    file, and its lines say so. The table fits `haploop analyse`. The JSON file describes
+    the columns as a BIDS sidecar does. Raises DataError: no answer, a log that is damaged or has lost its
+    end, a file that exists.
     """
     path = Path(path)
     file = store.experiment.file
@@ -93,6 +96,7 @@ def sidecar_of(store: Store) -> dict[str, Any]:
         "Seed": file.seed,
         "GeneratedBy": "haploop",
         "Withdrawn": len(store.withdrawals()),
+        "Unfinished": [f"{one.path.parent.name}/{one.path.name}" for one in store.unfinished()],
         **described,
     }
 
@@ -109,7 +113,7 @@ def _columns(file: ExperimentFile) -> Iterator[str]:
             yield from ("pair", "rating")
         case "two-interval" | "staircase":
             yield from ("first_value", "second_value", "comparison", "answered", "correct")
-    yield from ("onset", "duration", "presentations", "time", "simulated")
+    yield from ("onset", "duration", "presentations", "time", "complete", "simulated")
 
 
 def _lines(file: ExperimentFile, stored: StoredSession, practice: bool) -> Iterator[dict[str, Any]]:
@@ -139,6 +143,7 @@ def _lines(file: ExperimentFile, stored: StoredSession, practice: bool) -> Itera
             "duration": f"{event.at - shown[-1].at:.3f}" if same_run else "n/a",
             "presentations": len(shown),
             "time": event.time,
+            "complete": str(stored.complete).lower(),
             "simulated": str(stored.simulated).lower(),
         }
         for values in _answers(file, step, answer, event):

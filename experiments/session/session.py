@@ -102,8 +102,7 @@ class Session:
         self._answers.append((step, value))
         self._presented = False
         self.due = self._course.due(self._answers)
-        if self.due is None:
-            self._log.add("complete")
+        self._seal()
         return correct if step.feedback else None
 
     def _step(self) -> Step:
@@ -113,6 +112,11 @@ class Session:
 
     def _restore(self, answers: list[tuple[Step, Answer]], due: Step | None) -> None:
         self._answers, self.due = answers, due
+        self._seal()  # killed after the last answer
+
+    def _seal(self) -> None:
+        if self.due is None:
+            self._log.add("complete")
 
 
 @contextmanager

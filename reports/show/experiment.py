@@ -30,7 +30,7 @@ def experiment_values(store: Store) -> dict[str, Any]:
                 "group": one.assignment.group,
                 "session": one.assignment.session,
                 "answers": len(one.answers),
-                "complete": one.due is None,
+                "complete": one.complete,
                 "due": one.due and {"block": one.due.block, "trial": one.due.number},
                 "begun": one.events[0].time,
                 "resumed": sum(event.kind == "resumed" for event in one.events),
@@ -54,9 +54,9 @@ def show_experiment(store: Store, as_json: bool) -> None:
     for column in ("Participant", "Group", "Session", "Answers", "Due", "Begun"):
         table.add_column(column)
     for one in found["sessions"]:
-        due = f"{one['due']['block']} {one['due']['trial']}" if one["due"] else "complete"
+        due = f"{one['due']['block']} {one['due']['trial']}" if one["due"] else "to be sealed"
         begun = one["begun"][:16].replace("T", " ")
-        answers = str(one["answers"])
+        answers, due = str(one["answers"]), "complete" if one["complete"] else due
         table.add_row(one["participant"], one["group"], str(one["session"]), answers, due, begun)
     print_table(table)
     for gone in found["withdrawn"]:

@@ -28,7 +28,7 @@ async function show(anew) {
   $("consent-label").classList.toggle("hidden", !found.consent);
   if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));
   fill($("entries"), ...found.sessions.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", {}, one.group), el("td", {}, one.session), el("td", {}, one.answers),
-    el("td", {}, one.complete ? "complete" : `due: ${one.due.block} ${one.due.trial}`), el("td", {}, one.resumed || ""))),
+    el("td", {}, one.complete ? "complete" : one.due ? `due: ${one.due.block} ${one.due.trial}` : "to be sealed"), el("td", {}, one.resumed || ""))),
   ...found.withdrawn.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", { colspan: "5" }, "withdrew"))));
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from haploop.acquisition import verify
+from haploop.acquisition.line_files import Mark, read_lines, read_marks, write_marks
 from haploop.experiments.analysis import analyse_identification, analyse_ratings, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log, run_session
@@ -47,6 +49,13 @@ def run(
         run_session(session, who if after is None else Stops(who, after))
 
 
+def killed(where: Store, participant: str) -> None:
+    """Put a participant's mark back to where a program that is killed leaves it."""
+    path = where.path_of(participant, 1)
+    mark = Mark.of(read_lines(path, only_first=True))
+    write_marks(where.folder, {**read_marks(where.folder), f"{participant}/{path.name}": mark})
+
+
 def answers(where: Store, participant: str, session: int = 1) -> list[object]:
     stored = where.session(participant, session)
     assert stored is not None
@@ -76,6 +85,7 @@ def test_a_line_that_was_cut_off_is_left_behind(tmp_path: Path, cut: int) -> Non
     path = where.path_of("P01", 1)
     content = path.read_bytes()
     path.write_bytes(content[:-cut])
+    killed(where, "P01")
     run(where, "P01")
     whole = store(tmp_path / "whole")
     run(whole, "P01")
@@ -84,19 +94,15 @@ def test_a_line_that_was_cut_off_is_left_behind(tmp_path: Path, cut: int) -> Non
 
 
 def test_every_changed_byte_is_noticed(tmp_path: Path) -> None:
-    """Except at the end, where the last line may have been cut off; never is another answer read."""
+    """Also at the end: what could be a line that was cut off was whole before."""
     where = store(tmp_path, "rating")
     run(where, "P01")
     path = where.path_of("P01", 1)
-    content, before = path.read_bytes(), answers(where, "P01")
-    for place in range(0, len(content), 7):
+    content = path.read_bytes()
+    for place in [*range(0, len(content) - 200, 7), *range(len(content) - 200, len(content))]:
         for mask in (1, 0x20):
             path.write_bytes(content[:place] + bytes([content[place] ^ mask]) + content[place + 1 :])
-            try:
-                found = answers(where, "P01")
-            except DataError:
-                continue
-            assert found == before[: len(found)] and place > content.rindex(b"\n", 0, -1), place
+            assert refused(lambda: answers(where, "P01")), place
 
 
 def test_a_line_that_is_missing_is_noticed(tmp_path: Path) -> None:
@@ -104,9 +110,9 @@ def test_a_line_that_is_missing_is_noticed(tmp_path: Path) -> None:
     run(where, "P01")
     path = where.path_of("P01", 1)
     lines = path.read_bytes().splitlines(keepends=True)
-    for gone in range(len(lines) - 1):
+    for gone in range(len(lines)):
         path.write_bytes(b"".join(lines[:gone] + lines[gone + 1 :]))
-        with pytest.raises(DataError, match="is damaged, or a line before it is missing"):
+        with pytest.raises(DataError, match=r"is damaged, or a line before it is missing|of the \d+ lines"):
             where.session("P01", 1)
 
 
@@ -306,7 +312,7 @@ def test_every_changed_byte_of_a_note_is_noticed_and_verify_knows_logs_and_notes
         where.withdraw(who)
     notes = where.folder / "withdrawals.jsonl"
     raw, log = notes.read_bytes(), where.path_of("P03", 1)
-    assert verify(notes) == verify(log) == ()
+    assert verify(notes) == () and "is not sealed" in verify(log)[0]
     for place in range(len(raw)):
         notes.write_bytes(raw[:place] + bytes([raw[place] ^ 1]) + raw[place + 1 :])
         assert refused(where.withdrawals) and refused(lambda: verify(notes)), place
@@ -346,7 +352,7 @@ from haploop.experiments.session.log import EventLog
 from haploop.instruments import HaploopError, RealClock
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (400, 400))
+resource.setrlimit(resource.RLIMIT_FSIZE, (900, 900))
 where = Store(load_experiment("matching"), sys.argv[1])
 log = EventLog(where.path_of("P09", 1), RealClock())
 try:
@@ -373,7 +379,7 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_was_answered(tmp_path: Path)
     said = result.stdout.splitlines()
     assert len(said) == 2 and not result.stderr
     assert "session-1.jsonl cannot be written: File too large." in said[0]
-    assert "withdrawals.jsonl cannot be written (File too large), and nothing is deleted" in said[1]
+    assert "cannot be written: File too large. Nothing is deleted without it." in said[1]
     # What could not be noted was not deleted.
     noted = len(Store(load_experiment("matching"), tmp_path).withdrawals())
     assert 1 <= noted < 9 and (tmp_path / f"P{noted:02d}").is_dir() and not (tmp_path / "P00").exists()
@@ -414,3 +420,131 @@ def test_a_folder_that_is_a_link_is_not_noted_as_withdrawn(tmp_path: Path) -> No
     with pytest.raises(DataError, match="nothing of"):
         where.withdraw("P01")
     assert not where.withdrawals()
+
+
+def whole(folder: Path) -> Store:
+    """A study of two people of two days each: all sealed."""
+    text = load_experiment("matching").path.read_text(encoding="utf-8")
+    path = folder / "experiment.toml"
+    path.write_text(text.replace("repetitions = 10", "repetitions = 1"), encoding="utf-8")
+    where = Store(load_experiment(path), folder / "answers")
+    for who in ("P01", "P02", "P01", "P02"):
+        run(where, who)
+    return where
+
+
+def exported(where: Store) -> int:
+    out = where.folder.parent / "out.csv"
+    out.unlink(missing_ok=True)
+    out.with_suffix(".json").unlink(missing_ok=True)
+    return export_answers(where, out)
+
+
+def lost(where: Store, who: str, path: Path) -> None:
+    """Assert that no use takes what is left of a log for all that it was, nor asks for the rest again."""
+    assert refused(lambda: exported(where)) and refused(lambda: where.next_session(who))
+    assert refused(lambda: run(where, who)) and refused(where.sessions)
+    assert refused(lambda: verify(path)) and refused(lambda: verify(where.folder / "marks.json"))
+
+
+def test_a_log_that_has_lost_its_end_is_neither_exported_nor_continued(tmp_path: Path) -> None:
+    """At every line and, of the last lines and the first, at every byte."""
+    where = whole(tmp_path)
+    assert exported(where) == 12 and verify(where.path_of("P01", 1)) == ()
+    assert all(one.complete for one in where.sessions())
+    for who, session in (("P01", 1), ("P02", 2)):
+        path = where.path_of(who, session)
+        raw = path.read_bytes()
+        ends = [place + 1 for place, byte in enumerate(raw) if byte == 10]
+        for end in {0, *ends[:-1], *range(0, len(raw) - 1, 97), *range(len(raw) - 40, len(raw) - 1)}:
+            path.write_bytes(raw[:end])
+            assert refused(lambda: where.session(who, session)), end  # noqa: B023
+            assert refused(lambda: verify(path)), end  # noqa: B023
+        path.write_bytes(raw[: ends[7]])
+        lost(where, who, path)
+        path.write_bytes(raw[: ends[-2]])  # the seal alone
+        lost(where, who, path)
+        path.write_bytes(raw[:-1])
+        assert where.session(who, session), "a missing newline loses nothing"
+        path.write_bytes(raw + raw[ends[-2] :])
+        lost(where, who, path)
+        path.unlink()
+        assert refused(lambda: exported(where)) and refused(lambda: run(where, who))  # noqa: B023
+        path.write_bytes(raw)
+    assert exported(where) == 12
+
+
+def test_lines_that_were_exchanged_are_noticed(tmp_path: Path) -> None:
+    """Within a log, and for the same line of another person's: its number and its hash are right."""
+    where = whole(tmp_path)
+    path = where.path_of("P01", 1)
+    raw = path.read_bytes()
+    lines, others = (where.path_of(who, 1).read_bytes().splitlines(True) for who in ("P01", "P02"))
+    for place in range(len(lines) - 1):
+        swapped = [*lines[:place], lines[place + 1], lines[place], *lines[place + 2 :]]
+        for changed in (swapped, [*lines[:place], others[place], *lines[place + 1 :]]):
+            path.write_bytes(b"".join(changed))
+            assert refused(lambda: where.session("P01", 1)) and refused(lambda: verify(path)), place
+    path.write_bytes(b"".join(others))
+    lost(where, "P01", path)
+    path.write_bytes(raw)
+    second = where.path_of("P01", 2)
+    second.write_bytes(raw)
+    lost(where, "P01", second)
+
+
+def test_a_person_whose_folder_vanished_is_missed(tmp_path: Path) -> None:
+    where = whole(tmp_path)
+    shutil.rmtree(where.folder / "P01")
+    assert where.participants() == ("P01", "P02")
+    assert refused(lambda: exported(where)) and refused(lambda: run(where, "P01"))
+    with pytest.raises(DataError, match=r"P01/session-1.jsonl is missing: restore"):
+        run(where, "P03")  # the place of P01 in the design is not known
+    where.withdraw("P01")
+    run(where, "P03")
+    assert where.participants() == ("P02", "P03")
+    (where.folder / "withdrawals.jsonl").unlink()
+    with pytest.raises(DataError, match=r"withdrawals.jsonl is missing"):
+        run(where, "P01")
+
+
+def test_without_its_marks_a_log_with_answers_is_refused(tmp_path: Path) -> None:
+    where = whole(tmp_path)
+    (where.folder / "marks.json").unlink()
+    with pytest.raises(DataError, match=r"marks.json does not know .*session-1.jsonl"):
+        where.sessions()
+    assert refused(lambda: exported(where)) and refused(lambda: run(where, "P01"))
+
+
+def test_answers_of_people_are_marked_one_by_one(tmp_path: Path) -> None:
+    """So that a program that was killed has no end that could be taken away."""
+    where = store(tmp_path)
+    with open_session(where, "P01", VirtualClock()) as session:
+        who = SimulatedParticipant(ParticipantModel(), "P01", 1)
+        path = where.path_of("P01", 1)
+        for _ in range(5):
+            session.presented()
+            session.answer(who.answer(session.due))
+            raw = path.read_bytes()
+            path.write_bytes(raw[: raw.rindex(b"\n", 0, -1) + 1])
+            assert refused(lambda: where.session("P01", 1))
+            path.write_bytes(raw)
+    assert "is not sealed" in verify(path)[0]
+
+
+def test_killed_between_the_last_answer_and_the_seal_is_sealed_by_the_next_run(tmp_path: Path) -> None:
+    where = store(tmp_path, "rating")
+    run(where, "P01")
+    path = where.path_of("P01", 1)
+    raw = path.read_bytes()
+    path.write_bytes(raw[: raw.rindex(b"\n", 0, -1) + 1])
+    killed(where, "P01")
+    stored = where.session("P01", 1)
+    assert stored is not None and stored.due is None and not stored.complete
+    run(where, "P01")
+    stored = where.session("P01", 1)
+    assert (
+        stored is not None
+        and stored.complete
+        and [e.kind for e in stored.events][-2:] == ["resumed", "complete"]
+    )
