@@ -2,10 +2,10 @@
 
 Each line is one JSON object with its `number`, its hash, and the hash of the line before (`previous`). The
 hash shows that a line was not changed; the chain, that none is missing, exchanged, or of another log.
-Neither shows that the log once went on. So the file `marks.json` beside the log, or beside its folder, says how many lines
-each log has, and the hash of the last of them; it is replaced whole after each line that must not be lost. A
-log may be longer than its mark (the program was killed in between), and never shorter. A log that has an
-end says so in its last line (`sealed`), after which there is none.
+Neither shows that the log once went on. So the file `marks.json`, beside the log or its folder, says how many
+lines each log has, and the hash of the last of them; it is replaced whole after each line that must not be
+lost. A log may be longer than its mark (the program was killed in between), and never shorter. A log that has
+an end says so in its last line (`sealed`), after which there is none.
 
 A line that was cut off by a kill is left as it is, and the next one says so (`cut_off`). What cannot be
 noticed: a log and its mark that are both put back to an earlier state, as by a backup of the whole folder.

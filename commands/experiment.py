@@ -269,14 +269,7 @@ class _AtTerminal:
                 note(f"{head}{step.text} ({', '.join(step.stimulus.values())})")
                 if again and click.confirm("Feel it once more?", default=False, err=True):
                     return haploop.AGAIN
-                low, high = step.values
-                kind = FiniteRange(low, high)
-                return {
-                    pair: click.prompt(
-                        f"{pair} ({low:g} to {high:g})", type=kind, default=(low + high) / 2, err=True
-                    )
-                    for pair in step.choices
-                }
+                return _rated(step)
             case "identification":
                 return click.prompt(
                     f"{head}{step.text}", type=click.Choice([*step.choices, *again]), err=True
@@ -293,6 +286,17 @@ class _AtTerminal:
     def _done(sentence: str) -> str:
         click.prompt(f"{sentence} Then Enter", default="", show_default=False, err=True)
         return "done"
+
+
+def _rated(step: Step) -> dict[str, Any]:
+    """Ask for each scale: there is no value that Enter takes."""
+    low, high = step.values
+    clock, answer = haploop.RealClock(), {}
+    began = clock.now()
+    for pair in step.choices:
+        value = click.prompt(f"{pair} ({low:g} to {high:g})", type=FiniteRange(low, high), err=True)
+        answer[pair] = {"value": value, "touched": [round(clock.now() - began, 3)]}
+    return answer
 
 
 def _store(file: str, data: Path | None) -> haploop.Store:

@@ -54,7 +54,7 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
     """
     by = tuple(column for column in ("group", "day") if column in rows.columns)
     pooled, matrices = confusion_of(rows), confusions_by(rows, *by)
-    notes = list(_undefined(by, matrices or {(): pooled}))
+    notes = [*rows.remarks, *_undefined(by, matrices or {(): pooled})]
     within = within or next((name for name in ("confirmation", "day") if name in rows.columns), "")
     between = between or ("group" if "group" in rows.columns else "")
     rows.require(*(name for name in (within, between) if name))

@@ -6,8 +6,9 @@ begins, and `answer` with what the participant chose.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from typing import Any, Protocol
 
 from ...instruments import ConfigurationError, DataError
@@ -97,7 +98,9 @@ class Session:
         value = valid(step, answer)
         right = right_answer(step)
         correct = None if right is None else value == right
-        stored = dict(value) if isinstance(value, dict) else value
+        stored = value
+        if isinstance(value, Mapping):
+            stored = {pair: asdict(one) for pair, one in value.items()}
         self._log.add("answer", block=step.block, trial=step.number, answer=stored, correct=correct)
         self._answers.append((step, value))
         self._presented = False

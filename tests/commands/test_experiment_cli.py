@@ -6,6 +6,7 @@ import io
 import json
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -108,7 +109,15 @@ def test_a_wrong_request_is_one_sentence(
 def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
     step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
     monkeypatch.setattr("sys.stdin", io.StringIO("nan\n51\n7.5\n"))
-    assert _AtTerminal(None).answer(step) == {"soft": 7.5}
+    said = _AtTerminal(None).answer(step)["soft"]
+    assert said["value"] == 7.5 and len(said["touched"]) == 1
+
+
+def test_enter_is_no_rating(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\n"))
+    with pytest.raises(click.Abort):
+        _AtTerminal(None).answer(step)
 
 
 def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:

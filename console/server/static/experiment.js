@@ -90,4 +90,4 @@ on("state", (all) => {
   const mark = JSON.stringify([now && now.participant, now && now.session, now && now.last]);
   if (mark !== known) { known = mark; show(false); }
 });
-const said = (answer) => (typeof answer === "object" && answer ? Object.entries(answer).map(([name, value]) => `${name} ${Math.round(value)}`).join(", ") : String(answer));
+const said = (answer) => (typeof answer === "object" && answer ? Object.entries(answer).map(([name, value]) => `${name} ${Math.round(value.value)}`).join(", ") : String(answer));

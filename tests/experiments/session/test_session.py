@@ -548,3 +548,61 @@ def test_killed_between_the_last_answer_and_the_seal_is_sealed_by_the_next_run(t
         and stored.complete
         and [e.kind for e in stored.events][-2:] == ["resumed", "complete"]
     )
+
+
+class Times:
+    """A clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+
+    def now(self) -> float:
+        """Time (s)."""
+        return self.time
+
+
+def test_impossible_times_and_unfinished_sessions_are_kept_marked_and_can_be_left_out(tmp_path: Path) -> None:
+    where, clock = store(tmp_path), Times()
+    with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
+        step = session.due
+        while step is not None and not (step.block == "experiment" and step.number == 11):
+            session.presented()
+            clock.time += 1.0 if step.practice else {1: 0.01, 2: 900.0}.get(step.number, 1.0)
+            session.answer(SimulatedParticipant(ParticipantModel(), "P01", 1).answer(step))
+            step = session.due
+    assert export_answers(where, tmp_path / "out.csv") == 10
+    rows = read_rows(tmp_path / "out.csv")
+    assert rows.text("timing") == ["too fast", "too slow", *["possible"] * 8]
+    assert rows.numbers("duration") == pytest.approx([0.01, 900, *[1] * 8])
+    assert set(rows.text("complete")) == {"false"}
+    described = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert described["Unfinished"] == ["P01/session-1.jsonl"]
+    notes = analyse_identification(rows).notes
+    assert any("10 of 10 lines are of sessions that were not completed" in note for note in notes)
+    assert any("2 of 10 lines were answered too fast or too slow" in note for note in notes)
+    chosen = rows.choose("timing", "possible")
+    result = analyse_identification(chosen)
+    assert result.pooled.counts.sum() == 8 and "the 8 with timing possible" in " ".join(result.notes)
+    with pytest.raises(DataError, match="no line with complete 'true'"):
+        rows.choose("complete", "true")
+    with pytest.raises(DataError, match="no column 'time_mark'"):
+        rows.choose("time_mark", "possible")
+
+
+def test_touches_leave_with_the_ratings(tmp_path: Path) -> None:
+    where, clock = store(tmp_path, "rating"), Times()
+    touched = [[0.9, 2.5], *([1.0 + n] for n in range(1, 7))]
+    with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
+        for instant in (False, True):
+            assert session.due is not None
+            session.presented()
+            clock.time += 9.0
+            times = [[0.01]] * 7 if instant else touched
+            pairs = zip(session.due.choices, times, strict=True)
+            session.answer({pair: {"value": 51, "touched": some} for pair, some in pairs})
+    assert export_answers(where, tmp_path / "out.csv") == 14
+    rows = read_rows(tmp_path / "out.csv")
+    assert rows.numbers("touches") == [2, *[1] * 13]
+    assert rows.numbers("first_touch")[:7] == [some[0] for some in touched]
+    assert rows.numbers("last_touch")[:7] == [some[-1] for some in touched]
+    assert rows.text("timing") == [*["possible"] * 7, *["too fast"] * 7]
