@@ -15,8 +15,7 @@ from typing import Any, Literal
 __all__ = ["FASTEST", "SLOWEST", "Rated", "Timing", "rated", "timing_of"]
 
 FASTEST = 0.1
-"""s for one choice or one scale. Nobody answers a stimulus sooner: Luce, Response Times (1986); Whelan, The
-Psychological Record 58 (2008)."""
+"""s for one choice or one scale. Nobody answers a stimulus sooner: Luce, Response Times (1986)."""
 SLOWEST = 600.0
 """s for an answer. Our limit: whoever takes longer did something else as well."""
 
