@@ -98,7 +98,7 @@ class Session:
         value = valid(step, answer)
         right = right_answer(step)
         correct = None if right is None else value == right
-        stored = value
+        stored: Any = value
         if isinstance(value, Mapping):
             stored = {pair: asdict(one) for pair, one in value.items()}
         self._log.add("answer", block=step.block, trial=step.number, answer=stored, correct=correct)

@@ -7,12 +7,13 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from haploop.acquisition import verify
-from haploop.acquisition.line_files import Mark, read_lines, read_marks, write_marks
+from haploop.acquisition.line_files import LineFile, Mark, read_lines, read_marks, write_marks
 from haploop.experiments.analysis import analyse_identification, analyse_ratings, read_rows
 from haploop.experiments.protocol import load_experiment
 from haploop.experiments.session import Store, export_answers, open_session, read_log, run_session
@@ -606,3 +607,35 @@ def test_touches_leave_with_the_ratings(tmp_path: Path) -> None:
     assert rows.numbers("first_touch")[:7] == [some[0] for some in touched]
     assert rows.numbers("last_touch")[:7] == [some[-1] for some in touched]
     assert rows.text("timing") == [*["possible"] * 7, *["too fast"] * 7]
+
+
+def test_behind_the_seal_there_is_nothing(tmp_path: Path) -> None:
+    """Not even a line with the right number, hash and line before it."""
+    where = whole(tmp_path)
+    path = where.path_of("P01", 1)
+    raw = path.read_bytes()
+    with closing(LineFile(path)) as file:
+        file.add(event="pause", time="2026-01-01", at=0.0, run=1)
+    lost(where, "P01", path)
+    path.write_bytes(raw)
+    assert exported(where) == 12
+
+
+def test_each_event_of_a_person_is_on_the_disk_before_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    fsync = os.fsync
+
+    def noted(file: int) -> None:
+        synced.append(os.fstat(file).st_size)
+        fsync(file)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    for durable in (True, False):
+        with closing(LineFile(tmp_path / str(durable) / "x.jsonl", durable)) as file:
+            synced.clear()
+            for number in range(3):
+                file.add(event="presented", trial=number)
+                size = (tmp_path / str(durable) / "x.jsonl").stat().st_size
+                assert (synced[-1:] == [size]) is durable
