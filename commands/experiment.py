@@ -185,9 +185,11 @@ def simulate(
 @DATA
 @JSON
 def status(file: str, data: Path | None, as_json: bool) -> int:
-    """Show who has answered what."""
-    display.show_experiment(_store(file, data), as_json)
-    return 0
+    """Show who has answered what.
+
+    Exit codes: 0 every log can be read, 2 one is damaged, missing or cut short.
+    """
+    return 0 if display.show_experiment(_store(file, data), as_json) else 2
 
 
 @experiment.command()

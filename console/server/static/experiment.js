@@ -21,6 +21,7 @@ async function show(anew) {
   let found;
   try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { $("about").textContent = ""; fill($("entries")); say(error.message, "error"); return; }
   if (!found) return;
+  if (found.problems.length) say(found.problems.join(" "), "error");
   const { groups, balanced, multiple_of } = found.design;
   const sizes = Object.entries(groups).map(([name, count]) => (found.groups.length > 1 ? `${name} ${count}` : count)).join(", ");
   $("about").textContent = `${found.title} (days: ${found.days}; participants so far: ${sizes}${balanced ? "" : `, not balanced: that is at a multiple of ${multiple_of}`})`;

@@ -639,3 +639,46 @@ def test_each_event_of_a_person_is_on_the_disk_before_the_next(
                 file.add(event="presented", trial=number)
                 size = (tmp_path / str(durable) / "x.jsonl").stat().st_size
                 assert (synced[-1:] == [size]) is durable
+
+
+def test_what_is_right_is_told_by_what_was_presented(tmp_path: Path) -> None:
+    """By the exported table alone: presented and answered, or the two values and the interval chosen."""
+    for name in ("matching", "two-interval"):
+        where = store(tmp_path / name, name)
+        run(where, "P01", model=ParticipantModel.model_validate({"seed": 5, "comparison": {"lapse": 0.2}}))
+        export_answers(where, tmp_path / name / "out.csv")
+        rows = read_rows(tmp_path / name / "out.csv")
+        right = rows.truths("correct")
+        assert 0.2 < sum(right) / len(right) < 1, "some are right, and some wrong"
+        if name == "matching":
+            pairs = zip(rows.text("presented"), rows.text("answered"), strict=True)
+            assert right == [presented == answered for presented, answered in pairs]
+            continue
+        comparison = where.experiment.file.comparison
+        assert comparison is not None
+        values = zip(rows.numbers("first_value"), rows.numbers("second_value"), strict=True)
+        both = list(values)
+        assert right == [
+            (first > second) == (answered == "1")
+            for (first, second), answered in zip(both, rows.text("answered"), strict=True)
+        ]
+        assert {min(one) for one in both} == {comparison.standard}
+        assert rows.numbers("comparison") == [max(one) for one in both]
+
+
+def test_a_trial_counts_its_own_presentations(tmp_path: Path) -> None:
+    where, clock = store(tmp_path), Times()
+    with open_session(where, "P01", clock) as session:  # type: ignore[arg-type]
+        while session.due is not None and session.due.practice:
+            session.presented()
+            session.answer(SimulatedParticipant(ParticipantModel(), "P01", 1).answer(session.due))
+        for times in (1, 3, 2):
+            for _ in range(times):
+                session.presented()
+                clock.time += 1.0
+            session.answer("latch")
+    export_answers(where, tmp_path / "out.csv")
+    rows = read_rows(tmp_path / "out.csv")
+    assert rows.numbers("presentations") == [1, 3, 2]
+    assert rows.numbers("duration") == [1, 1, 1], "from the last one"
+    assert rows.numbers("onset") == [0, 3, 5]
