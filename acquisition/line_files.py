@@ -75,7 +75,10 @@ class Mark:
 
 
 class LineFile:
-    """Appends lines to a log, which only its owner can read. Raises DataError when the disk refuses."""
+    """Appends lines to a log, which only its owner can read.
+
+    Raises DataError when the disk refuses; then nothing more is taken until the log is opened anew.
+    """
 
     def __init__(self, path: Path, durable: bool = True) -> None:
         """Open a log, or begin one. Without `durable`, the operating system chooses when to write."""
@@ -107,6 +110,7 @@ class LineFile:
             if self._durable:
                 os.fsync(self._file.fileno())
         except (OSError, ValueError) as error:
+            self.close()  # of this line nobody knows how much is there: the next one begins by reading
             why = os_error_text(error) if isinstance(error, OSError) else str(error)
             raise DataError(f"{self._path} cannot be written: {why}.") from None
         line = Line(*with_hash(text))

@@ -57,7 +57,11 @@ class EventLog:
         line = self._file.add(event=kind, time=now, at=round(self._clock.now(), 6), run=self._run, **values)
         self.events.append(_event(self._path, line))
         if kind in ("start", "complete") or (self._durable and kind == "answer"):
-            self._mark()
+            try:
+                self._mark()
+            except DataError:
+                self._file.close()  # who asked does not know that the event is in the log
+                raise
         return self.events[-1]
 
     def close(self) -> None:

@@ -56,7 +56,7 @@ def test_the_interval_of_d_leaves_out_a_fortieth_on_each_side() -> None:
 
 
 def test_intervals_of_proportions_stay_between_0_and_1() -> None:
-    for hits, total in ((0, 3), (3, 3), (0, 1e6), (1e6, 1e6), (0, 1e-3)):
+    for hits, total in ((0, 3), (3, 3), (16, 16), (0, 27), (1e6, 1e6), (0, 1e-3)):
         low, high = wilson_interval(hits, total) or (math.nan, math.nan)
         assert 0 <= low < high <= 1
     low, high = wilson_interval(8, 10) or (math.nan, math.nan)

@@ -178,3 +178,38 @@ def test_each_event_of_a_person_is_on_the_disk_before_the_next(
                 file.add(event="presented", trial=number)
                 size = (tmp_path / str(durable) / "x.jsonl").stat().st_size
                 assert (synced[-1:] == [size]) is durable
+
+
+@pytest.mark.parametrize("what", ["write_marks", "fsync"])
+def test_an_answer_that_may_be_lost_is_not_written_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    """The disk refuses for a moment, behind the line itself or behind its mark; the page sends it again."""
+    where = store(tmp_path)
+    who = SimulatedParticipant(ParticipantModel(), "P01", 1)
+
+    def refuses(*_: object) -> None:
+        if what == "fsync":
+            raise OSError(28, "No space left on device")
+        raise DataError("marks.json cannot be written: No space left on device.")
+
+    with open_session(where, "P01", VirtualClock()) as session:
+        for number in range(8):
+            assert session.due is not None
+            session.presented()
+            if number < 7:
+                session.answer(who.answer(session.due))
+        with monkeypatch.context() as patched:
+            patched.setattr(
+                "os.fsync" if what == "fsync" else "haploop.experiments.session.log.write_marks", refuses
+            )
+            with pytest.raises(DataError, match="No space left"):
+                session.answer(who.answer(session.due))
+        for _ in range(2):
+            with pytest.raises(DataError, match="cannot be written"):
+                session.answer(who.answer(session.due))
+    stored = where.session("P01", 1)
+    assert stored is not None and len(stored.answers) == 8 and stored.due is not None
+    assert verify(where.path_of("P01", 1))[0].endswith("its end is missing.")
+    with open_session(where, "P01", VirtualClock()) as session:
+        assert session.due == stored.due
