@@ -164,9 +164,7 @@ def _vibrometer_settings(rig: Rig) -> Finding:
         try:
             rig.confirm_settings()
         except UnansweredError:
-            sentence = (
-                f"Not tested: nobody was asked whether it is set to {settings}: run this at a terminal."
-            )
+            sentence = f"Not tested: nobody was there to confirm {settings}. Run this at a terminal."
             return Finding("Settings", "vibrometer", "yellow", sentence)
         except InstrumentError:
             sentence = (
