@@ -52,6 +52,7 @@ from .sensors import Accelerometer as Accelerometer
 from .sensors import AnalogChannel as AnalogChannel
 from .sensors import Divider as Divider
 from .sensors import ForceTorque as ForceTorque
+from .sensors import Scale as Scale
 from .sensors import Sensor as Sensor
 from .sensors import Sensors as Sensors
 from .sensors import Switch as Switch

@@ -28,6 +28,7 @@ from .nodes import Switched as Switched
 from .nodes import Switches as Switches
 from .plant import Plant as Plant
 from .scene import AmplifierOutput as AmplifierOutput
+from .sensed import Signal as Signal
 from .surface import AMPLIFIER_POLE_HZ as AMPLIFIER_POLE_HZ
 from .surface import REMEMBERED as REMEMBERED
 from .surface import PlantSettings as PlantSettings

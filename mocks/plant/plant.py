@@ -19,10 +19,11 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ...instruments.config import RigFile
+from ...instruments.errors import ConfigurationError
 from .amplifier import Amplifier
 from .nodes import LaserHead, Run, Source, Switches
 from .scene import AmplifierOutput, Scene
-from .sensed import Output, Quantity, laser, wired
+from .sensed import Output, Quantity, Signal, laser, signalled, wired
 from .surface import PlantSource
 from .truth import Truth
 
@@ -86,9 +87,28 @@ class Plant(Scene):
     def install(self, node: str, head: LaserHead) -> None:
         """Install a vibrometer with the rig file's `head`, and wire its output to `node`."""
         self._put_up(head)
-        self._nodes[node] = Output(partial(laser, head=head))
-        self._noise[node] = self.rng(f"noise of {node}")
-        self._read.clear()
+        self._show(node, partial(laser, head=head))
+
+    def connect(self, node: str, signal: Signal) -> None:
+        """Connect an instrument's output to a channel of the DAQ, in place of what was wired to it.
+
+        `signal` returns the volts of the output, see `Signal`. It may ask the plant: `force` is the finger's,
+        `seen` the surface's velocity where the laser is aimed, and `rng(name)` a generator of noise.
+        Raises ConfigurationError for a channel that [daq.channels] does not have.
+        """
+        channels = self.file.daq.settings.get("channels")
+        if isinstance(channels, dict) and node not in channels:
+            raise ConfigurationError(
+                f"A twin puts a signal on the channel {node!r}, and [daq.channels] of {self.file.name} has "
+                f"{', '.join(channels)}: name one of them."
+            )
+        self._show(node, partial(signalled, signal=signal))
+
+    def _show(self, node: str, quantity: Quantity) -> None:
+        with self._lock:
+            self._nodes[node] = Output(quantity)
+            self._noise[node] = self.rng(f"noise of {node}")
+            self._read.clear()
 
     def has_rtsi(self) -> bool:
         """Return True when a cable joins the cards' clocks."""

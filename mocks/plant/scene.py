@@ -100,6 +100,14 @@ class Scene(ABC):
                 )
         return velocity
 
+    def force(self, times: FloatArray) -> FloatArray:
+        """Return the force of the finger on the button (N) at `times` (s), an array of any shape."""
+        total = np.zeros(times.shape)
+        if times.size:
+            for press in self.presses.between(float(times.min()), float(times.max()), 0.0):
+                total += press.force(times)
+        return total
+
     # Actions of people
 
     def press(self, request: Press) -> None:

@@ -13,12 +13,13 @@ from functools import partial
 import numpy as np
 
 from ...instruments.arrays import FloatArray
+from ...instruments.errors import HaploopError, InstrumentError
 from ...instruments.sensors import low_pass
 from .buttons import SimulatedPress
 from .nodes import LaserHead
 from .scene import GRAVITY, Scene
 
-__all__ = ["Output", "Quantity", "laser", "wired"]
+__all__ = ["Output", "Quantity", "Signal", "laser", "signalled", "wired"]
 
 FORCE_NOISE = 0.03
 """Standard deviation of Fz (N), measured on a real Mini40 (found; docs/hardware.md, "Force sensor")."""
@@ -51,6 +52,11 @@ Quantity = Callable[[Scene, FloatArray, Sequence[int], Sequence[np.random.Genera
 """Function that returns the voltages of some outputs of a sensor, (outputs, times) V, at the times of each,
 (outputs, times) s, from the outputs' numbers and their generators of noise. All outputs at once take a
 quarter of the time that they take one by one: a block is short, and a call of numpy is not."""
+
+
+Signal = Callable[[FloatArray], FloatArray]
+"""Function that returns the volts of an instrument's output, (times,) V before any converter, at rising
+times, (times,) s of the plant's clock. It may be asked for the same times again, and for 30 s before them."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +128,7 @@ def _gauges(
         rng.standard_normal(out=volts[row])
     volts *= noise
     volts += rest[list(outputs), np.newaxis] + own[:, 2, np.newaxis] * weight
-    for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), 0.0):
-        volts += (own @ _PRESSED)[:, np.newaxis] * press.force(times)
+    volts += (own @ _PRESSED)[:, np.newaxis] * scene.force(times)
     return volts
 
 
@@ -211,6 +216,35 @@ def laser(
 ) -> FloatArray:
     """Return the output of a vibrometer at the point where the laser is aimed: see `Quantity`."""
     return np.array([_seen(scene, own, rng, head) for own, rng in zip(times, rngs, strict=True)])
+
+
+def signalled(
+    scene: Scene,
+    times: FloatArray,
+    outputs: Sequence[int],
+    rngs: Sequence[np.random.Generator],
+    *,
+    signal: Signal,
+) -> FloatArray:
+    """Return the output of an instrument that `Plant.connect` connected: see `Quantity`."""
+    volts = np.empty(times.shape)
+    for row, own in zip(volts, times, strict=True):
+        try:
+            row[:] = _shown(signal(own), len(own))
+        except HaploopError:
+            raise
+        except (Exception, SystemExit) as error:
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            name = getattr(signal, "__qualname__", type(signal).__qualname__)
+            raise InstrumentError(f"The signal {name} of a twin failed ({told}): ask its author.") from error
+    return volts
+
+
+def _shown(volts: FloatArray, count: int) -> FloatArray:
+    volts = np.asarray(volts, dtype=np.float64)
+    if volts.shape != (count,) or not np.isfinite(volts).all():
+        raise ValueError(f"for {count} times, volts of shape {volts.shape}, or not finite")
+    return volts
 
 
 def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: LaserHead) -> FloatArray:
