@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from .arrays import FloatArray
 from .errors import LimitError
 from .frozen import Frozen
-from .sweep import Sweep
+from .waveforms import Waveform
 
 __all__ = ["Interlock", "Interlocked"]
 
@@ -22,8 +22,8 @@ class Interlock(Protocol):
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         """Allow `volts` ((samples,) V at the output, at `rate_hz`). Raises LimitError."""
 
-    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
-        """Allow a generator to be set to a sweep (V at the output), or to start it. Raises LimitError."""
+    def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
+        """Allow a generator to be set to a waveform (V at the output), or to start it. Raises LimitError."""
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
         """Allow a relay to connect patches. Raises LimitError."""
@@ -35,7 +35,7 @@ class _NoRig:
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         raise _no_limits(output)
 
-    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+    def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
         raise _no_limits(output)
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
@@ -61,5 +61,5 @@ class Interlocked(Frozen):
 def _no_limits(output: str) -> LimitError:
     return LimitError(
         f"Nothing is played on {output!r} without a rig's limits: open the rig with open_rig, and play "
-        "with its excite or sweep."
+        "with its excite or generate."
     )
