@@ -274,9 +274,9 @@ def test_a_waveform_of_another_package_is_judged_too(world: World) -> None:
     "lying", [Foreign(truly=1.1), Foreign(duration=0.05), Foreign(duty=0.5), Foreign(truly=np.nan)]
 )
 def test_a_waveform_that_states_less_than_it_plays_is_refused(world: World, lying: Foreign) -> None:
-    with pytest.raises(LimitError, match=r"it states .* Ask the author of Foreign"):
-        with world.permit_waveform(lying):
-            pass
+    refused = pytest.raises(LimitError, match=r"it states .* Ask the author of Foreign")
+    with refused, world.permit_waveform(lying):
+        pass
     assert world.kinds == ["refused"]
 
 
