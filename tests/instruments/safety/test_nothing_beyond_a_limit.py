@@ -242,7 +242,8 @@ def waveforms(draw: Callable[..., Any]) -> Waveform:
             shape = faded(np.sin(2 * np.pi * hertz * np.arange(count) / rate_hz))
             steps = draw(st.booleans()) * np.random.default_rng(count).uniform(-0.1, 0.1, count)
             steps[[0, -1]] = 0
-            return Arbitrary(size * (shape + steps), rate_hz)
+            # No generator plays less than a millivolt.
+            return Arbitrary(size * (shape + steps) / np.abs(shape + steps).max(), rate_hz)
     return Sweep(hertz, hertz + draw(st.floats(5, 2000)), draw(st.floats(0.05, 0.6)), size)
 
 
