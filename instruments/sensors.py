@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from .arrays import BoolArray, ComplexArray, FloatArray
+from .bounded import Finite, Positive
 from .frozen import FrozenDict
 
 __all__ = [
@@ -29,9 +30,6 @@ __all__ = [
     "Switch",
     "low_pass",
 ]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 _TAKEN = (

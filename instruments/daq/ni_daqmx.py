@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from ..arrays import FloatArray
+from ..bounded import Positive
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError, LimitError
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["NiDaq", "device_of"]
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Terminal = Annotated[str, Field(pattern=r"^[^/\s]+/\w+$")]
 
 

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ..bounded import Positive, Timeout
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError, LimitError
@@ -26,7 +27,6 @@ from .scpi_codec import error_of, number_of, switch_of, words_of
 __all__ = ["Dg1000z", "Keysight33500", "ScpiGenerator"]
 
 Value = TypeVar("Value")
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _TOLERANCE = 1e-3
 """Relative tolerance of a read-back: instruments round to four digits or more."""
@@ -181,7 +181,7 @@ class ScpiGenerator(Generator):
         """Largest amplitude that may be set (V peak): 50 V at a patch behind a gain of 50."""
         visa: str = ""
         """VISA library: empty for the vendor's, or pyvisa-py without one; "@py" always takes pyvisa-py."""
-        timeout: Annotated[float, Field(gt=0, le=60)] = 2.0
+        timeout: Timeout = 2.0
         """Time for a query to be answered completely (s)."""
 
     def __init__(self, settings: Settings, clock: Clock, line: Line) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...instruments.arrays import FloatArray
-from ..plant import Fault, FaultSettings, Positive, Run, TimedFault
+from ...instruments.bounded import Positive
+from ..plant import Fault, FaultSettings, Run, TimedFault
 
 __all__ = ["AmplifierGain", "AmplifierTrip"]
 

@@ -7,7 +7,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ..plant import Fault, FaultSettings, PerEventFault, Positive, TimedFault
+from ...instruments.bounded import Positive
+from ..plant import Fault, FaultSettings, PerEventFault, TimedFault
 
 __all__ = ["AmbientLight", "Defocus", "FramesLost", "SecondFinger"]
 

@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import Positive
 from ...instruments.config import RigFile
-from ..plant import Fault, FaultSettings, LaserHead, Positive, ScheduledFault, TimedFault
+from ..plant import Fault, FaultSettings, LaserHead, ScheduledFault, TimedFault
 
 __all__ = ["LaserBlocked", "LaserDropout", "LaserSpikes", "VibrometerRange"]
 

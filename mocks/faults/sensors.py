@@ -9,8 +9,9 @@ import scipy
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import Fault, FaultSettings, NotNegative, Positive, TimedFault
+from ..plant import Fault, FaultSettings, TimedFault
 
 __all__ = [
     "AccelerometerInverted",

@@ -10,18 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import (
-    BoucWen,
-    Fault,
-    FaultSettings,
-    Hysteresis,
-    Modes,
-    NotNegative,
-    PatchLaw,
-    Positive,
-    ScheduledFault,
-)
+from ..plant import BoucWen, Fault, FaultSettings, Hysteresis, Modes, PatchLaw, ScheduledFault
 
 __all__ = ["FrequencyDrift", "ModeDrift", "PatchDead", "PatchHysteresis"]
 

@@ -2,9 +2,7 @@ from .amplifier import AMPLIFIER_GAIN_ERROR as AMPLIFIER_GAIN_ERROR
 from .bouc_wen import BoucWen as BoucWen
 from .fault import Fault as Fault
 from .fault import FaultSettings as FaultSettings
-from .fault import NotNegative as NotNegative
 from .fault import PerEventFault as PerEventFault
-from .fault import Positive as Positive
 from .fault import RelayFailure as RelayFailure
 from .fault import ScheduledFault as ScheduledFault
 from .fault import TimedFault as TimedFault

@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from ...instruments.arrays import BoolArray, FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
 from ..transport import ReplyFault
 from .hysteresis import PatchLaw
@@ -29,16 +30,12 @@ from .nodes import LaserHead, Run
 __all__ = [
     "Fault",
     "FaultSettings",
-    "NotNegative",
     "PerEventFault",
-    "Positive",
     "RelayFailure",
     "ScheduledFault",
     "TimedFault",
 ]
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 RelayFailure = Literal["lost", "stuck", "welded"]
 """lost: a command never reaches the box. stuck: a channel does not switch, and reports its real state.
