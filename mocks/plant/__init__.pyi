@@ -3,7 +3,6 @@ from .bouc_wen import BoucWen as BoucWen
 from .fault import Fault as Fault
 from .fault import FaultSettings as FaultSettings
 from .fault import PerEventFault as PerEventFault
-from .fault import RelayFailure as RelayFailure
 from .fault import ScheduledFault as ScheduledFault
 from .fault import TimedFault as TimedFault
 from .fault_kinds import KINDS as KINDS
@@ -24,6 +23,16 @@ from .nodes import SamplesLost as SamplesLost
 from .nodes import Source as Source
 from .nodes import Switched as Switched
 from .nodes import Switches as Switches
+from .places import PLACES as PLACES
+from .places import OnAmplifier as OnAmplifier
+from .places import OnCamera as OnCamera
+from .places import OnCards as OnCards
+from .places import OnLaser as OnLaser
+from .places import OnLine as OnLine
+from .places import OnRelay as OnRelay
+from .places import OnSensors as OnSensors
+from .places import OnSurface as OnSurface
+from .places import RelayFailure as RelayFailure
 from .plant import Plant as Plant
 from .scene import AmplifierOutput as AmplifierOutput
 from .sensed import Signal as Signal

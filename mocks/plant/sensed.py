@@ -17,6 +17,7 @@ from ...instruments.errors import HaploopError, InstrumentError
 from ...instruments.sensors import low_pass
 from .buttons import SimulatedPress
 from .nodes import LaserHead
+from .places import OnLaser, OnSensors
 from .scene import GRAVITY, Scene
 
 __all__ = ["Output", "Quantity", "Signal", "laser", "signalled", "wired"]
@@ -86,7 +87,7 @@ def wired(scene: Scene) -> dict[str, Output]:
         wire(sensors.force.channels, partial(_gauges, gauges=gauges, rest=rest, noise=noise))
     if sensors.acceleration:
         tilt = np.array([0.04, -0.03, 1.0])
-        for fault in scene.faults:
+        for fault in scene.faults.at(OnSensors):
             tilt = fault.tilt(tilt)
         zero = scene.rng("accelerometer").normal(0, 0.03, 3) * GRAVITY
         wire(sensors.acceleration.channels, partial(_axes, tilt=tilt, zero=zero))
@@ -103,7 +104,7 @@ def wired(scene: Scene) -> dict[str, Output]:
 
 def _loaded_gauges(scene: Scene, gauges: FloatArray) -> FloatArray:
     """Return the real sensor's sensitivity, (6, 6) V per N and N m, from that of the file's matrix."""
-    for fault in scene.faults:
+    for fault in scene.faults.at(OnSensors):
         gauges = fault.gauges(gauges, scene.rng("force sensor"))
     return gauges
 
@@ -249,7 +250,7 @@ def _shown(volts: FloatArray, count: int) -> FloatArray:
 
 def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: LaserHead) -> FloatArray:
     level = np.full(len(times), head.level)
-    for fault in scene.faults:
+    for fault in scene.faults.at(OnLaser):
         level = fault.light(level, times)
     velocity = scene.seen(np.asarray(times - head.delay)) * (level > 0)
     rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
@@ -259,6 +260,6 @@ def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: Laser
     density = density / np.sqrt(np.maximum(level, 0.01))
     velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
     velocity = np.clip(velocity, -head.range, head.range)
-    for fault in scene.faults:
+    for fault in scene.faults.at(OnLaser):
         velocity = fault.velocity(velocity, times, head.range, rng)
     return np.asarray(velocity / head.scale)
