@@ -1,7 +1,7 @@
 """Read and write calls, side by side: each transfers samples in its own format.
 
-A task holds (rows, samples): volts of its analog channels, or 0 and 1 of its digital lines. `take` and `put` wait
-for samples and for space; here they are brought into the arrays of the calls, and out of them.
+A task holds (rows, samples): volts of its analog channels, or 0 and 1 of its digital lines. `take` and `put`
+wait for samples and for space; here they are brought into the arrays of the calls, and out of them.
 """
 
 from __future__ import annotations
@@ -177,9 +177,8 @@ def _writer(name: str, form: _Format) -> Call:
         count = flat.size // channels
         by_scan = _is_by_scan(request, "data_layout")
         matrix = flat.reshape(count, channels).T if by_scan else flat.reshape(channels, count)
-        return reply(
-            samps_per_chan_written=_put(system, task, form.write(task.channels, matrix), request, alive)
-        )
+        written = _put(system, task, form.write(task.channels, matrix), request, alive)
+        return reply(samps_per_chan_written=written)
 
     return call
 
@@ -307,10 +306,7 @@ def _read_analog_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any:
     for channel, row in zip(result.channels, _scaled(result), strict=True):
         waveform = answer.waveforms.add()
         waveform.y_data.extend(row.tolist())
-        _describe(system, task, request, waveform, result.first)
-        if _mode(request) & _PROPERTIES:
-            waveform.attributes["NI_ChannelName"].string_value = channel.name
-            waveform.attributes["NI_UnitDescription"].string_value = "Volts"
+        _describe(system, request, result, waveform, NI_ChannelName=channel.name, NI_UnitDescription="Volts")
     return answer
 
 
@@ -322,27 +318,22 @@ def _read_digital_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any
         waveform = answer.waveforms.add()
         waveform.signal_count = len(mine)
         waveform.y_data = np.ascontiguousarray(mine.T).astype(np.uint8).tobytes()
-        _describe(system, task, request, waveform, result.first)
-        if _mode(request) & _PROPERTIES:
-            names = ", ".join(f"{channel.device.name}/{line}" for line in channel.physical)
-            waveform.attributes["NI_ChannelName"].string_value = channel.name
-            waveform.attributes["NI_LineNames"].string_value = names
+        names = ", ".join(f"{channel.device.name}/{line}" for line in channel.physical)
+        _describe(system, request, result, waveform, NI_ChannelName=channel.name, NI_LineNames=names)
     return answer
 
 
-def _mode(request: Any) -> int:
-    return int(field(request, "waveform_attribute_mode"))
-
-
-def _describe(system: NiSystem, task: Task, request: Any, waveform: Any, first: int) -> None:
-    """Fill in the time of a waveform's first sample, and of a sample, where they are asked for."""
-    if not _mode(request) & _TIMING:
+def _describe(system: NiSystem, request: Any, result: Taken, waveform: Any, **properties: str) -> None:
+    """Fill in a waveform's properties, and the time of its first sample, where they are asked for."""
+    task, mode = system.task(request.task.name), int(field(request, "waveform_attribute_mode"))
+    for name, text in properties.items() if mode & _PROPERTIES else ():
+        waveform.attributes[name].string_value = text
+    if not mode & _TIMING:
         return
     seconds = system.clock.now()
     if task.timed:
-        rate, start = task.clock.rate_hz, task.clock.start or 0.0
-        waveform.dt = 1 / rate
-        seconds = start + (task.offset + first) / rate
+        waveform.dt = 1 / task.clock.rate_hz
+        seconds = (task.clock.start or 0.0) + (task.offset + result.first) / task.clock.rate_hz
     # A PrecisionTimestamp: seconds since 1904, and a fraction in units of 2^-64 s.
     when = system.epoch + timedelta(seconds=seconds)
     since = when - datetime(1904, 1, 1, tzinfo=when.tzinfo)
