@@ -71,9 +71,8 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
     else:
         for metric in METRICS:
             try:
-                performance.append(
-                    _performance(rows, metric, _Design.of(rows, pooled.classes, within, between))
-                )
+                design = _Design.of(rows, pooled.classes, within, between)
+                performance.append(_performance(rows, metric, design))
             except DataError as error:
                 notes.append(f"Effects on {metric} are not tested: {error}")
         if between:
@@ -98,7 +97,7 @@ def _undefined(by: tuple[str, ...], matrices: Mapping[tuple[str, ...], Confusion
 
 @dataclass(frozen=True)
 class _Design:
-    """What is compared: classes and the levels of a factor within people, groups between them; "" for none."""
+    """What is compared: classes and a factor's levels within people, groups between them; "" for none."""
 
     classes: tuple[str, ...]
     within: str
@@ -114,9 +113,8 @@ class _Design:
         if len(levels) < 2:
             within, levels = "", ()
         group_of: dict[str, str] = {}
-        for person, group in (
-            zip(rows.text("participant"), rows.text(between), strict=True) if between else ()
-        ):
+        people, groups = (rows.text("participant"), rows.text(between)) if between else ((), ())
+        for person, group in zip(people, groups, strict=True):
             if group_of.setdefault(person, group) != group:
                 raise DataError(f"{person} is in several {between}s.")
         return cls(classes, within, levels, between, group_of)
@@ -148,10 +146,11 @@ def _performance(rows: Rows, metric: Metric, design: _Design) -> Performance:
 def _values(rows: Rows, metric: Metric, design: _Design) -> dict[str, FloatArray | None]:
     """Return each participant's values, (levels, classes) or (classes,); None where one is not defined."""
     matrices = confusions_by(rows, "participant", *([design.within] if design.within else []))
+    cells = [(level,) for level in design.levels] if design.within else [()]
     values: dict[str, FloatArray | None] = {}
     for person in dict.fromkeys(rows.text("participant")):
-        cells = [matrices.get((person, *level)) for level in (zip(design.levels) if design.within else [()])]
-        table = [[cell.value(metric, name) if cell else None for name in design.classes] for cell in cells]
+        found = [matrices.get((person, *cell)) for cell in cells]
+        table = [[one.value(metric, name) if one else None for name in design.classes] for one in found]
         defined = all(value is not None for row in table for value in row)
         values[person] = np.array(table if design.within else table[0], dtype=float) if defined else None
     return values
