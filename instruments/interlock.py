@@ -1,7 +1,16 @@
 """The interlock at every output: an instrument puts out only what a limiter has authorised.
 
-A role's public method is a final template that asks the interlock and then calls the driver's own,
-underscored method. A driver cannot replace the template, and without a rig its interlock refuses.
+Model: volts reach a patch through one of few acts, each of one role: a DAQ streams a waveform, a player or
+a generator starts one, a relay closes. A role's public method for such an act is a final template that asks
+the interlock and then calls the driver's own, underscored method. A driver cannot replace the template, and
+without a rig its interlock refuses. The limiter authorises what it has judged whole, sample by sample, and
+nothing else.
+
+Assumptions: a driver puts out volts in those methods only, and what it was given; the program does not
+reach for underscored names. What breaks them, and what looks after it: a driver that does more (the
+conformance suite, and the read-back of outputs), another program or a person at the front panel
+(`safety/outputs.py` looks before a contact closes, and the abort monitor while it is closed), a killed
+program (the relay's dead-man). See docs/explanation/safety.md.
 """
 
 from __future__ import annotations
