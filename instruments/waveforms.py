@@ -27,6 +27,10 @@ _EDGE_HZ = 50e3
 """Lowest rate at which a staircase is judged: an edge of a slow one is no slower."""
 
 
+_MOST = 64e6
+"""Largest number of samples that is judged: half a gigabyte."""
+
+
 class Waveform(Protocol):
     """What a generator plays once after its trigger; `str()` describes it without its volts."""
 
@@ -76,6 +80,7 @@ class Sweep:
                 f"A sweep from {self.start_hz:g} to {self.stop_hz:g} Hz in {self.duration:g} s at "
                 f"{self.amplitude:g} V cannot be played: it must rise from above 0 Hz, last, and have volts."
             )
+        _refuse_endless(self, _FINE * self.stop_hz * self.duration)
 
     def __str__(self) -> str:
         return f"sweep of {self.start_hz:g} to {self.stop_hz:g} Hz in {self.duration:g} s"
@@ -120,6 +125,7 @@ class Burst:
                 f"A burst of {self.cycles:g} cycles of {self.frequency_hz:g} Hz at {self.amplitude:g} V "
                 "cannot be played: give whole cycles, a frequency above 0 Hz, and volts."
             )
+        _refuse_endless(self, _FINE * self.cycles)
 
     def __str__(self) -> str:
         return f"burst of {self.cycles:g} cycles of {self.frequency_hz:g} Hz"
@@ -172,6 +178,7 @@ class Arbitrary:
                 f"{volts[-1]:g} V: the generator stays there before and after it."
             )
         object.__setattr__(self, "volts", tuple(map(float, volts)))
+        _refuse_endless(self, len(volts) * max(1.0, _EDGE_HZ / self.rate_hz))
 
     def __repr__(self) -> str:
         return f"<Arbitrary: {self}, {self.amplitude:g} V>"
@@ -208,3 +215,10 @@ class Arbitrary:
     def scaled(self, factor: float) -> Self:
         """See `Waveform.scaled`."""
         return replace(self, volts=factor * np.array(self.volts))
+
+
+def _refuse_endless(waveform: Waveform, samples: float) -> None:
+    if samples > _MOST:
+        raise ConfigurationError(
+            f"A {waveform} is too long to be judged sample by sample: {samples:.3g} samples of {_MOST:.3g}."
+        )

@@ -434,6 +434,19 @@ def test_an_arbitrary_waveform_that_no_generator_can_play(
         Arbitrary(volts, rate_hz)
 
 
+@pytest.mark.parametrize(
+    "endless",
+    [
+        lambda: Burst(1e7, 10**8, 1.0),
+        lambda: Sweep(1.0, 1e9, 1.0, 1.0),
+        lambda: Arbitrary([0, 1, 0], 1e-6),
+    ],
+)
+def test_a_waveform_that_would_fill_the_memory_is_refused_at_once(endless: Callable[[], Waveform]) -> None:
+    with pytest.raises(ConfigurationError, match="too long to be judged"):
+        endless()
+
+
 def test_a_waveform_states_its_volts_duration_and_duty() -> None:
     assert (SWEEP.amplitude, SWEEP.duration, SWEEP.duty) == (0.8, 2, 1)
     burst = Burst(200, 10, 3)
