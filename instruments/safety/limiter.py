@@ -259,13 +259,19 @@ class Limiter:
         What is judged are its samples, and that they keep to what it states: the amplitude is what its
         generator is set to.
         """
-        volts, rate_hz = waveform.sampled(rest)
-        volts = gain * volts
-        stated, longest = gain * waveform.amplitude, waveform.duration * waveform.duty
-        if waveform.goes_on:
-            longest += rest
-        first, stop = sounding(volts)
-        peak, seconds = float(np.abs(volts).max()), (stop - first) / rate_hz
+        try:
+            samples, rate_hz = waveform.sampled(rest)
+            volts = gain * np.asarray(samples, dtype=np.float64)
+            stated, longest = gain * waveform.amplitude, waveform.duration * waveform.duty
+            if waveform.goes_on:
+                longest += rest
+            first, stop = sounding(volts)
+            peak, seconds = float(np.abs(volts).max()), (stop - first) / rate_hz
+        except Exception as error:  # of another package's waveform
+            raise LimitError(
+                f"A {type(waveform).__name__} was refused, because it cannot be judged "
+                f"({type(error).__name__}: {error}): ask its author."
+            ) from error
         if not (peak <= stated * (1 + _ROUNDING) and seconds <= longest + 2 / rate_hz):
             raise LimitError(
                 f"A {waveform} was refused: it states {stated:.4g} V and {longest:.4g} s, and its samples "

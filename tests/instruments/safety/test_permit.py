@@ -280,6 +280,17 @@ def test_a_waveform_that_states_less_than_it_plays_is_refused(world: World, lyin
     assert world.kinds == ["refused"]
 
 
+@pytest.mark.parametrize("samples", [(np.zeros(0), 1000.0), (np.ones(5), 0.0), (["volts"], 1.0), None])
+def test_a_waveform_that_cannot_be_judged_is_one_sentence(
+    world: World, samples: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Foreign, "sampled", lambda *_: samples)
+    refused = pytest.raises(LimitError, match=r"A Foreign was refused, because it cannot be judged \(")
+    with refused, world.permit_waveform(Foreign()):
+        pass
+    assert world.kinds == ["refused"]
+
+
 def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) -> None:
     def counted() -> list[float]:
         now = world.audit._wall().timestamp()
