@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from nidaqmx.constants import WriteRelativeTo
 
@@ -27,10 +29,9 @@ def _capacity(task: Task) -> int:
     return task.buffer_size + task.device.product.ao_fifo
 
 
-def put(
-    system: NiSystem, task: Task, rows: FloatArray, auto_start: bool, timeout: float, alive: Alive
-) -> int:
-    """Put (terminals, samples) out or into the buffer; return the samples per channel written.
+def put(system: NiSystem, task: Task, rows: FloatArray, request: Any, alive: Alive) -> int:
+    """Put (terminals, samples) out or into the buffer, as a write call's `request` says; return the samples
+    per channel written.
 
     Raises DaqmxError.
     """
@@ -48,13 +49,13 @@ def put(
         rows = put_out(rows, task.device.product)
     count = int(rows.shape[1])
     if not task.timed:
-        _step(system, task, rows, auto_start)
+        _step(system, task, rows, request.auto_start)
         return count
     if task.running and not system.regenerates(task):
-        _queue(system, task, rows, timeout, alive)
+        _queue(system, task, rows, request.timeout, alive)
     else:
         _fill(system, task, rows)
-    if auto_start and not task.running:
+    if request.auto_start and not task.running:
         system.start(task, auto=True)
     system.changed.notify_all()
     return count

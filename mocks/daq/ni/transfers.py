@@ -177,14 +177,10 @@ def _writer(name: str, form: _Format) -> Call:
         count = flat.size // channels
         by_scan = _is_by_scan(request, "data_layout")
         matrix = flat.reshape(count, channels).T if by_scan else flat.reshape(channels, count)
-        written = _put(system, task, form.write(task.channels, matrix), request, alive)
+        written = put(system, task, form.write(task.channels, matrix), request, alive)
         return reply(samps_per_chan_written=written)
 
     return call
-
-
-def _put(system: NiSystem, task: Task, rows: FloatArray, request: Any, alive: Alive) -> int:
-    return put(system, task, rows, request.auto_start, request.timeout, alive)
 
 
 # One sample
@@ -214,7 +210,7 @@ def _writer_of_one(reply: type[Any], write: Callable[[Sequence[Channel], Any], F
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
         task = system.task(request.task.name)
         rows = write(task.channels, np.full((len(task.channels), 1), request.value))
-        _put(system, task, rows, request, alive)
+        put(system, task, rows, request, alive)
         return reply()
 
     return call
@@ -247,7 +243,7 @@ def _write_raw(system: NiSystem, request: Any, alive: Alive) -> Any:
     dtype = "<i2" if task.kind == "ao" else f"<u{len(request.write_array) // max(1, count)}"
     data = np.frombuffer(request.write_array, dtype=dtype)[:count].reshape(-1, channels).T
     rows = _of_codes(task.channels, data) if task.kind == "ao" else word_lines(task.channels, data)
-    return pb.WriteRawResponse(samps_per_chan_written=_put(system, task, rows, request, alive))
+    return pb.WriteRawResponse(samps_per_chan_written=put(system, task, rows, request, alive))
 
 
 # Lines of a port. In the driver's arrays those of a channel are in rising order, independent of their naming.
@@ -286,7 +282,7 @@ def _write_lines(system: NiSystem, request: Any, alive: Alive) -> Any:
         mine = np.zeros((len(order), samples))
         mine[order] = given[:, : len(order)].T
         rows.append(mine)
-    written = _put(system, task, np.concatenate(rows), request, alive)
+    written = put(system, task, np.concatenate(rows), request, alive)
     return pb.WriteDigitalLinesResponse(samps_per_chan_written=written)
 
 
@@ -345,7 +341,7 @@ def _write_analog_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any
     task = system.task(request.task.name)
     matrix = np.array([list(waveform.y_data) for waveform in request.waveforms], dtype=np.float64)
     _refuse_count(task, len(matrix))
-    return pb.WriteAnalogWaveformsResponse(samps_per_chan_written=_put(system, task, matrix, request, alive))
+    return pb.WriteAnalogWaveformsResponse(samps_per_chan_written=put(system, task, matrix, request, alive))
 
 
 def _write_digital_waveforms(system: NiSystem, request: Any, alive: Alive) -> Any:
@@ -356,7 +352,7 @@ def _write_digital_waveforms(system: NiSystem, request: Any, alive: Alive) -> An
         _refuse_lines(channel, waveform.signal_count)
         data = np.frombuffer(waveform.y_data, dtype=np.uint8).reshape(-1, waveform.signal_count)
         rows.append(data.T.astype(np.float64))
-    written = _put(system, task, np.concatenate(rows), request, alive)
+    written = put(system, task, np.concatenate(rows), request, alive)
     return pb.WriteDigitalWaveformsResponse(samps_per_chan_written=written)
 
 
