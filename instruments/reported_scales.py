@@ -25,7 +25,12 @@ def compare_scales(role: str, instrument: Any, sensors: Sensors, rig: str) -> No
 
     Raises ConfigurationError for the first channel that differs, and for one that no sensor reads.
     """
-    scales: Mapping[str, Scale] = getattr(instrument, "scales", {})
+    scales = getattr(instrument, "scales", {})
+    if not isinstance(scales, Mapping) or not all(isinstance(scale, Scale) for scale in scales.values()):
+        raise ConfigurationError(
+            f"The 'scales' of the {role} of the rig {rig!r} map no channels to haploop.instruments.Scale: ask "
+            "the author of its driver, or of its twin."
+        )
     for channel, reported in scales.items():
         told = f"The {role} of the rig {rig!r} reports {reported} on the channel {channel!r}, and"
         found = sensors.scale_of(channel)

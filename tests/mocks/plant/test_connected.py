@@ -82,6 +82,14 @@ class Amplifier:
         self.scales = scales
 
 
+@pytest.mark.parametrize("scales", [None, [Scale(1, "N")], {"washer": 20.0}])
+def test_scales_of_another_kind_are_one_sentence(scales: object) -> None:
+    amplifier = Amplifier()
+    amplifier.scales = scales  # type: ignore[assignment]
+    with pytest.raises(ConfigurationError, match="'scales' of the charge .* ask the author"):
+        compare_scales("charge", amplifier, SENSORS, "lab")
+
+
 SENSORS = Sensors.model_validate(
     {
         "acceleration": {"channels": ("x", "y", "z"), "sensitivity": 0.01, "zero": 0, "bandwidth_hz": 500},
