@@ -28,8 +28,8 @@ def compare_scales(role: str, instrument: Any, sensors: Sensors, rig: str) -> No
     scales = getattr(instrument, "scales", {})
     if not isinstance(scales, Mapping) or not all(isinstance(scale, Scale) for scale in scales.values()):
         raise ConfigurationError(
-            f"The 'scales' of the {role} of the rig {rig!r} map no channels to haploop.instruments.Scale: ask "
-            "the author of its driver, or of its twin."
+            f"The 'scales' of the {role} of the rig {rig!r} map no channels to haploop.instruments.Scale: "
+            "ask the author of its driver, or of its twin."
         )
     for channel, reported in scales.items():
         told = f"The {role} of the rig {rig!r} reports {reported} on the channel {channel!r}, and"

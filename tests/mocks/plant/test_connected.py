@@ -86,7 +86,7 @@ class Amplifier:
 def test_scales_of_another_kind_are_one_sentence(scales: object) -> None:
     amplifier = Amplifier()
     amplifier.scales = scales  # type: ignore[assignment]
-    with pytest.raises(ConfigurationError, match="'scales' of the charge .* ask the author"):
+    with pytest.raises(ConfigurationError, match=r"'scales' of the charge .* ask the author"):
         compare_scales("charge", amplifier, SENSORS, "lab")
 
 
