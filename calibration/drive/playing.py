@@ -10,6 +10,7 @@ import scipy
 from ...instruments import Capture, ConfigurationError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
+from ..background import rests, tones_in, tones_of
 from ..response import overloaded, settle
 from ..spectra import fade, resample
 from .drive import Drive
@@ -18,8 +19,6 @@ __all__ = ["Played", "play", "refuse_foreign", "target_of"]
 
 _TAIL = 0.1
 """Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
-_BEFORE = 0.05
-"""Time (s) at the beginning of a play in which the drive is nearly zero, for the laser's offset."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +36,10 @@ class Played:
     """Largest voltage at the patch (V)."""
     overload: str | None
     """Sentence about the signal that left its range, if any."""
+    tones_hz: FloatArray
+    """(tones,) Hz: steady tones of the background that were taken out of every play."""
+    tones_rms: float
+    """Rms (m/s^2) of what was taken out, in the mean play."""
 
 
 def play(
@@ -58,15 +61,45 @@ def play(
     top = min(rig.vibrometer.resolved_hz, drive.rate_hz / 4)
     factor = int(drive.rate_hz // (2 * top))
     samples = -(-(len(drive.volts) + round(tail * drive.rate_hz)) // factor)
-    accelerations, peaks, problems = [], [], []
-    for number in range(plays):
-        capture = rig.excite(drive.volts, (drive.patch,), channels, tail + _TAIL)
-        accelerations.append(_acceleration(rig, capture, top, factor)[:samples])
+    leads = rests(plays, drive.rate_hz, factor, drive.volts.tobytes())
+    records, peaks, problems = [], [], []
+    for number, lead in enumerate(leads, 1):
+        # Zero volts first: a rest of a length that no tone of the background is in step with.
+        capture = rig.excite(np.pad(drive.volts, (lead, 0)), (drive.patch,), channels, tail + _TAIL)
+        records.append(_acceleration(rig, capture, top, factor, lead))
         peaks.append(_peak(rig, capture))
         problems.append(overloaded(rig, capture))
-        progress("Play", number + 1, plays, "plays")
+        progress("Play", number, plays, "plays")
     overload = next((p for p in problems if p), None)
-    return Played(np.array(accelerations), drive.rate_hz / factor, top, max(peaks), overload)
+    rate_hz = drive.rate_hz / factor
+    accelerations, tones, rms = _calmed(records, [lead // factor for lead in leads], samples, rate_hz)
+    return Played(accelerations, rate_hz, top, max(peaks), overload, tones, rms)
+
+
+def _calmed(
+    records: list[FloatArray], leads: list[int], samples: int, rate_hz: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """(plays, samples) without the background's tones, the tones' frequencies (Hz), and their rms.
+
+    A tone is taken out if the plays then differ less from each other: one that is not steady would be added.
+    """
+    plays = [record[lead : lead + samples] for record, lead in zip(records, leads, strict=True)]
+    accelerations = np.array(plays)
+    if not np.all(np.isfinite(accelerations)):
+        return accelerations, np.zeros(0), 0.0
+    tones = tones_in([record[:lead] for record, lead in zip(records, leads, strict=True)], rate_hz)
+    if not len(tones):
+        return accelerations, tones, 0.0
+    each = [
+        tones_of(record[: lead + samples], lead, tones, rate_hz)[:, lead:]
+        for record, lead in zip(records, leads, strict=True)
+    ]
+    heard = np.array(each)
+    moved, apart = heard - heard.mean(axis=0), accelerations - accelerations.mean(axis=0)
+    steady = 2 * np.einsum("ptn,pn->t", moved, apart) > np.einsum("ptn,ptn->t", moved, moved)
+    taken = heard[:, steady].sum(axis=1)
+    rms = float(np.sqrt(np.mean(taken**2))) if steady.any() else 0.0
+    return accelerations - taken, tones[steady], rms
 
 
 def target_of(drive: Drive, rate_hz: float) -> FloatArray:
@@ -90,17 +123,20 @@ def refuse_foreign(rig: Rig, drive: Drive) -> None:
         )
 
 
-def _acceleration(rig: Rig, capture: Capture, top: float, factor: int) -> FloatArray:
-    """(samples,) m/s^2 of one capture up to `top` (Hz), on the drive's clock, at its rate over `factor`."""
+def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int) -> FloatArray:
+    """(samples,) m/s^2 of one capture up to `top` (Hz), on the drive's clock, at its rate over `factor`.
+
+    It begins with `rest` samples without a drive, from which the laser's offset is taken.
+    """
     laser = capture.channels.index(rig.vibrometer.channel)
     velocity = rig.vibrometer.to_velocity(capture.volts[laser])
-    velocity = velocity - velocity[: max(1, round(_BEFORE * capture.rate_hz))].mean()
+    velocity = velocity - velocity[:rest].mean()
     edge = round(_TAIL / 4 * capture.rate_hz)
     samples = scipy.fft.next_fast_len(-(-len(velocity) // factor), real=True)
     f = scipy.fft.rfftfreq(samples * factor, 1 / capture.rate_hz)
     kept = f < top
     late = np.exp(2j * np.pi * f * capture.delays[laser]) * rig.vibrometer.response(f)
-    spectrum = scipy.fft.rfft(velocity * fade(len(velocity), 0, edge), samples * factor)
+    spectrum = scipy.fft.rfft(velocity * fade(len(velocity), edge, edge), samples * factor)
     moved = np.where(kept, spectrum * 2j * np.pi * f / late, 0.0)[: samples // 2 + 1]
     return np.asarray(scipy.fft.irfft(moved, samples) / factor)
 
