@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from ..instruments.arrays import FloatArray
+from ..instruments.arrays import ComplexArray, FloatArray
 
 __all__ = ["rests", "tones_in", "tones_of"]
 
@@ -107,5 +107,5 @@ def _still(record: FloatArray) -> FloatArray:
     return np.asarray(record - record.mean())
 
 
-def _spectrum(record: FloatArray, lines: int) -> FloatArray:
+def _spectrum(record: FloatArray, lines: int) -> ComplexArray:
     return np.asarray(scipy.fft.rfft(record * np.hanning(len(record)), lines))

@@ -2,7 +2,8 @@
 
 The squared error is estimated from products of different plays, in which independent noise averages to zero;
 its standard deviation is the jackknife's, which for products of pairs is biased upwards, the conservative
-side (Efron and Stein, Annals of Statistics 9, 1981).
+side (Efron and Stein, Annals of Statistics 9, 1981). A tone that is in step with the plays is not independent:
+it makes the power negative, or its deviation vanish, which independent noise does not (`dependence`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ...instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 __all__ = [
     "CONFIDENCE",
     "SharedPower",
+    "dependence",
     "error_spectra",
     "lines_inside",
     "odd_play",
@@ -32,6 +34,10 @@ _UNLIKELY = 1e-5
 _ODD = 3.0
 """Distance of a play to the nearest other one, over the median of all, from which it is unlike the others."""
 _MOST_PLAYS = 64
+_IMPOSSIBLE = 1e-4
+"""Probability that independent noise makes a power so negative that it counts as impossible."""
+_NARROW = 0.3
+"""Deviation, over that which independent noise of the plays' power makes at least, from which it is too small."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +48,20 @@ class SharedPower:
     deviation: float
     noise: float
     plays: int
+    least: float = 0.0
+    """Deviation that noise of this power would make if it were independent from play to play, at least."""
+
+    @property
+    def possible(self) -> bool:
+        """False for a power more negative, or better known, than that of plays with independent noise."""
+        reach = _student(self.plays, 1 - _IMPOSSIBLE) * self.deviation
+        # Written so that NaN, which is another matter, is possible.
+        return not (self.value < -reach or self.deviation < _NARROW * self.least)
 
     @property
     def root(self) -> float:
-        """Root of the power; zero when noise makes the estimate negative."""
-        return float(np.sqrt(max(self.value, 0.0)))
+        """Root of the power: zero for a negative one within the noise, NaN for one that is not possible."""
+        return float(np.sqrt(max(self.value, 0.0))) if self.possible else float("nan")
 
     @property
     def floor(self) -> float:
@@ -55,7 +70,9 @@ class SharedPower:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Confidence interval of the root (`CONFIDENCE`), from the plays alone."""
+        """Confidence interval of the root (`CONFIDENCE`), from the plays alone; NaN if not possible."""
+        if not self.possible:
+            return float("nan"), float("nan")
         reach = _quantile(self.plays) * self.deviation
         return float(np.sqrt(max(self.value - reach, 0.0))), float(np.sqrt(max(self.value + reach, 0.0)))
 
@@ -88,7 +105,27 @@ def shared_power(spectra: ComplexArray) -> SharedPower:
     left_out = [_common(products, np.delete(everyone, k)) for k in everyone]
     value = _common(products, everyone)
     noise = (float(np.trace(products)) / plays - value) / plays
-    return SharedPower(value, float(np.sqrt((plays - 1) * np.var(left_out))), noise, plays)
+    # The product of two plays' noise has, on each line, half of the product of their powers as its variance.
+    apart = np.abs(spectra - spectra.mean(axis=0)) ** 2
+    pairs = apart @ apart.T
+    least = float(np.sqrt((pairs.sum() - np.trace(pairs)) / 4)) * 2 / (plays * (plays - 1))
+    return SharedPower(value, float(np.sqrt((plays - 1) * np.var(left_out))), noise, plays, least)
+
+
+def dependence(whole: ComplexArray, inside: BoolArray) -> str:
+    """Evidence that noise is not independent from play to play, in a clause; empty when there is none.
+
+    `whole` is (plays, lines), `inside` (lines,) True for one of its parts.
+    """
+    for name, part in (("the whole", slice(None)), ("the part in band", inside), ("the part outside", ~inside)):
+        power = shared_power(whole[:, part])
+        if power.possible:
+            continue
+        if power.value < 0:
+            share = power.value / max(power.noise * power.plays, 1e-300)
+            return f"the squared error of {name} came out negative, {share:.0%} of the noise of a play"
+        return f"the error of {name} came out with an interval of no width, in noise of {power.floor:.1%}"
+    return ""
 
 
 def plays_needed(power: SharedPower, limit: float) -> int | None:
@@ -138,7 +175,11 @@ def odd_play(spectra: ComplexArray) -> tuple[int, float]:
 
 
 def _quantile(plays: int) -> float:
-    return float(scipy.special.stdtrit(plays - 1, 0.5 + CONFIDENCE / 2))
+    return _student(plays, 0.5 + CONFIDENCE / 2)
+
+
+def _student(plays: int, probability: float) -> float:
+    return float(scipy.special.stdtrit(plays - 1, probability))
 
 
 def _common(products: FloatArray, kept: IntArray) -> float:

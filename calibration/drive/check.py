@@ -19,6 +19,7 @@ from ..response import prepare
 from ..spectra import third_octaves
 from .agreement import (
     SharedPower,
+    dependence,
     error_spectra,
     lines_inside,
     odd_play,
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
 __all__ = ["LEAST_MOVED", "TOLERANCE", "UNSEEN", "Check", "Verdict", "check", "compare"]
 
 Verdict = Literal["pass", "fail", "not shown"]
-"""Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies."""
+"""Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies, or their
+noise is not independent from play to play, so that they tell nothing."""
 
 TOLERANCE = 0.20
 """Largest error of the whole motion. About the just noticeable difference of vibration amplitude well above
@@ -58,10 +60,13 @@ _NUMBERS = (
     "third_octave_error_db",
     "drift",
     "judged_hz",
+    "background",
     "drive_measured_peak",
     "tolerance",
 )
 """Fields of a `Check` that are single numbers."""
+_TOLD = 0.05
+"""Share of the target from which tones that were taken out are told."""
 _HELD = 30.0
 """Range (dB) below the strongest third-octave band within which a band is compared."""
 _LOWEST_OCTAVE = 20.0
@@ -75,7 +80,8 @@ class Check(InNotebook):
     `accelerations` is (plays, samples) m/s^2: the whole motion in each play, to the highest frequency that
     laser and card resolve (`judged_hz`); `target` (samples,) is on the same clock. All errors are rms over
     the target's rms, and without the plays' noise (see `agreement`); an interval is that of 95 % confidence,
-    from the differences between the plays. `octaves_hz` are the centres of third-octave bands, `target_db`,
+    from the differences between the plays; both are NaN when the plays contradict that their noise is
+    independent. `octaves_hz` are the centres of third-octave bands, `target_db`,
     `measured_db` (mean of the plays) and `floor_db` (noise in that mean) the levels in them (dB re 1 m/s^2);
     the third-octave error is the rms difference over the bands within 30 dB of the strongest. `reasons` are
     the reasons for not passing, `notes` are other findings.
@@ -109,6 +115,10 @@ class Check(InNotebook):
     third_octave_error_db: float
     drift: float
     """Change from the first to the last play; 0 when it is not significant."""
+    tones_hz: FloatArray
+    """Steady tones of the background (Hz), measured before each play and taken out of `accelerations`."""
+    background: float
+    """Rms of what was taken out, over the target's rms."""
     drive_measured_peak: float
     """Largest voltage measured at the patch (V)."""
     overload: bool
@@ -130,6 +140,8 @@ class Check(InNotebook):
             raise DataError("the check does not have one level for each third-octave band.")
         if any(np.any(np.isnan(one)) for one in octaves):
             raise DataError("the check has a third-octave level that is no number.")
+        if np.ndim(self.tones_hz) != 1 or not np.all(np.isfinite(self.tones_hz)):
+            raise DataError("the check's tones of the background are not a row of finite frequencies.")
         if not 0 < self.rate_hz < 1e9:
             raise DataError(f"the check has {self.rate_hz:g} samples/s.")
         if self.verdict not in get_args(Verdict):
@@ -263,6 +275,8 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         floor_db=_floor_db(accelerations, rate_hz, played.judged_hz),
         third_octave_error_db=float(np.sqrt(np.mean(difference**2))) if len(difference) else 0.0,
         drift=trend(moved[:, inside]),
+        tones_hz=played.tones_hz,
+        background=played.tones_rms / float(np.sqrt(np.mean(target**2))),
         drive_measured_peak=played.peak,
         overload=played.overload is not None,
         tolerance=TOLERANCE,
@@ -273,7 +287,25 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
     )
     followed = abs(float(np.vdot(still[0], moved.mean(axis=0)).real))
     odd = odd_play(moved[:, inside])
-    return _judged(result, whole, followed, odd, played.overload, rig.limits.peak)
+    evidence = dependence(missed, inside)
+    if evidence:
+        result = _without_errors(result)
+    return _judged(result, whole, followed, odd, evidence, played.overload, rig.limits.peak)
+
+
+def _without_errors(result: Check) -> Check:
+    """The check without the numbers that are wrong when noise is not independent from play to play."""
+    nothing = float("nan")
+    return replace(
+        result,
+        wideband_nrmse=nothing,
+        wideband_interval=(nothing, nothing),
+        nrmse=nothing,
+        nrmse_interval=(nothing, nothing),
+        outside=nothing,
+        outside_interval=(nothing, nothing),
+        correlation=nothing,
+    )
 
 
 def _judged(
@@ -281,10 +313,14 @@ def _judged(
     whole: SharedPower,
     followed: float,
     odd: tuple[int, float],
+    evidence: str,
     overload: str | None,
     peak: float,
 ) -> Check:
-    """The check with its verdict, reasons and notes. `followed` is the share of the target in the motion."""
+    """The check with its verdict, reasons and notes.
+
+    `followed` is the share of the target in the motion, `evidence` that noise is not independent.
+    """
     drive, failures = result.drive, []
     low, high = result.wideband_interval
     said = f"{result.wideband_nrmse:.1%} rms (95 % confidence: {low:.1%} to {high:.1%})"
@@ -300,7 +336,7 @@ def _judged(
             "check the amplifier, the relay and the drive monitor."
         )
     # Written so that NaN fails too.
-    if not low <= result.tolerance:
+    if not evidence and not low <= result.tolerance:
         failures.append(
             f"The whole motion of the surface differs from the target by {said}, and {result.tolerance:.0%} "
             f"is accepted: {result.nrmse:.1%} within {drive.band[0]:.0f} to {drive.band[1]:.0f} Hz, and "
@@ -325,6 +361,13 @@ def _judged(
     if by > result.tolerance:
         reason = f"Not shown: play {number} is not of the same motion as the others; check again."
         return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
+    if evidence:
+        reason = (
+            f"Not shown: {evidence}, which noise that is independent from play to play does not do. Something "
+            "periodic disturbs the laser in step with the plays (mains, a fan, a motor): stop it, and check "
+            "again."
+        )
+        return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
     if high <= result.tolerance:
         return replace(result, verdict="pass", notes=notes)
     needed = plays_needed(whole, result.tolerance)
@@ -343,6 +386,13 @@ def _judged(
 def _notes(result: Check, odd: tuple[int, float]) -> tuple[str, ...]:
     notes = []
     number, by = odd
+    if result.background > _TOLD:
+        tones = ", ".join(f"{hz:.1f}" for hz in result.tones_hz)
+        notes.append(
+            f"The background has steady tones at {tones} Hz, {result.background:.0%} of the target: they were "
+            "measured before each play and taken out. Look for mains hum (ground the laser's cable), a fan or "
+            "a motor."
+        )
     if number:
         notes.append(
             f"Play {number} of {result.plays} differs from all others by {by:.1%} of the target: something "

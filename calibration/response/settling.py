@@ -8,6 +8,7 @@ decay of the surface is then measured, not assumed.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from ...instruments import Capture, InstrumentError, Rig
 from ...instruments.arrays import FloatArray
@@ -20,16 +21,20 @@ _HZ, _CYCLES = 40.0, 16
 differs from the fifth by 0.4 % of its target; with half the cycles by 0.7 % (measured)."""
 _MARGIN = 0.999
 """Level of the run-down over the limit: a player's own rate may overshoot by some millionths."""
-_WINDOW = 0.05
-"""Length (s) of the windows whose rms velocities are compared."""
 _TAIL = 0.5
 """Time (s) recorded after the run-down, at first."""
 _LONGEST = 16.0
 """Longest time (s) recorded after a run-down."""
-_STILL = 1.5
-"""Rms velocity late in a recording, over that of its quietest window, up to which a surface is at rest."""
+_LONG, _STAYS = 4.0, 0.7
+"""Recording time (s) from which what has not fallen by this factor since the last time is no ringing: one that
+falls as slowly would have a time constant of ten seconds."""
+_CLEAR = 4.0
+"""Fall of a line's amplitude, over the noise around it, from which it rings."""
+_AROUND, _HIGHEST = 60.0, 2000.0
+"""Width (Hz) over which noise is compared, and the highest frequency that is looked at."""
 _RESOLVED = 1e-4
-"""Rms velocity, over the vibrometer's range, below which nothing is resolved: half a 12-bit card's step."""
+"""Rms velocity that still rings, over the vibrometer's range, below which a surface is at rest: half a
+12-bit card's step, and some percent of a button's motion at the lowest modes."""
 
 
 def run_down(rate_hz: float, peak: float) -> FloatArray:
@@ -49,17 +54,20 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
     """
     rate_hz = rig.table.rate_hz
     volts, tail, waited = run_down(rate_hz, _MARGIN * rig.limits.peak), _TAIL, 0.0
+    before = np.inf
     while tail <= _LONGEST:
         capture = rig.excite(volts, (patch,), (rig.vibrometer.channel, rig.monitor(patch)), tail)
         waited += len(volts) / rate_hz + tail
         progress("Settle", waited, waited, "s")
         if volts.any():
             refuse_silent_drive(_gain(rig, capture, volts), patch)
-        velocity = rig.vibrometer.to_velocity(capture.volts[0])[len(volts) :]
-        if _at_rest(velocity / rig.vibrometer.range, round(_WINDOW * rate_hz)):
+        ringing = _ringing(rig.vibrometer.to_velocity(capture.volts[0])[len(volts) :], rate_hz)
+        # Written so that NaN passes: what follows the settling judges it. So does what goes on and on, such as
+        # a fan whose speed wanders: it is no ringing.
+        if not ringing > _RESOLVED * rig.vibrometer.range or (tail >= _LONG and ringing > _STAYS * before):
             return waited
         # The memory is erased already: from here on only the surface's own ringing has to decay.
-        volts, tail = np.zeros(len(volts)), 2 * tail
+        volts, tail, before = np.zeros(1), 2 * tail, ringing
     raise InstrumentError(
         f"The surface did not come to rest within {waited:.0f} s after patch {patch} was played: make "
         "sure that nothing shakes the table, and that nobody touches it."
@@ -83,13 +91,22 @@ def _gain(rig: Rig, capture: Capture, volts: FloatArray) -> float:
     return float(np.std(shown) / np.std(volts))
 
 
-def _at_rest(velocity: FloatArray, window: int) -> bool:
-    """True when the last quarter of a recording (over the range) is as quiet as its quietest window.
+def _ringing(velocity: FloatArray, rate_hz: float) -> float:
+    """Rms velocity that still rings at the end of a record in which nothing is driven.
 
-    The median over windows ignores a laser's single spikes.
+    What rings has less amplitude in the record's second half than in its first; hum, a fan and noise have as
+    much. A slow ringing looks as steady as they do for a moment: only its fall tells it from them.
     """
-    windows = velocity[: len(velocity) // window * window].reshape(-1, window)
-    rms = np.std(windows, axis=1)
-    last = float(np.median(rms[-max(1, len(rms) // 4) :]))
-    # Written so that NaN passes: what follows the settling judges it.
-    return not last > max(_STILL * float(rms.min()), _RESOLVED)
+    half = len(velocity) // 2
+    window = np.hanning(half)
+    before, after = (
+        np.abs(scipy.fft.rfft((part - part.mean()) * window))[: round(_HIGHEST * half / rate_hz)]
+        for part in (velocity[:half], velocity[len(velocity) - half :])
+    )
+    near = max(3, round(_AROUND * half / rate_hz))
+    floor = np.sqrt(scipy.ndimage.median_filter(np.minimum(before, after) ** 2, near, mode="nearest"))
+    falls = before - after > _CLEAR * floor
+    # From the middle of the second half to its end it falls once more by the root of the ratio.
+    at_end = after[falls] * np.sqrt(after[falls] / np.maximum(before[falls], 1e-300))
+    # Of a windowed tone, a few lines hold the power: Parseval.
+    return float(np.sqrt(2 * np.sum(at_end**2) / (half * np.sum(window**2))))

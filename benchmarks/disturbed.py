@@ -1,0 +1,210 @@
+"""Checks under noise that is not independent from sample to sample or from play to play, beside the truth.
+
+    python -m benchmarks.disturbed                  # 20 plants x 12 disturbances: 240 checks
+    python -m benchmarks.disturbed --plants 2       # a part of them
+
+Every second plant is the table, the others are random modal plates; damping, hysteresis, the press, the drift
+since calibration, and each disturbance's frequencies and times come from hashes, which nobody chose. A drive
+is computed on the quiet plant. Then it is checked with the laser disturbed at three levels: by mains (50, 60
+or 49.9 Hz with harmonics), a fan (whose speed wanders, for half of them), flicker noise, or a neighbour's motor
+that starts during the check. Truth is the surface's own velocity in the very plays, without laser and noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.synthetic_responses import generator
+from haploop import open_rig
+from haploop.acquisition import Representative
+from haploop.calibration import Check, Drive, calibrate, drive_for
+from haploop.calibration.drive import check
+from haploop.instruments import Capture, HaploopError, Rig
+from haploop.mocks.plant import random_modal
+
+LEVELS = (0.002, 0.006, 0.02)
+"""Amplitude (V at the laser's output) of a disturbance; of flicker noise half of it, rms."""
+TOLERANCE = 0.20
+KINDS = ("mains", "fan", "flicker", "motor")
+VERDICTS = ("pass", "fail", "not shown")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One check: what it was, what was said, and what was so."""
+
+    plant: int
+    kind: str
+    volts: float
+    verdict: str
+    error: float
+    low: float
+    high: float
+    truth: float
+    said: str
+
+    @property
+    def shown(self) -> bool:
+        """True when an interval was stated."""
+        return bool(np.isfinite(self.low))
+
+    @property
+    def holds(self) -> bool:
+        """True when the stated interval contains the truth."""
+        return self.low <= self.truth <= self.high
+
+    @property
+    def wrong(self) -> bool:
+        """True for a false pass or a false fail."""
+        return self.verdict == ("pass" if self.truth > TOLERANCE else "fail")
+
+
+def disturbance(kind: str, volts: float, rng: np.random.Generator) -> dict[str, Any]:
+    """One fault of the laser's channel."""
+    if kind == "mains":
+        hz = float(rng.choice([50.0, 60.0, 49.9]))
+        return {"kind": "mains-hum", "channel": "laser", "volts": volts, "frequency": hz}
+    if kind == "flicker":
+        return {"kind": "flicker-noise", "channel": "laser", "volts": volts / 2}
+    turning = {"kind": "rotating-machine", "channel": "laser", "volts": volts}
+    if kind == "fan":
+        wander = float(rng.choice([0.0, 0.001]))
+        return turning | {"frequency": float(rng.uniform(20, 300)), "wander": wander}
+    starts = {"after": 1.0, "within": 12.0, "run_up": float(rng.uniform(0.3, 3))}
+    return turning | {"frequency": float(rng.uniform(30, 300))} | starts
+
+
+def press_of(rng: np.random.Generator) -> Representative:
+    """A snap that rings in two or three partials."""
+    t = np.arange(3000) / 5000
+    since = np.maximum(t - 0.3, 0)
+    partials = [
+        (rng.uniform(80, 500), rng.uniform(2, 12), rng.uniform(0.004, 0.02)) for _ in range(rng.integers(2, 4))
+    ]
+    shape = sum(a * np.exp(-since / decay) * np.sin(2 * np.pi * f * since) for f, a, decay in partials)
+    return Representative(
+        button="push",
+        rate_hz=5000.0,
+        acceleration=np.asarray(shape),
+        force=np.zeros(len(t)),
+        activation=np.asarray(t > 0.3, dtype=np.float64),
+        activation_index=1500,
+        members=1,
+        spread=np.zeros(len(t)),
+        bandwidth_hz=500.0,
+        sources=(("P01-push.h5", "0" * 64),),
+        left_out=(),
+        method="made for a benchmark",
+        simulated=True,
+    )
+
+
+def true_error(rig: Rig, drive: Drive, plays: int) -> tuple[Check, float]:
+    """A check, and the true error of the mean motion in its plays (20 Hz to 2.5 kHz)."""
+    assert rig.simulation is not None
+    excite, truth, seen = rig.excite, rig.simulation.truth, []
+
+    def watched(volts: Any, *args: Any, **more: Any) -> Capture:
+        record = truth.record()
+        capture = excite(volts, *args, **more)
+        lead = len(volts) - len(drive.volts)
+        if lead >= 0 and np.array_equal(volts[lead:], drive.volts):
+            start = next(one.start for one in record if one.closed and np.isfinite(one.period))
+            times = start + (lead + np.arange(len(drive.volts))) / drive.rate_hz
+            seen.append(truth.velocity(drive.point, times))
+        return capture
+
+    rig.excite = watched  # type: ignore[method-assign]
+    try:
+        result = check(rig, drive, plays=plays)
+    finally:
+        rig.excite = excite  # type: ignore[method-assign]
+    assert len(seen) == plays
+    f = np.fft.rfftfreq(len(drive.volts), 1 / drive.rate_hz)
+    wide = (f >= 20) & (f < 2500)
+    moved = np.fft.rfft(np.mean(seen, axis=0)) * 2j * np.pi * f
+    target = np.fft.rfft(drive.target)
+    return result, float(np.linalg.norm((moved - target)[wide]) / np.linalg.norm(target))
+
+
+def checked(number: int, kinds: Sequence[str], levels: Sequence[float], plays: int = 8) -> Iterator[Row]:
+    """The checks of one plant."""
+    rng = generator("disturbed", number)
+    plant: Mapping[str, Any] = {}
+    simulation: dict[str, Any] = {
+        "seed": int(rng.integers(2**31)),
+        "hysteresis": float(rng.uniform(0.03, 0.2)),
+    }
+    if number % 2:
+        low = float(np.exp(rng.uniform(np.log(0.003), np.log(0.02))))
+        plant = {"plant": random_modal(rng, damping=(low, 2.5 * low))}
+    else:
+        simulation["damping_scale"] = float(np.exp(rng.uniform(np.log(0.25), np.log(1.5))))
+    press = press_of(rng)
+    with open_rig("simulated", simulation=simulation, **plant) as rig:
+        drive = drive_for(press, calibrate(rig), rig.limits)
+    for kind in kinds:
+        for volts in levels:
+            own = generator("disturbed", number, kind, volts)
+            # A third of the tables have drifted since, so that truth lies on either side of the tolerance.
+            drift = float(own.choice([0.0, 0.0, 1.0]) * own.normal(0, 0.02))
+            faults = [disturbance(kind, volts, own), {"kind": "mode-drift", "frequency": drift}]
+            changed = simulation | {"faults": faults}
+            with open_rig("simulated", simulation=changed, **plant) as rig:
+                try:
+                    found, truth = true_error(rig, drive, plays)
+                except HaploopError as error:
+                    yield Row(number, kind, volts, "refused", *[np.nan] * 4, str(error))
+                    continue
+            said = " ".join(found.reasons)
+            low_, high = found.wideband_interval
+            yield Row(number, kind, volts, found.verdict, found.wideband_nrmse, low_, high, truth, said)
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
+    """The lines of a table, in Markdown: by disturbance and by its level."""
+    yield "| laser disturbed by | V | pass, fail, not shown | false pass | false fail | interval holds | median width |"
+    yield "|---|---|---|---|---|---|---|"
+    for kind in (*dict.fromkeys(row.kind for row in rows), "all"):
+        for volts in (*dict.fromkeys(row.volts for row in rows), None):
+            if (kind == "all") != (volts is None):
+                continue
+            own = [r for r in rows if kind in (r.kind, "all") and volts in (r.volts, None)]
+            verdicts = ", ".join(str(sum(r.verdict == v for r in own)) for v in VERDICTS)
+            passes = sum(r.wrong and r.verdict == "pass" for r in own)
+            fails = sum(r.wrong and r.verdict == "fail" for r in own)
+            shown = [r for r in own if r.shown]
+            width = float(np.median([r.high - r.low for r in shown])) if shown else np.nan
+            yield (
+                f"| {kind} | {'' if volts is None else volts} | {verdicts} | {passes} | {fails} "
+                f"| {sum(r.holds for r in shown)} of {len(shown)} | {width:.1%} |"
+            )
+
+
+def main() -> None:
+    """Print every check, then the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--plants", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0, help="number of the first plant")
+    parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS)
+    asked = parser.parse_args()
+    rows: list[Row] = []
+    for number in range(asked.first, asked.first + asked.plants):
+        for row in checked(number, asked.kinds, LEVELS):
+            rows.append(row)
+            mark = "WRONG" if row.wrong else "" if row.holds or not row.shown else "outside"
+            print(
+                f"{row.plant} {row.kind} {row.volts}: {row.verdict} {row.error:.3f} ({row.low:.3f} to "
+                f"{row.high:.3f}), true {row.truth:.3f} {mark} {row.said[:90]}",
+                flush=True,
+            )
+    print("\n".join(table(rows)))
+
+
+if __name__ == "__main__":
+    main()
