@@ -84,7 +84,8 @@ def press_of(rng: np.random.Generator) -> Representative:
     t = np.arange(3000) / 5000
     since = np.maximum(t - 0.3, 0)
     partials = [
-        (rng.uniform(80, 500), rng.uniform(2, 12), rng.uniform(0.004, 0.02)) for _ in range(rng.integers(2, 4))
+        (rng.uniform(80, 500), rng.uniform(2, 12), rng.uniform(0.004, 0.02))
+        for _ in range(rng.integers(2, 4))
     ]
     shape = sum(a * np.exp(-since / decay) * np.sin(2 * np.pi * f * since) for f, a, decay in partials)
     return Representative(
@@ -152,7 +153,7 @@ def checked(number: int, kinds: Sequence[str], levels: Sequence[float], plays: i
         for volts in levels:
             own = generator("disturbed", number, kind, volts)
             # A third of the tables have drifted since, so that truth lies on either side of the tolerance.
-            drift = float(own.choice([0.0, 0.0, 1.0]) * own.normal(0, 0.02))
+            drift = float(own.choice([0.0, 0.0, 1.0]) * own.normal(0, 0.006))
             faults = [disturbance(kind, volts, own), {"kind": "mode-drift", "frequency": drift}]
             changed = simulation | {"faults": faults}
             with open_rig("simulated", simulation=changed, **plant) as rig:

@@ -117,7 +117,11 @@ def dependence(whole: ComplexArray, inside: BoolArray) -> str:
 
     `whole` is (plays, lines), `inside` (lines,) True for one of its parts.
     """
-    for name, part in (("the whole", slice(None)), ("the part in band", inside), ("the part outside", ~inside)):
+    for name, part in (
+        ("the whole", slice(None)),
+        ("the part in band", inside),
+        ("the part outside", ~inside),
+    ):
         power = shared_power(whole[:, part])
         if power.possible:
             continue

@@ -19,11 +19,11 @@ from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
 from ..model import Calibration
 from ..response import prepare
-from .agreement import SharedPower, error_spectra, lines_inside, shared_power
+from .agreement import SharedPower, dependence, error_spectra, lines_inside, shared_power
 from .check import LEAST_MOVED, UNSEEN
 from .correction import ResponseEstimate
 from .drive import Drive
-from .playing import Played, play, refuse_foreign, target_of
+from .playing import Played, play_by_turns, refuse_foreign, target_of
 
 __all__ = ["Iteration", "Learning", "learn"]
 
@@ -38,6 +38,7 @@ in noise."""
 _MOTION_SIGNIFICANCE = 5.0
 """Standard deviations above zero of the plays' common motion, required to call it a motion."""
 _LEAST_STEP = 0.25
+_DISTURBED = "Something periodic disturbs the laser in step with the plays"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,9 @@ class Iteration:
     within: SharedPower
     kept: bool
     reason: str
-    """Reason for keeping or rejecting it."""
+    """Reason for keeping or rejecting it; evidence that noise is not independent from play to play, if any."""
+    disturbed: bool = False
+    """True when there was such evidence: its errors are then NaN or wrong."""
 
     @property
     def nrmse(self) -> float:
@@ -138,29 +141,30 @@ def learn(
     estimate = ResponseEstimate.of(drive, calibration)
     doing, total, done = f"Learn the {drive.button} button", (iterations + 3) * plays, 0
 
-    def played(volts: FloatArray, count: int = plays, settled: bool = False) -> Played:
+    def played(*waveforms: FloatArray) -> list[Played]:
         nonlocal done
-        before, done = done, done + count
-        given = replace(drive, volts=volts)
-        tell = part_of(progress, doing, before, total)
-        return play(rig, given, count, estimate.tail, tell, settled=settled)
+        before, done = done, done + plays * len(waveforms)
+        given = [replace(drive, volts=volts) for volts in waveforms]
+        return play_by_turns(rig, given, plays, estimate.tail, part_of(progress, doing, before, total))
 
-    outcome = played(drive.volts)
+    [outcome] = played(drive.volts)
     estimate = estimate.after(drive.volts, outcome)
     first = _iteration(drive, drive.volts, outcome.accelerations, outcome.rate_hz)
+    stopped = _unlearnable(outcome, target_of(drive, outcome.rate_hz))
+    if not stopped and first.disturbed:
+        stopped = f"{first.reason}. Nothing can be learnt from these plays."
     tried = [replace(first, kept=True, reason="the drive as computed")]
     best, step = 0, 1.0
-    stopped = _unlearnable(outcome, target_of(drive, outcome.rate_hz))
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
         volts, expected = estimate.correction(tried[best].volts, outcome, step, rig.limits)
         if expected < _STEP_SIGNIFICANCE * tried[best].within.deviation:
             stopped = "The expected improvement of a correction is below the plays' noise."
             break
-        result = played(volts)
+        [result] = played(volts)
         estimate = estimate.after(volts, result)
         new = _iteration(drive, volts, result.accelerations, result.rate_hz)
-        if result.overload:
-            new, step = replace(new, reason=result.overload), step / 2
+        if result.overload or new.disturbed:
+            new, step = replace(new, reason=result.overload or new.reason), step / 2
         elif _better(tried[best], new, _STEP_SIGNIFICANCE):
             new = replace(new, kept=True, reason="closer to the target by more than the noise")
             best, outcome = len(tried), result
@@ -169,9 +173,15 @@ def learn(
             new, step = replace(new, reason=reason), step / 2
         tried.append(new)
 
-    first_again, best_again = _again(drive, tried, best, played, plays) if best else (tried[0], tried[0])
-    if best and not _better(first_again, best_again, _FINAL_SIGNIFICANCE):
-        stopped += " Played again, the best drive was not closer by more than the noise: the first is kept."
+    first_again, best_again = _again(drive, tried, best, played) if best else (tried[0], tried[0])
+    disturbed = first_again.disturbed or best_again.disturbed
+    if best and (disturbed or not _better(first_again, best_again, _FINAL_SIGNIFICANCE)):
+        why = (
+            "the plays were disturbed"
+            if disturbed
+            else "the best drive was not closer by more than the noise"
+        )
+        stopped += f" Played again, {why}: the first is kept."
         tried[1:] = [replace(iteration, kept=False) for iteration in tried[1:]]
         best = 0
     progress(doing, total, total, "plays")
@@ -189,7 +199,9 @@ def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray, rate_
     missed = error_spectra(accelerations, target)
     inside = lines_inside(drive.band, len(target), rate_hz)
     whole, within = shared_power(missed), shared_power(missed[:, inside])
-    return Iteration(volts, accelerations, rate_hz, whole, within, kept=False, reason="")
+    evidence = dependence(missed, inside)
+    said = f"{_DISTURBED}: {evidence}" if evidence else ""
+    return Iteration(volts, accelerations, rate_hz, whole, within, False, said, bool(evidence))
 
 
 def _better(before: Iteration, after: Iteration, significance: float) -> bool:
@@ -232,12 +244,12 @@ def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> s
 
 
 def _again(
-    drive: Drive, tried: list[Iteration], best: int, played: Callable[..., Played], plays: int
+    drive: Drive, tried: list[Iteration], best: int, played: Callable[..., list[Played]]
 ) -> tuple[Iteration, Iteration]:
     """First and best, played alternately so that a drift of the table affects both."""
     both = tried[0].volts, tried[best].volts
-    # Played in the same order each time, after one settling, so that each has the same predecessor.
-    rounds = [[played(volts, 1, settled=number > 0) for volts in both] for number in range(plays)]
-    rate_hz = rounds[0][0].rate_hz
-    seen = np.array([[result.accelerations[0] for result in one] for one in rounds])
-    return _iteration(drive, both[0], seen[:, 0], rate_hz), _iteration(drive, both[1], seen[:, 1], rate_hz)
+    first, last = (
+        _iteration(drive, volts, result.accelerations, result.rate_hz)
+        for volts, result in zip(both, played(*both), strict=True)
+    )
+    return first, last

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..response import overloaded, settle
 from ..spectra import fade, resample
 from .drive import Drive
 
-__all__ = ["Played", "play", "refuse_foreign", "target_of"]
+__all__ = ["Played", "play", "play_by_turns", "refuse_foreign", "target_of"]
 
 _TAIL = 0.1
 """Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
@@ -42,64 +43,81 @@ class Played:
     """Rms (m/s^2) of what was taken out, in the mean play."""
 
 
-def play(
-    rig: Rig,
-    drive: Drive,
-    plays: int,
-    tail: float = 0.0,
-    progress: Progress = silent,
-    *,
-    settled: bool = False,
-) -> Played:
-    """Settle the table, play a drive, and measure the surface on the drive's clock, for `tail` s longer.
+def play(rig: Rig, drive: Drive, plays: int, tail: float = 0.0, progress: Progress = silent) -> Played:
+    """Settle the table, play a drive, and measure the surface on the drive's clock, for `tail` s longer."""
+    return play_by_turns(rig, [drive], plays, tail, progress)[0]
 
-    `settled` leaves the settling out, for plays that follow others of the same kind.
+
+def play_by_turns(
+    rig: Rig, drives: Sequence[Drive], plays: int, tail: float = 0.0, progress: Progress = silent
+) -> list[Played]:
+    """Settle the table, and play drives of one patch and length, each `plays` times, one after the other.
+
+    A drift of the table then affects all alike, and each drive has the same predecessor every time.
     """
-    if not settled:
-        settle(rig, drive.patch)
-    channels = (rig.monitor(drive.patch), rig.vibrometer.channel)
-    top = min(rig.vibrometer.resolved_hz, drive.rate_hz / 4)
-    factor = int(drive.rate_hz // (2 * top))
-    samples = -(-(len(drive.volts) + round(tail * drive.rate_hz)) // factor)
-    leads = rests(plays, drive.rate_hz, factor, drive.volts.tobytes())
+    one = drives[0]
+    settle(rig, one.patch)
+    channels = (rig.monitor(one.patch), rig.vibrometer.channel)
+    top = min(rig.vibrometer.resolved_hz, one.rate_hz / 4)
+    factor = int(one.rate_hz // (2 * top))
+    leads = rests(
+        plays * len(drives), one.rate_hz, factor, b"".join(drive.volts.tobytes() for drive in drives)
+    )
     records, peaks, problems = [], [], []
-    for number, lead in enumerate(leads, 1):
+    for number, lead in enumerate(leads):
         # Zero volts first: a rest of a length that no tone of the background is in step with.
-        capture = rig.excite(np.pad(drive.volts, (lead, 0)), (drive.patch,), channels, tail + _TAIL)
-        records.append(_acceleration(rig, capture, top, factor, lead))
+        volts = np.pad(drives[number % len(drives)].volts, (lead, 0))
+        capture = rig.excite(volts, (one.patch,), channels, tail + _TAIL)
+        records.append(_Record(_acceleration(rig, capture, top, factor, lead), lead // factor))
         peaks.append(_peak(rig, capture))
         problems.append(overloaded(rig, capture))
-        progress("Play", number, plays, "plays")
-    overload = next((p for p in problems if p), None)
-    rate_hz = drive.rate_hz / factor
-    accelerations, tones, rms = _calmed(records, [lead // factor for lead in leads], samples, rate_hz)
-    return Played(accelerations, rate_hz, top, max(peaks), overload, tones, rms)
+        progress("Play", number + 1, len(leads), "plays")
+    rate_hz = one.rate_hz / factor
+    samples = -(-(len(one.volts) + round(tail * one.rate_hz)) // factor)
+    tones = _tones(records, rate_hz)
+    found = []
+    for turn in range(len(drives)):
+        own = slice(turn, None, len(drives))
+        accelerations, kept, rms = _calmed(records[own], samples, tones, rate_hz)
+        overload = next((p for p in problems[own] if p), None)
+        found.append(Played(accelerations, rate_hz, top, max(peaks[own]), overload, kept, rms))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """(samples,) m/s^2 of one play, of which the first `rest` are without a drive."""
+
+    acceleration: FloatArray
+    rest: int
+
+
+def _tones(records: Sequence[_Record], rate_hz: float) -> FloatArray:
+    """Frequencies (tones,) Hz of the steady tones in the rests of all records."""
+    resting = [record.acceleration[: record.rest] for record in records]
+    return tones_in(resting, rate_hz) if all(np.all(np.isfinite(one)) for one in resting) else np.zeros(0)
 
 
 def _calmed(
-    records: list[FloatArray], leads: list[int], samples: int, rate_hz: float
+    records: Sequence[_Record], samples: int, tones: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """(plays, samples) without the background's tones, the tones' frequencies (Hz), and their rms.
+    """(plays, samples) without the background's tones, the tones taken out (Hz), and their rms.
 
     A tone is taken out if the plays then differ less from each other: one that is not steady would be added.
     """
-    plays = [record[lead : lead + samples] for record, lead in zip(records, leads, strict=True)]
-    accelerations = np.array(plays)
-    if not np.all(np.isfinite(accelerations)):
-        return accelerations, np.zeros(0), 0.0
-    tones = tones_in([record[:lead] for record, lead in zip(records, leads, strict=True)], rate_hz)
+    accelerations = np.array([one.acceleration[one.rest : one.rest + samples] for one in records])
     if not len(tones):
         return accelerations, tones, 0.0
-    each = [
-        tones_of(record[: lead + samples], lead, tones, rate_hz)[:, lead:]
-        for record, lead in zip(records, leads, strict=True)
-    ]
-    heard = np.array(each)
+    heard = np.array(
+        [
+            tones_of(one.acceleration[: one.rest + samples], one.rest, tones, rate_hz)[:, one.rest :]
+            for one in records
+        ]
+    )
     moved, apart = heard - heard.mean(axis=0), accelerations - accelerations.mean(axis=0)
     steady = 2 * np.einsum("ptn,pn->t", moved, apart) > np.einsum("ptn,ptn->t", moved, moved)
     taken = heard[:, steady].sum(axis=1)
-    rms = float(np.sqrt(np.mean(taken**2))) if steady.any() else 0.0
-    return accelerations - taken, tones[steady], rms
+    return accelerations - taken, tones[steady], float(np.sqrt(np.mean(taken**2))) if steady.any() else 0.0
 
 
 def target_of(drive: Drive, rate_hz: float) -> FloatArray:
