@@ -6,8 +6,9 @@
 Every second plant is the table, the others are random modal plates; damping, hysteresis, the press, the drift
 since calibration, and each disturbance's frequencies and times come from hashes, which nobody chose. A drive
 is computed on the quiet plant. Then it is checked with the laser disturbed at three levels: by mains (50, 60
-or 49.9 Hz with harmonics), a fan (whose speed wanders, for half of them), flicker noise, or a neighbour's motor
-that starts during the check. Truth is the surface's own velocity in the very plays, without laser and noise.
+or 49.9 Hz with harmonics), a fan (whose speed wanders, for half of them), flicker noise, or a neighbour's
+motor that starts during the check. Truth is the surface's own velocity in the very plays, without laser and
+noise.
 """
 
 from __future__ import annotations
@@ -169,7 +170,7 @@ def checked(number: int, kinds: Sequence[str], levels: Sequence[float], plays: i
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """The lines of a table, in Markdown: by disturbance and by its level."""
-    yield "| laser disturbed by | V | pass, fail, not shown | false pass | false fail | interval holds | median width |"
+    yield "| laser disturbed by | V | pass, fail, not shown | false pass | false fail | holds | median width |"
     yield "|---|---|---|---|---|---|---|"
     for kind in (*dict.fromkeys(row.kind for row in rows), "all"):
         for volts in (*dict.fromkeys(row.volts for row in rows), None):

@@ -72,9 +72,9 @@ def tones_in(records: Sequence[FloatArray], rate_hz: float) -> FloatArray:
 def tones_of(record: FloatArray, rest: int, tones: FloatArray, rate_hz: float) -> FloatArray:
     """(tones, samples): each tone over a record (samples,), fitted to the `rest` that it begins with."""
     first = round(_EDGE * rate_hz)
-    basis = _basis(tones, np.arange(first, rest) / rate_hz)
+    basis = _basis(tones, _times(first, rest, rate_hz))
     parts = np.linalg.lstsq(basis, record[first:rest], rcond=None)[0][: 2 * len(tones)]
-    whole = _basis(tones, np.arange(len(record)) / rate_hz)[:, : 2 * len(tones)] * parts
+    whole = _basis(tones, _times(0, len(record), rate_hz))[:, : 2 * len(tones)] * parts
     return np.asarray(whole[:, : len(tones)].T + whole[:, len(tones) :].T)
 
 
@@ -89,7 +89,7 @@ def _refined(tones: FloatArray, records: Sequence[FloatArray], rate_hz: float) -
     count = len(tones)
     normal, slope = np.zeros((count, count)), np.zeros(count)
     for record in records:
-        times = (np.arange(len(record)) - len(record) / 2) / rate_hz
+        times = _times(0, len(record), rate_hz) - len(record) / 2 / rate_hz
         basis = _basis(tones, times)
         q, upper = np.linalg.qr(basis)
         parts = scipy.linalg.solve_triangular(upper, q.T @ record)
@@ -101,6 +101,10 @@ def _refined(tones: FloatArray, records: Sequence[FloatArray], rate_hz: float) -
         slope += moved.T @ left
     ridge = 1e-9 * max(float(np.trace(normal)) / count, 1e-300)
     return np.asarray(np.linalg.solve(normal + ridge * np.eye(count), slope))
+
+
+def _times(first: int, end: int, rate_hz: float) -> FloatArray:
+    return np.asarray(np.arange(first, end) / rate_hz)
 
 
 def _still(record: FloatArray) -> FloatArray:

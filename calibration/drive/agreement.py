@@ -2,8 +2,8 @@
 
 The squared error is estimated from products of different plays, in which independent noise averages to zero;
 its standard deviation is the jackknife's, which for products of pairs is biased upwards, the conservative
-side (Efron and Stein, Annals of Statistics 9, 1981). A tone that is in step with the plays is not independent:
-it makes the power negative, or its deviation vanish, which independent noise does not (`dependence`).
+side (Efron and Stein, Annals of Statistics 9, 1981). A tone that is in step with the plays is not independent
+noise: it makes the power negative, or its deviation vanish (`dependence`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _MOST_PLAYS = 64
 _IMPOSSIBLE = 1e-4
 """Probability that independent noise makes a power so negative that it counts as impossible."""
 _NARROW = 0.3
-"""Deviation, over that which independent noise of the plays' power makes at least, from which it is too small."""
+"""Deviation, over the least that independent noise of the same power makes, below which it is too small."""
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 __all__ = ["LEAST_MOVED", "TOLERANCE", "UNSEEN", "Check", "Verdict", "check", "compare"]
 
 Verdict = Literal["pass", "fail", "not shown"]
-"""Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies, or their
-noise is not independent from play to play, so that they tell nothing."""
+"""Outcome of a check. Not shown: the plays do not tell on which side of the tolerance the error lies, because
+of their noise, or because that is not independent from play to play."""
 
 TOLERANCE = 0.20
 """Largest error of the whole motion. About the just noticeable difference of vibration amplitude well above
@@ -363,9 +363,8 @@ def _judged(
         return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
     if evidence:
         reason = (
-            f"Not shown: {evidence}, which noise that is independent from play to play does not do. Something "
-            "periodic disturbs the laser in step with the plays (mains, a fan, a motor): stop it, and check "
-            "again."
+            f"Not shown: {evidence}, which independent noise does not do. Something periodic disturbs the "
+            "laser in step with the plays (mains, a fan, a motor): stop it, and check again."
         )
         return replace(result, verdict="not shown", reasons=(reason,), notes=notes)
     if high <= result.tolerance:
@@ -389,9 +388,9 @@ def _notes(result: Check, odd: tuple[int, float]) -> tuple[str, ...]:
     if result.background > _TOLD:
         tones = ", ".join(f"{hz:.1f}" for hz in result.tones_hz)
         notes.append(
-            f"The background has steady tones at {tones} Hz, {result.background:.0%} of the target: they were "
-            "measured before each play and taken out. Look for mains hum (ground the laser's cable), a fan or "
-            "a motor."
+            f"The background has steady tones at {tones} Hz, {result.background:.0%} of the target, which "
+            "were measured before each play and taken out: look for mains hum (ground the laser's cable), a "
+            "fan or a motor."
         )
     if number:
         notes.append(

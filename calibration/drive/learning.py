@@ -57,9 +57,9 @@ class Iteration:
     within: SharedPower
     kept: bool
     reason: str
-    """Reason for keeping or rejecting it; evidence that noise is not independent from play to play, if any."""
+    """Reason for keeping or rejecting it."""
     disturbed: bool = False
-    """True when there was such evidence: its errors are then NaN or wrong."""
+    """True when there is evidence that noise is not independent from play to play: its errors are wrong."""
 
     @property
     def nrmse(self) -> float:

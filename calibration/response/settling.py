@@ -26,8 +26,8 @@ _TAIL = 0.5
 _LONGEST = 16.0
 """Longest time (s) recorded after a run-down."""
 _LONG, _STAYS = 4.0, 0.7
-"""Recording time (s) from which what has not fallen by this factor since the last time is no ringing: one that
-falls as slowly would have a time constant of ten seconds."""
+"""Recording time (s) from which what has not fallen by this factor since the last time is no ringing: one
+that falls so slowly has a time constant above ten seconds."""
 _CLEAR = 4.0
 """Fall of a line's amplitude, over the noise around it, from which it rings."""
 _AROUND, _HIGHEST = 60.0, 2000.0
@@ -62,8 +62,8 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
         if volts.any():
             refuse_silent_drive(_gain(rig, capture, volts), patch)
         ringing = _ringing(rig.vibrometer.to_velocity(capture.volts[0])[len(volts) :], rate_hz)
-        # Written so that NaN passes: what follows the settling judges it. So does what goes on and on, such as
-        # a fan whose speed wanders: it is no ringing.
+        # Written so that NaN passes: what follows the settling judges it. So does what goes on and on, such
+        # as a fan whose speed wanders: it is no ringing.
         if not ringing > _RESOLVED * rig.vibrometer.range or (tail >= _LONG and ringing > _STAYS * before):
             return waited
         # The memory is erased already: from here on only the surface's own ringing has to decay.
