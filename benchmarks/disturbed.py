@@ -170,7 +170,7 @@ def checked(number: int, kinds: Sequence[str], levels: Sequence[float], plays: i
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """The lines of a table, in Markdown: by disturbance and by its level."""
-    yield "| laser disturbed by | V | pass, fail, not shown | false pass | false fail | holds | median width |"
+    yield "| disturbed by | V | pass, fail, not shown | false pass | false fail | holds | median width |"
     yield "|---|---|---|---|---|---|---|"
     for kind in (*dict.fromkeys(row.kind for row in rows), "all"):
         for volts in (*dict.fromkeys(row.volts for row in rows), None):

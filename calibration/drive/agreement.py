@@ -36,6 +36,8 @@ _ODD = 3.0
 _MOST_PLAYS = 64
 _IMPOSSIBLE = 1e-4
 """Probability that independent noise makes a power so negative that it counts as impossible."""
+_ROUNDING = 1e-6
+"""Deviation, over the power or its noise, below which it is nothing but rounding."""
 _NARROW = 0.3
 """Deviation, over the least that independent noise of the same power makes, below which it is too small."""
 
@@ -56,6 +58,8 @@ class SharedPower:
         """False for a power more negative, or better known, than that of plays with independent noise."""
         reach = _student(self.plays, 1 - _IMPOSSIBLE) * self.deviation
         # Written so that NaN, which is another matter, is possible.
+        if self.least < _ROUNDING * max(abs(self.value), abs(self.noise)):
+            return True
         return not (self.value < -reach or self.deviation < _NARROW * self.least)
 
     @property
@@ -106,7 +110,9 @@ def shared_power(spectra: ComplexArray) -> SharedPower:
     value = _common(products, everyone)
     noise = (float(np.trace(products)) / plays - value) / plays
     # The product of two plays' noise has, on each line, half of the product of their powers as its variance.
-    apart = np.abs(spectra - spectra.mean(axis=0)) ** 2
+    # The median, unlike the mean, has nothing of a single play that was disturbed.
+    middle = np.median(spectra.real, axis=0) + 1j * np.median(spectra.imag, axis=0)
+    apart = np.abs(spectra - middle) ** 2
     pairs = apart @ apart.T
     least = float(np.sqrt((pairs.sum() - np.trace(pairs)) / 4)) * 2 / (plays * (plays - 1))
     return SharedPower(value, float(np.sqrt((plays - 1) * np.var(left_out))), noise, plays, least)

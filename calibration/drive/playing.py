@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -37,9 +37,9 @@ class Played:
     """Largest voltage at the patch (V)."""
     overload: str | None
     """Sentence about the signal that left its range, if any."""
-    tones_hz: FloatArray
+    tones_hz: FloatArray = field(default_factory=lambda: np.zeros(0))
     """(tones,) Hz: steady tones of the background that were taken out of every play."""
-    tones_rms: float
+    tones_rms: float = 0.0
     """Rms (m/s^2) of what was taken out, in the mean play."""
 
 
