@@ -1,33 +1,33 @@
 """Steady tones of the background, such as mains hum and a fan: found while a surface rests, and taken out.
 
-Each record begins with a rest, in which nothing is driven; a tone goes on from there with the same amplitude
-and phase. Frequencies are found in the rests of all records together; amplitude and phase are each record's
-own, so that what is left of a tone (an error of its fit, or a tone that is not steady) differs from record
-to record as other noise does. That needs rests of unequal lengths: between evenly spaced plays a tone
-advances by the same phase each time, and products of different plays then keep part of its power.
+A record has rests, in which nothing is driven; between them a tone keeps its amplitude and phase. Frequencies
+are found in the rests of all records together; amplitude and phase are each record's own, so that what is
+left of a tone (an error of its fit, or a tone that is not steady) differs from record to record as other
+noise does. That needs rests of unequal lengths: between evenly spaced plays a tone advances by the same phase
+each time, and products of different plays then keep part of its power.
 """
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
-from ..instruments.arrays import ComplexArray, FloatArray
+from ..instruments.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["rests", "tones_in", "tones_of"]
+__all__ = ["LONGEST_REST", "Record", "heard", "rests", "steady", "tones_in", "tones_of"]
 
-_SHORTEST, _LONGEST = 0.25, 0.5
+_SHORTEST, LONGEST_REST = 0.25, 0.5
 """Length of a rest (s). The shortest tells 50 from 60 Hz; between both, a tone of 20 Hz turns five times."""
-_EDGE = 0.03
-"""Time (s) at a rest's beginning that is left out: there the record was faded in."""
 _CLEAR = 12.0
 """Power of a tone over that of its surroundings: noise does not reach it in ten thousand checks."""
 _AROUND_HZ = 60.0
 """Width (Hz) over whose lines the surroundings' median power is taken."""
-_LOWEST_HZ = 15.0
+_LOWEST_HZ, _HIGHEST = 15.0, 0.4
+"""Lowest frequency (Hz) of a tone, and the highest over the sample rate."""
 _PADDED = 8
 """Lines of the spectrum for each that a rest resolves."""
 _APART = 1.5
@@ -36,6 +36,10 @@ _MOST = 24
 """Largest number of tones."""
 _STEPS = 4
 """Refinements of the frequencies."""
+_ENOUGH_HZ = 2500.0
+"""Sample rate (Hz) at which the tones of a long record are looked for."""
+_STEADY = 0.7
+"""Power that a tone has in all rests of a record together, over that in each, from which it is steady."""
 
 
 def rests(plays: int, rate_hz: float, multiple: int, seed: bytes) -> list[int]:
@@ -43,20 +47,31 @@ def rests(plays: int, rate_hz: float, multiple: int, seed: bytes) -> list[int]:
 
     The same `seed` gives the same rests.
     """
-    drawn = np.random.default_rng([zlib.crc32(seed), plays]).uniform(_SHORTEST, _LONGEST, plays)
+    drawn = np.random.default_rng([zlib.crc32(seed), plays]).uniform(_SHORTEST, LONGEST_REST, plays)
     return [multiple * round(seconds * rate_hz / multiple) for seconds in drawn]
 
 
-def tones_in(records: Sequence[FloatArray], rate_hz: float) -> FloatArray:
-    """Frequencies (tones,) Hz, rising, of the steady tones in records of rest, each (samples,)."""
-    resting = [_still(record[round(_EDGE * rate_hz) :]) for record in records]
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A signal (samples,), and its parts in which nothing was driven."""
+
+    signal: FloatArray
+    rests: tuple[slice, ...]
+
+
+def tones_in(records: Sequence[Record], rate_hz: float) -> FloatArray:
+    """Frequencies (tones,) Hz, rising, of the steady tones in the rests of records."""
+    resting = [record.signal[rest] for record in records for rest in record.rests]
+    resting = [rest - rest.mean() for rest in resting]
+    if not all(np.all(np.isfinite(rest)) for rest in resting):
+        return np.zeros(0)
     shortest = min(map(len, resting))
     lines = scipy.fft.next_fast_len(_PADDED * max(map(len, resting)), real=True)
-    power = np.mean([np.abs(_spectrum(record, lines)) ** 2 / len(record) for record in resting], axis=0)
+    power = np.mean([np.abs(_spectrum(rest, lines)) ** 2 / len(rest) for rest in resting], axis=0)
     f = scipy.fft.rfftfreq(lines, 1 / rate_hz)
-    near = round(_AROUND_HZ / f[1])
-    floor = scipy.ndimage.median_filter(power, near, mode="nearest") if near > 1 else power
-    clear = np.where((f >= _LOWEST_HZ) & (f < 0.45 * rate_hz), power / np.maximum(floor, 1e-300), 0.0)
+    floor = scipy.ndimage.median_filter(power, max(3, round(_AROUND_HZ / f[1])), mode="nearest")
+    heard = (f >= _LOWEST_HZ) & (f < _HIGHEST * rate_hz)
+    clear = np.where(heard, power / np.maximum(floor, 1e-300), 0.0)
     reach = round(_APART * rate_hz / shortest / f[1])
     found: list[float] = []
     while len(found) < _MOST and clear.max() > _CLEAR:
@@ -64,18 +79,69 @@ def tones_in(records: Sequence[FloatArray], rate_hz: float) -> FloatArray:
         found.append(float(f[peak]))
         clear[max(0, peak - 2 * reach) : peak + 2 * reach] = 0.0
     tones = np.sort(np.array(found))
+    # Each rest by itself, and then all of a record together: the time between them tells a frequency finely.
+    alone = [(_times(rest, rate_hz), record.signal[rest]) for record in records for rest in record.rests]
     for _ in range(_STEPS if len(tones) else 0):
-        tones = tones + np.clip(_refined(tones, resting, rate_hz), -f[1], f[1])
+        tones = tones + np.clip(_refined(tones, alone), -f[1], f[1])
+    if len(tones) and len(records[0].rests) > 1:
+        together = [_joined(record, rate_hz) for record in records]
+        for _ in range(_STEPS):
+            tones = tones + np.clip(_refined(tones, together), -f[1], f[1])
     return tones
 
 
-def tones_of(record: FloatArray, rest: int, tones: FloatArray, rate_hz: float) -> FloatArray:
-    """(tones, samples): each tone over a record (samples,), fitted to the `rest` that it begins with."""
-    first = round(_EDGE * rate_hz)
-    basis = _basis(tones, _times(first, rest, rate_hz))
-    parts = np.linalg.lstsq(basis, record[first:rest], rcond=None)[0][: 2 * len(tones)]
-    whole = _basis(tones, _times(0, len(record), rate_hz))[:, : 2 * len(tones)] * parts
-    return np.asarray(whole[:, : len(tones)].T + whole[:, len(tones) :].T)
+def steady(records: Sequence[Record], tones: FloatArray, rate_hz: float) -> BoolArray:
+    """(tones,) True for those that keep amplitude and phase from one rest of a record to the next."""
+    count = len(tones)
+
+    def explained(times: FloatArray, values: FloatArray) -> FloatArray:
+        parts = np.linalg.lstsq(_basis(tones, times), values, rcond=None)[0]
+        return np.asarray((parts[:count] ** 2 + parts[count : 2 * count] ** 2) * len(times))
+
+    apart, together = np.zeros(count), np.zeros(count)
+    for record in records:
+        apart += sum(explained(_times(rest, rate_hz), record.signal[rest]) for rest in record.rests)
+        together += explained(*_joined(record, rate_hz))
+    return np.asarray(together > _STEADY * apart)
+
+
+def tones_of(record: Record, tones: FloatArray, rate_hz: float) -> ComplexArray:
+    """(tones,) amplitudes, with the phases at the record's first sample, fitted to the record's rests."""
+    times, values = _joined(record, rate_hz)
+    parts = np.linalg.lstsq(_basis(tones, times), values, rcond=None)[0]
+    return np.asarray(parts[: len(tones)] - 1j * parts[len(tones) : 2 * len(tones)])
+
+
+def heard(amplitudes: ComplexArray, tones: FloatArray, times: FloatArray) -> FloatArray:
+    """(tones, times): each tone at `times` (s) from the record's first sample."""
+    return np.asarray((amplitudes[:, None] * np.exp(2j * np.pi * np.outer(tones, times))).real)
+
+
+def without_tones(records: Sequence[Record], rate_hz: float) -> FloatArray:
+    """(records, samples): signals of equal length without the tones that are steady from rest to rest."""
+    signals = np.array([record.signal for record in records])
+    factor = max(1, int(rate_hz // _ENOUGH_HZ))
+    slow = [
+        Record(
+            scipy.signal.resample_poly(record.signal, 1, factor),
+            tuple(slice(-(-rest.start // factor), rest.stop // factor) for rest in record.rests),
+        )
+        for record in records
+    ]
+    tones = tones_in(slow, rate_hz / factor)
+    if len(tones):
+        tones = tones[steady(slow, tones, rate_hz / factor)]
+        times = np.arange(signals.shape[1]) / rate_hz
+        for row, record in enumerate(slow):
+            for tone, amplitude in zip(tones, tones_of(record, tones, rate_hz / factor), strict=True):
+                signals[row] -= (amplitude * np.exp(2j * np.pi * tone * times)).real
+    return signals
+
+
+def _joined(record: Record, rate_hz: float) -> tuple[FloatArray, FloatArray]:
+    """Times (s) and values of all rests of a record."""
+    times = np.concatenate([_times(rest, rate_hz) for rest in record.rests])
+    return times, np.concatenate([record.signal[rest] for rest in record.rests])
 
 
 def _basis(tones: FloatArray, times: FloatArray) -> FloatArray:
@@ -84,18 +150,18 @@ def _basis(tones: FloatArray, times: FloatArray) -> FloatArray:
     return np.concatenate([np.cos(turns), np.sin(turns), np.ones((len(times), 1))], axis=1)
 
 
-def _refined(tones: FloatArray, records: Sequence[FloatArray], rate_hz: float) -> FloatArray:
-    """Change (tones,) of the frequencies that lessens what all records leave: a Gauss-Newton step."""
+def _refined(tones: FloatArray, rests: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Change (tones,) of the frequencies that lessens what is left of all rests: a Gauss-Newton step."""
     count = len(tones)
     normal, slope = np.zeros((count, count)), np.zeros(count)
-    for record in records:
-        times = _times(0, len(record), rate_hz) - len(record) / 2 / rate_hz
-        basis = _basis(tones, times)
+    for times, values in rests:
+        since = times - times.mean()
+        basis = _basis(tones, since)
         q, upper = np.linalg.qr(basis)
-        parts = scipy.linalg.solve_triangular(upper, q.T @ record)
-        left = record - q @ (q.T @ record)
+        parts = scipy.linalg.solve_triangular(upper, q.T @ values)
+        left = values - q @ (q.T @ values)
         cosine, sine = basis[:, :count], basis[:, count : 2 * count]
-        moved = 2 * np.pi * times[:, None] * (cosine * parts[count : 2 * count] - sine * parts[:count])
+        moved = 2 * np.pi * since[:, None] * (cosine * parts[count : 2 * count] - sine * parts[:count])
         moved -= q @ (q.T @ moved)
         normal += moved.T @ moved
         slope += moved.T @ left
@@ -103,13 +169,9 @@ def _refined(tones: FloatArray, records: Sequence[FloatArray], rate_hz: float) -
     return np.asarray(np.linalg.solve(normal + ridge * np.eye(count), slope))
 
 
-def _times(first: int, end: int, rate_hz: float) -> FloatArray:
-    return np.asarray(np.arange(first, end) / rate_hz)
+def _times(rest: slice, rate_hz: float) -> FloatArray:
+    return np.asarray(np.arange(rest.start, rest.stop) / rate_hz)
 
 
-def _still(record: FloatArray) -> FloatArray:
-    return np.asarray(record - record.mean())
-
-
-def _spectrum(record: FloatArray, lines: int) -> ComplexArray:
-    return np.asarray(scipy.fft.rfft(record * np.hanning(len(record)), lines))
+def _spectrum(rest: FloatArray, lines: int) -> ComplexArray:
+    return np.asarray(scipy.fft.rfft(rest * np.hanning(len(rest)), lines))

@@ -11,7 +11,7 @@ import scipy
 from ...instruments import Capture, ConfigurationError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
-from ..background import rests, tones_in, tones_of
+from ..background import Record, heard, rests, tones_in, tones_of
 from ..response import overloaded, settle
 from ..spectra import fade, resample
 from .drive import Drive
@@ -20,6 +20,8 @@ __all__ = ["Played", "play", "play_by_turns", "refuse_foreign", "target_of"]
 
 _TAIL = 0.1
 """Recording time (s) after the drive, so that the vibrometer's delay truncates nothing."""
+_EDGE = 0.03
+"""Time (s) at a rest's beginning in which the record is faded in."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +70,14 @@ def play_by_turns(
         # Zero volts first: a rest of a length that no tone of the background is in step with.
         volts = np.pad(drives[number % len(drives)].volts, (lead, 0))
         capture = rig.excite(volts, (one.patch,), channels, tail + _TAIL)
-        records.append(_Record(_acceleration(rig, capture, top, factor, lead), lead // factor))
+        acceleration = _acceleration(rig, capture, top, factor, lead)
+        records.append(Record(acceleration, (slice(round(_EDGE * one.rate_hz) // factor, lead // factor),)))
         peaks.append(_peak(rig, capture))
         problems.append(overloaded(rig, capture))
         progress("Play", number + 1, len(leads), "plays")
     rate_hz = one.rate_hz / factor
     samples = -(-(len(one.volts) + round(tail * one.rate_hz)) // factor)
-    tones = _tones(records, rate_hz)
+    tones = tones_in(records, rate_hz)
     found = []
     for turn in range(len(drives)):
         own = slice(turn, None, len(drives))
@@ -84,40 +87,30 @@ def play_by_turns(
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Record:
-    """(samples,) m/s^2 of one play, of which the first `rest` are without a drive."""
-
-    acceleration: FloatArray
-    rest: int
-
-
-def _tones(records: Sequence[_Record], rate_hz: float) -> FloatArray:
-    """Frequencies (tones,) Hz of the steady tones in the rests of all records."""
-    resting = [record.acceleration[: record.rest] for record in records]
-    return tones_in(resting, rate_hz) if all(np.all(np.isfinite(one)) for one in resting) else np.zeros(0)
-
-
 def _calmed(
-    records: Sequence[_Record], samples: int, tones: FloatArray, rate_hz: float
+    records: Sequence[Record], samples: int, tones: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """(plays, samples) without the background's tones, the tones taken out (Hz), and their rms.
 
     A tone is taken out if the plays then differ less from each other: one that is not steady would be added.
     """
-    accelerations = np.array([one.acceleration[one.rest : one.rest + samples] for one in records])
+    starts = [record.rests[0].stop for record in records]
+    accelerations = np.array(
+        [one.signal[start : start + samples] for one, start in zip(records, starts, strict=True)]
+    )
     if not len(tones):
         return accelerations, tones, 0.0
-    heard = np.array(
+    parts = np.array(
         [
-            tones_of(one.acceleration[: one.rest + samples], one.rest, tones, rate_hz)[:, one.rest :]
-            for one in records
+            heard(tones_of(one, tones, rate_hz), tones, (start + np.arange(samples)) / rate_hz)
+            for one, start in zip(records, starts, strict=True)
         ]
     )
-    moved, apart = heard - heard.mean(axis=0), accelerations - accelerations.mean(axis=0)
-    steady = 2 * np.einsum("ptn,pn->t", moved, apart) > np.einsum("ptn,ptn->t", moved, moved)
-    taken = heard[:, steady].sum(axis=1)
-    return accelerations - taken, tones[steady], float(np.sqrt(np.mean(taken**2))) if steady.any() else 0.0
+    moved, apart = parts - parts.mean(axis=0), accelerations - accelerations.mean(axis=0)
+    lessens = 2 * np.einsum("ptn,pn->t", moved, apart) > np.einsum("ptn,ptn->t", moved, moved)
+    taken = parts[:, lessens].sum(axis=1)
+    rms = float(np.sqrt(np.mean(taken**2))) if lessens.any() else 0.0
+    return accelerations - taken, tones[lessens], rms
 
 
 def target_of(drive: Drive, rate_hz: float) -> FloatArray:
@@ -149,7 +142,7 @@ def _acceleration(rig: Rig, capture: Capture, top: float, factor: int, rest: int
     laser = capture.channels.index(rig.vibrometer.channel)
     velocity = rig.vibrometer.to_velocity(capture.volts[laser])
     velocity = velocity - velocity[:rest].mean()
-    edge = round(_TAIL / 4 * capture.rate_hz)
+    edge = round(_EDGE * capture.rate_hz)
     samples = scipy.fft.next_fast_len(-(-len(velocity) // factor), real=True)
     f = scipy.fft.rfftfreq(samples * factor, 1 / capture.rate_hz)
     kept = f < top

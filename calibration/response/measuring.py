@@ -11,6 +11,7 @@ import numpy as np
 from ...instruments import Aim, Capture, ConfigurationError, DataError, InstrumentError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
+from ..background import LONGEST_REST, Record, rests, without_tones
 from .channels import Channels
 from .excitation import Excitation, LinearSweep, Multisine
 from .from_multisine import from_multisine
@@ -48,6 +49,8 @@ _LONGEST = 8.2
 """Longest period (s) of a multisine that is played again."""
 _HELPS = 0.8
 """Ratio of the deviation to that of half the period, up to which twice the period is tried next."""
+_RINGS = 0.4
+"""Share of a sweep's tail in which the surface may still ring."""
 SWEEP = LinearSweep()
 QUICK = Multisine()
 
@@ -257,17 +260,25 @@ def _played(
 def _swept(rig: Rig, patch: str, point: str, sweep: LinearSweep, peak: float, progress: Progress) -> Response:
     once = sweep.volts(rig.table.rate_hz, peak)
     recorded = (rig.monitor(patch), rig.vibrometer.channel)
-    drives, velocities = [], []
+    drives, records = [], []
     levels = (*(1.0,) * sweep.repeats, *sweep.shares)
-    for number, factor in enumerate(levels):
+    rate_hz = rig.table.rate_hz
+    leads, longest = rests(len(levels), rate_hz, 1, once.tobytes()), round(LONGEST_REST * rate_hz)
+    for number, (factor, lead) in enumerate(zip(levels, leads, strict=True)):
         before = sweep.duration * number / len(levels)
         tell = part_of(progress, _doing(patch, point), before, sweep.duration)
-        capture = rig.excite(factor * once, (patch,), recorded, sweep.tail, tell)
+        # Zero volts first: a rest of a length that no tone of the background is in step with. The tail makes
+        # all captures equally long.
+        tail = sweep.tail + (longest - lead) / rate_hz
+        capture = rig.excite(np.pad(factor * once, (lead, 0)), (patch,), recorded, tail, tell)
         _refuse_overload(rig, capture)
         volts, velocity, channels = _signals(rig, capture, patch)
-        drives.append(volts)
-        velocities.append(velocity)
+        drives.append(volts[lead : lead + capture.volts.shape[1] - longest])
+        still = lead + len(once) + round(_RINGS * sweep.tail * rate_hz)
+        records.append(Record(velocity, (slice(0, lead), slice(still, len(velocity)))))
     progress(_doing(patch, point), sweep.duration, sweep.duration, "s")
+    calm = without_tones(records, rate_hz)
+    velocities = [row[lead : lead + len(drives[0])] for row, lead in zip(calm, leads, strict=True)]
     found = from_sweeps(sweep, once, np.array(drives), np.array(velocities), channels)
     return _response(
         rig, found, patch, point, excitation=str(sweep), repeats=sweep.repeats, peak=peak, shares=sweep.shares
