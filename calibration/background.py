@@ -22,8 +22,8 @@ __all__ = ["LONGEST_REST", "Record", "heard", "rests", "steady", "tones_in", "to
 
 _SHORTEST, LONGEST_REST = 0.25, 0.5
 """Length of a rest (s). The shortest tells 50 from 60 Hz; between both, a tone of 20 Hz turns five times."""
-_CLEAR = 12.0
-"""Power of a tone over that of its surroundings: noise does not reach it in ten thousand checks."""
+_CHANCE, _ROOM = 1e-9, 1.5
+"""Probability that a line of white noise counts as a tone, and room for noise that is not white."""
 _AROUND_HZ = 60.0
 """Width (Hz) over whose lines the surroundings' median power is taken."""
 _LOWEST_HZ, _HIGHEST = 15.0, 0.4
@@ -72,9 +72,12 @@ def tones_in(records: Sequence[Record], rate_hz: float) -> FloatArray:
     floor = scipy.ndimage.median_filter(power, max(3, round(_AROUND_HZ / f[1])), mode="nearest")
     heard = (f >= _LOWEST_HZ) & (f < _HIGHEST * rate_hz)
     clear = np.where(heard, power / np.maximum(floor, 1e-300), 0.0)
+    # The mean power of some rests of noise has a gamma distribution.
+    chance, median = scipy.special.gammaincinv(len(resting), [1 - _CHANCE, 0.5])
+    least = _ROOM * chance / median
     reach = round(_APART * rate_hz / shortest / f[1])
     found: list[float] = []
-    while len(found) < _MOST and clear.max() > _CLEAR:
+    while len(found) < _MOST and clear.max() > least:
         peak = int(clear.argmax())
         found.append(float(f[peak]))
         clear[max(0, peak - 2 * reach) : peak + 2 * reach] = 0.0

@@ -10,6 +10,7 @@ import scipy
 from ...instruments import Capture, HaploopError, Press, Rest, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.operator import Place, Remove
+from ..background import Record, tones_in, tones_of
 from .finding import Finding, Status
 
 __all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"]
@@ -18,6 +19,10 @@ _GRAVITY = 9.80665
 _MASS_TOLERANCE = 0.05
 _CONVERTER_NOISE = 28e-6
 """V rms per V of range: a 16-bit card's (estimate; docs/hardware.md, "All NI cards")."""
+_TONES_HZ = 2500.0
+"""Sample rate (Hz) at which steady tones are looked for."""
+_TONES, _SHARE = 1.0, 0.3
+"""Rms of steady tones over the card's own noise, and over all noise, from which they are told."""
 _NOISY = 5e-3
 """Fraction of the range above which noise exceeds that of any sensor."""
 _APART, _DRIFTED = 30e-3, 5e-3
@@ -90,6 +95,16 @@ def _noise_floor(
         return (
             "yellow",
             f"The signal is only the card's own noise ({measured}): is the sensor connected?",
+        )
+    factor = max(1, int(rig.file.rate_hz // _TONES_HZ))
+    slow = Record(scipy.signal.resample_poly(volts, 1, factor), (slice(0, len(volts) // factor),))
+    tones = tones_in([slow], rig.file.rate_hz / factor)
+    heard = float(np.sqrt((np.abs(tones_of(slow, tones, rig.file.rate_hz / factor)) ** 2).sum() / 2))
+    if heard > _TONES * converter and heard > _SHARE * rms:
+        told = ", ".join(f"{hz:.1f}" for hz in tones[:6])
+        return "yellow", (
+            f"The signal has steady tones at {told} Hz, {_volts(heard)} rms of it ({measured}): look for mains "
+            "hum (ground the cable), a fan or a motor."
         )
     if rms > _NOISY * full_scale:
         return (

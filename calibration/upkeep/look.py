@@ -130,7 +130,7 @@ def _measured(rig: Rig, place: Place, laser: LaserAtRest, progress: Progress) ->
         settle(rig, patch, progress)
     except InstrumentError:
         # Spikes and hum hide that the surface has come to rest; the patch's memory is erased all the same.
-        if not (laser.spikes or laser.hum):
+        if not (laser.spikes or laser.hum or laser.tones_hz):
             raise
     peak = rig.limits.peak
     tell = part_of(progress, f"Measure patch {patch} at the {point} point", 0, QUICK.duration)

@@ -31,6 +31,7 @@ from ..response import Waveforms
 from .drift import Verdict
 from .history import Generation, History
 from .look import Look, Place, look_at, place_of
+from .sensor_health import MATTERS, laser_at_rest
 
 __all__ = ["Outcome", "activate", "adopt", "buttons_of", "calibrations_of", "checks_before", "recalibrate"]
 
@@ -109,6 +110,8 @@ def recalibrate(
         look = look_at(rig, calibrations, _drives(buttons), usual, progress)
         outcome = Outcome(look.kind, when, active, look.verdicts, look.sentences, simulated=rig.simulated)
         disturbed = look.disturbances(usual)
+        drives = [button.drive for button in buttons.values()]
+        hidden = bool(disturbed and look.laser and any(look.laser.hides(drive) for drive in drives))
         outcome = _with(outcome, *disturbed)
         if outcome.kind == "unchanged":
             turn = _turn(history, active, buttons, look)
@@ -119,14 +122,14 @@ def recalibrate(
                 "Nothing was changed, because a button at a point that was not measured cannot be made anew: "
                 "run it with somebody there to aim the laser (--attended).",
             )
+        elif outcome.kind == "drifted" and hidden:
+            outcome = _with(
+                replace(outcome, kind="broken"),
+                "The laser's signal is too disturbed to tell whether the buttons are right. Nothing was made "
+                f"anew: {active.name} stays the active one.",
+            )
         elif outcome.kind == "drifted":
             outcome = _bring_back(rig, history, outcome, calibrations, buttons, iterations, actor, progress)
-            hidden = look.laser and any(look.laser.hides(check) for check in outcome.before.values())
-            if outcome.kind == "drifted" and disturbed and hidden:
-                outcome = _with(
-                    replace(outcome, kind="broken"),
-                    "The laser's signal is too disturbed to tell whether the buttons are right.",
-                )
         laser = look.laser
         history.note(
             {
@@ -312,7 +315,7 @@ def _played(
     if found.passed:
         return _with(outcome, f"{told}: its error is {found.wideband_nrmse:.1%}, and it passes.")
     reasons = " ".join(found.reasons)
-    if disturbed and look.laser and look.laser.hides(found):
+    if disturbed and look.laser and look.laser.hides(found.drive):
         return _with(
             replace(outcome, kind="broken"),
             f"{told}, and it does not pass: {reasons} The response is as it was, and the laser is disturbed.",
@@ -365,6 +368,10 @@ def _bring_back(
     found = replace(found, before=before, after=after)
     if failed:
         return _with(found, *failed, f"Nothing was changed: {found.active.name} stays the active one.")
+    disturbed = _disturbed_since(rig, after, _usual_noise(history))
+    if disturbed:
+        nothing = f"Nothing was activated: {found.active.name} stays the active one."
+        return _with(replace(found, kind="broken"), *disturbed, nothing)
     # A calibration without a button of its own has nothing to be checked with, and is kept.
     kept = {place_of(c): c for c in calibrations} | renewed
     reason = " ".join(found.sentences)
@@ -383,6 +390,19 @@ def _bring_back(
         replace(found, kind="restored", active=generation),
         f"Every button was made anew and passed; {generation.name} is the active calibration now.",
     )
+
+
+def _disturbed_since(rig: Rig, after: Mapping[str, DigitalButton], usual: float | None) -> tuple[str, ...]:
+    """Sentences on what disturbed the laser while buttons were made anew, or does so now, and matters."""
+    told = [
+        f"{name}: tones of {button.check.background:.0%} of the target disturbed the laser in its check."
+        for name, button in after.items()
+        if button.check.background > MATTERS
+    ]
+    laser = laser_at_rest(rig)
+    if any(laser.hides(button.drive) for button in after.values()):
+        told += laser.disturbances(usual)
+    return tuple(told)
 
 
 def _with(outcome: Outcome, *sentences: str) -> Outcome:

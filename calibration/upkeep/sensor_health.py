@@ -11,9 +11,17 @@ import scipy
 from ...instruments import Capture, Rest, Rig
 from ...instruments.arrays import BoolArray, FloatArray, IntArray
 from ...instruments.mains import Hum, mains_hum
-from ..drive import BAND, Check
+from ..background import Record, tones_in
+from ..drive import BAND, Drive
 
-__all__ = ["LaserAtRest", "laser_at_rest", "laser_or_patch", "loose_accelerometer", "without_spikes"]
+__all__ = [
+    "MATTERS",
+    "LaserAtRest",
+    "laser_at_rest",
+    "laser_or_patch",
+    "loose_accelerometer",
+    "without_spikes",
+]
 
 _NOISIER, _QUIETER = 4.0, 0.7
 """Noise of the laser at rest, over its usual noise, beyond which the laser is at fault: a blocked laser has
@@ -36,7 +44,9 @@ _SLOW, _TAPS = 1000.0, 0.02
 """Frequency (Hz) above which a filled gap should not move, and length (s) of the filter that tells it."""
 _FLOOR = 1e-6
 """Regularisation of the filling, over the filter's power."""
-_MATTERS = 0.1
+_FIRST, _MAINS_OFF = np.arange(1, 3), 0.5
+"""Multiples of the mains' frequency, and distance (Hz) within which a tone counts as theirs."""
+MATTERS = 0.1
 """Acceleration that the laser shows at rest, over that of a target, above which it can fail a check."""
 
 
@@ -50,6 +60,8 @@ class LaserAtRest:
     """Spikes per second."""
     hum: Hum | None
     """Mains hum (m/s)."""
+    tones_hz: tuple[float, ...]
+    """Steady tones of any origin."""
     shaking: float
     """Acceleration (m/s^2 rms within the band) that the signal would mean, spikes and hum included."""
 
@@ -69,6 +81,12 @@ class LaserAtRest:
                 f"The laser's signal has mains hum, {self.hum.rms * 1e6:.3g} µm/s at {self.hum.mains_hz:g} "
                 "Hz and multiples: check the grounding of its cable, and ground laser and card at one point."
             )
+        elif self.tones_hz:
+            tones = ", ".join(f"{hz:.1f}" for hz in self.tones_hz)
+            told.append(
+                f"The laser's signal has steady tones at {tones} Hz: look for a fan or a motor nearby, and "
+                "stop it."
+            )
         if usual is not None and self.noise > _LOUD * usual:
             told.append(
                 f"The laser has {self.noise / usual:.1f} times its usual noise: focus it, or put reflective "
@@ -76,9 +94,9 @@ class LaserAtRest:
             )
         return tuple(told)
 
-    def hides(self, check: Check) -> bool:
-        """True when the laser at rest shows so much motion that a check could fail by it."""
-        return self.shaking > _MATTERS * float(np.sqrt(np.mean(check.drive.target**2)))
+    def hides(self, drive: Drive) -> bool:
+        """True when the laser at rest shows so much motion that a check of a drive could fail by it."""
+        return self.shaking > MATTERS * float(np.sqrt(np.mean(drive.target**2)))
 
 
 def loose_accelerometer(rig: Rig) -> str | None:
@@ -111,10 +129,17 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
     quiet = rig.vibrometer.to_velocity(calm.volts[0])
     f, power = scipy.signal.welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
     inside = (f >= BAND[0]) & (f <= BAND[1])
+    factor = max(1, round(rate_hz / _SLOW / 2.5))
+    slow = Record(scipy.signal.resample_poly(quiet, 1, factor), (slice(0, len(quiet) // factor),))
+    tones = tones_in([slow], rate_hz / factor)
+    hum = mains_hum(quiet, rate_hz)
+    if hum and len(tones) and not np.any(np.abs(tones[:, None] - hum.mains_hz * _FIRST) < _MAINS_OFF):
+        hum = None
     return LaserAtRest(
         noise=float(np.sqrt(np.median(power[inside]))),
         spikes=spikes / _LASER_REST,
-        hum=mains_hum(quiet, rate_hz),
+        hum=hum,
+        tones_hz=tuple(tones.tolist()),
         shaking=_in_band(velocity, rate_hz),
     )
 

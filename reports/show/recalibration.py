@@ -11,6 +11,7 @@ from rich.table import Table
 
 from ...calibration.upkeep import Outcome
 from ...terminal.progress import SIMULATED, print_json, print_line, print_table
+from .formatting import verdict
 
 __all__ = ["OUTCOME_TITLES", "show_outcome"]
 
@@ -37,8 +38,8 @@ def show_outcome(outcome: Outcome, assumed: Sequence[str], report: Path | None, 
             after = checks["after"]
             # On an unchanged table, the old drive is the one that is judged.
             judged = checks["before"] if outcome.kind == "unchanged" else after
-            verdict = "not made" if judged is None else "pass" if judged["passed"] else "FAIL"
-            table.add_row(name, _error(checks["before"]), _error(after), verdict)
+            said = verdict(judged["verdict"]) if judged else "not made"
+            table.add_row(name, _error(checks["before"]), _error(after), said)
         print_table(table)
     else:
         print_line(f"{OUTCOME_TITLES[outcome.kind]}.")
