@@ -34,6 +34,8 @@ _APART = 1.5
 """Smallest distance of two tones, in lines that a rest resolves."""
 _MOST = 24
 """Largest number of tones."""
+_ROUNDS, _SIDE_LOBES = 4, 3e-3
+"""Rounds of a search, and the power of a Hann window's side lobes, over a tone's, with room."""
 _STEPS = 4
 """Refinements of the frequencies."""
 _ENOUGH_HZ = 2500.0
@@ -61,36 +63,55 @@ class Record:
 
 def tones_in(records: Sequence[Record], rate_hz: float) -> FloatArray:
     """Frequencies (tones,) Hz, rising, of the steady tones in the rests of records."""
-    resting = [record.signal[rest] for record in records for rest in record.rests]
-    resting = [rest - rest.mean() for rest in resting]
-    if not all(np.all(np.isfinite(rest)) for rest in resting):
-        return np.zeros(0)
-    shortest = min(map(len, resting))
-    lines = scipy.fft.next_fast_len(_PADDED * max(map(len, resting)), real=True)
-    power = np.mean([np.abs(_spectrum(rest, lines)) ** 2 / len(rest) for rest in resting], axis=0)
-    f = scipy.fft.rfftfreq(lines, 1 / rate_hz)
-    floor = scipy.ndimage.median_filter(power, max(3, round(_AROUND_HZ / f[1])), mode="nearest")
-    heard = (f >= _LOWEST_HZ) & (f < _HIGHEST * rate_hz)
-    clear = np.where(heard, power / np.maximum(floor, 1e-300), 0.0)
-    # The mean power of some rests of noise has a gamma distribution.
-    chance, median = scipy.special.gammaincinv(len(resting), [1 - _CHANCE, 0.5])
-    least = _ROOM * chance / median
-    reach = round(_APART * rate_hz / shortest / f[1])
-    found: list[float] = []
-    while len(found) < _MOST and clear.max() > least:
-        peak = int(clear.argmax())
-        found.append(float(f[peak]))
-        clear[max(0, peak - 2 * reach) : peak + 2 * reach] = 0.0
-    tones = np.sort(np.array(found))
     # Each rest by itself, and then all of a record together: the time between them tells a frequency finely.
     alone = [(_times(rest, rate_hz), record.signal[rest]) for record in records for rest in record.rests]
-    for _ in range(_STEPS if len(tones) else 0):
-        tones = tones + np.clip(_refined(tones, alone), -f[1], f[1])
+    if not all(np.all(np.isfinite(values)) for _, values in alone):
+        return np.zeros(0)
+    width = rate_hz / min(len(values) for _, values in alone)
+    tones = np.zeros(0)
+    for _ in range(_ROUNDS):
+        peaks = _peaks([_left(tones, *rest) for rest in alone], tones, width, rate_hz)[: _MOST - len(tones)]
+        if not len(peaks):
+            break
+        tones = np.sort(np.concatenate([tones, peaks]))
+        for _ in range(_STEPS):
+            tones = tones + np.clip(_refined(tones, alone), -width / 4, width / 4)
     if len(tones) and len(records[0].rests) > 1:
         together = [_joined(record, rate_hz) for record in records]
         for _ in range(_STEPS):
-            tones = tones + np.clip(_refined(tones, together), -f[1], f[1])
+            tones = tones + np.clip(_refined(tones, together), -width / 4, width / 4)
     return tones
+
+
+def _peaks(rests: Sequence[FloatArray], known: FloatArray, width: float, rate_hz: float) -> FloatArray:
+    """Frequencies (Hz) at which the power of rests stands out, the strongest first, away from `known` ones.
+
+    Weaker ones by more than a window's side lobes are left for when the strong ones are taken out.
+    """
+    lines = scipy.fft.next_fast_len(_PADDED * max(map(len, rests)), real=True)
+    power = np.mean([np.abs(_spectrum(rest, lines)) ** 2 / len(rest) for rest in rests], axis=0)
+    f = scipy.fft.rfftfreq(lines, 1 / rate_hz)
+    floor = scipy.ndimage.median_filter(power, max(3, round(_AROUND_HZ / f[1])), mode="nearest")
+    heard = (f >= _LOWEST_HZ) & (f < _HIGHEST * rate_hz)
+    heard &= np.all(np.abs(f - known[:, None]) > _APART * width, axis=0)
+    clear = np.where(heard, power / np.maximum(floor, 1e-300), 0.0)
+    # The mean power of some rests of noise has a gamma distribution.
+    chance, median = scipy.special.gammaincinv(len(rests), [1 - _CHANCE, 0.5])
+    least = _ROOM * chance / median
+    weakest = _SIDE_LOBES * float(power[clear > least].max(initial=0.0))
+    found: list[float] = []
+    while clear.max(initial=0.0) > least:
+        peak = int(clear.argmax())
+        if power[peak] > weakest:
+            found.append(float(f[peak]))
+        clear[np.abs(f - f[peak]) < 2 * _APART * width] = 0.0
+    return np.array(found)
+
+
+def _left(tones: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """What tones, fitted to values at `times` (s), leave of them; at least their mean is taken out."""
+    basis = _basis(tones, times)
+    return np.asarray(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
 def steady(records: Sequence[Record], tones: FloatArray, rate_hz: float) -> BoolArray:

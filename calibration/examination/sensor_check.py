@@ -11,6 +11,7 @@ from ...instruments import Capture, HaploopError, Press, Rest, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.operator import Place, Remove
 from ..background import Record, tones_in, tones_of
+from ..spectra import resample
 from .finding import Finding, Status
 
 __all__ = ["cards", "check_clock", "check_force", "check_gravity", "check_noise"]
@@ -21,6 +22,8 @@ _CONVERTER_NOISE = 28e-6
 """V rms per V of range: a 16-bit card's (estimate; docs/hardware.md, "All NI cards")."""
 _TONES_HZ = 2500.0
 """Sample rate (Hz) at which steady tones are looked for."""
+_ENDS = 0.02
+"""Part of a record at either end that is left out."""
 _TONES, _SHARE = 1.0, 0.3
 """Rms of steady tones over the card's own noise, and over all noise, from which they are told."""
 _NOISY = 5e-3
@@ -96,15 +99,12 @@ def _noise_floor(
             "yellow",
             f"The signal is only the card's own noise ({measured}): is the sensor connected?",
         )
-    factor = max(1, int(rig.file.rate_hz // _TONES_HZ))
-    slow = Record(scipy.signal.resample_poly(volts, 1, factor), (slice(0, len(volts) // factor),))
-    tones = tones_in([slow], rig.file.rate_hz / factor)
-    heard = float(np.sqrt((np.abs(tones_of(slow, tones, rig.file.rate_hz / factor)) ** 2).sum() / 2))
+    tones, heard = _tones(volts - mean, rig.file.rate_hz)
     if heard > _TONES * converter and heard > _SHARE * rms:
         told = ", ".join(f"{hz:.1f}" for hz in tones[:6])
         return "yellow", (
-            f"The signal has steady tones at {told} Hz, {_volts(heard)} rms of it ({measured}): look for mains "
-            "hum (ground the cable), a fan or a motor."
+            f"The signal has steady tones at {told} Hz, {_volts(heard)} rms of it ({measured}): look for "
+            "mains hum (ground the cable), a fan or a motor."
         )
     if rms > _NOISY * full_scale:
         return (
@@ -112,6 +112,19 @@ def _noise_floor(
             f"The signal is noisy ({measured}): check for hum, a floating ground or hands on the table.",
         )
     return "green", f"{measured}; the card's own noise is about {_volts(converter)}."
+
+
+def _tones(volts: FloatArray, rate_hz: float) -> tuple[FloatArray, float]:
+    """Steady tones of a channel at rest: frequencies (Hz), and their rms (V) together."""
+    samples = min(len(volts), round(len(volts) / rate_hz * _TONES_HZ))
+    rate_hz *= samples / len(volts)
+    # Resampled as if it were periodic, so that its ends are left out.
+    edge = round(_ENDS * samples)
+    record = Record(resample(volts, samples), (slice(edge, samples - edge),))
+    tones = tones_in([record], rate_hz)
+    if not len(tones):
+        return tones, 0.0
+    return tones, float(np.sqrt((np.abs(tones_of(record, tones, rate_hz)) ** 2).sum() / 2))
 
 
 def _volts(value: float) -> str:
