@@ -40,8 +40,8 @@ _STEPS = 4
 """Refinements of the frequencies."""
 _ENOUGH_HZ = 2500.0
 """Sample rate (Hz) at which the tones of a long record are looked for."""
-_STEADY = 0.7
-"""Power that a tone has in all rests of a record together, over that in each, from which it is steady."""
+_STEADY = 0.3
+"""Power by which a tone in one rest may differ from that in all rests of a record, over its power."""
 
 
 def rests(plays: int, rate_hz: float, multiple: int, seed: bytes) -> list[int]:
@@ -116,17 +116,14 @@ def _left(tones: FloatArray, times: FloatArray, values: FloatArray) -> FloatArra
 
 def steady(records: Sequence[Record], tones: FloatArray, rate_hz: float) -> BoolArray:
     """(tones,) True for those that keep amplitude and phase from one rest of a record to the next."""
-    count = len(tones)
-
-    def explained(times: FloatArray, values: FloatArray) -> FloatArray:
-        parts = np.linalg.lstsq(_basis(tones, times), values, rcond=None)[0]
-        return np.asarray((parts[:count] ** 2 + parts[count : 2 * count] ** 2) * len(times))
-
-    apart, together = np.zeros(count), np.zeros(count)
-    for record in records:
-        apart += sum(explained(_times(rest, rate_hz), record.signal[rest]) for rest in record.rests)
-        together += explained(*_joined(record, rate_hz))
-    return np.asarray(together > _STEADY * apart)
+    whole = np.array([tones_of(record, tones, rate_hz) for record in records])
+    size = (np.abs(whole) ** 2).sum(axis=0)
+    kept = np.ones(len(tones), dtype=np.bool_)
+    for number in range(len(records[0].rests)):
+        alone = [Record(record.signal, (record.rests[number],)) for record in records]
+        apart = np.array([tones_of(record, tones, rate_hz) for record in alone]) - whole
+        kept &= (np.abs(apart) ** 2).sum(axis=0) < _STEADY * size
+    return kept
 
 
 def tones_of(record: Record, tones: FloatArray, rate_hz: float) -> ComplexArray:
