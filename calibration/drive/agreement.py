@@ -145,7 +145,7 @@ def plays_needed(power: SharedPower, limit: float) -> int | None:
     """
     for plays in range(power.plays + 1, _MOST_PLAYS + 1):
         reach = _quantile(plays) * power.deviation * np.sqrt(power.plays / plays)
-        if abs(power.value - limit**2) > reach:
+        if abs(max(power.value, 0.0) - limit**2) > reach:
             return plays
     return None
 

@@ -183,7 +183,7 @@ class VibrationMap(InNotebook):
         residues = self.shares[..., :count] + 1j * self.shares[..., count : 2 * count]
         strength = np.sqrt((np.abs(residues) ** 2).sum(axis=(0, 1))) / -p.real
         hz = np.abs(p) / (2 * np.pi)
-        order = [k for k in np.argsort(-strength) if BAND[0] < hz[k] < BAND[1]]
+        order = [k for k in np.argsort(-strength) if BAND[0] < hz[k] < BAND[1] and strength[k] > 0]
         return tuple((float(hz[k]), float(-p.real[k] / abs(p[k]))) for k in order)
 
     def shape(self, frequency_hz: float) -> FloatArray:

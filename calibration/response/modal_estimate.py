@@ -20,9 +20,6 @@ __all__ = ["ModalEstimate", "modal_estimate", "nothing"]
 
 _NEAR, _FAR = 5, 25
 """Lines over which the power of the residual is averaged: few, for hum, and many."""
-_TONE = 0.1
-"""Half-power width of a pole, over the lines' spacing, below which it is a tone from elsewhere, such as mains
-hum: it rings, and has no part in the response."""
 _UNSEEN = 1e-11
 """Smallest eigenvalue of the scaled normal equations: below it, rounding errors determine a parameter."""
 
@@ -50,8 +47,7 @@ def modal_estimate(modes: Modes, plays: Plays, gain: complex, gains: ComplexArra
     Econometrica 48, 1980), not as the same everywhere.
     """
     f = plays.f
-    spacing = float(f[1] - f[0])
-    tones = -modes.poles.real / np.pi < _TONE * spacing
+    tones = modes.tones(f)
     poles = np.concatenate([modes.poles[~tones], modes.poles[tones]])
     n, own_n = len(poles), int((~tones).sum())
     response, ringing = terms_of(poles[:own_n], f)[0], terms_of(poles, f)[1]

@@ -23,7 +23,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ...instruments import DataError
-from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from .terms import moved, rows, terms_of
 
 __all__ = ["Modes", "Plays", "fit_modes"]
@@ -51,6 +51,8 @@ _KEEP = 5.0
 """Gain, as `_PENALTY`, below which a pole is removed again: its frequency is no longer searched for."""
 _MOST = 40
 """Largest number of poles."""
+_TONE = 0.1
+"""Half-power width of a pole, over the lines' spacing, below which it is a tone from elsewhere."""
 _FLAT = 1e-12
 """Slope, over the largest at the start, at which a bound is left alone."""
 _ALIKE = 1e-13
@@ -87,7 +89,19 @@ class Modes:
         fitted = _Fitted.of(self, plays)
         count, each = len(plays.patches), len(fitted.terms)
         left = np.linalg.norm(fitted.left, axis=1) / np.linalg.norm(plays.velocity, axis=0)
-        return fitted.found[: count * each].reshape(count, each, -1), left
+        shares = fitted.found[: count * each].reshape(count, each, -1).copy()
+        hz = np.abs(self.poles) / (2 * np.pi)
+        # A narrow pole beyond the band stands for what is far away, and is no tone.
+        tones = self.tones(plays.f) & (hz > plays.f[0]) & (hz < plays.f[-1])
+        shares[:, : 2 * len(self.poles)][:, np.tile(tones, 2)] = 0.0
+        return shares, left
+
+    def tones(self, f: FloatArray) -> BoolArray:
+        """(poles,) True for what is too narrow to be a mode, at lines `f` (Hz): a tone from elsewhere.
+
+        Mains hum, say. It rings, and has no part in the response.
+        """
+        return np.asarray(-self.poles.real / np.pi < _TONE * float(f[1] - f[0]))
 
     def shift(self, plays: Plays) -> float:
         """Relative shift common to all poles, from later plays."""

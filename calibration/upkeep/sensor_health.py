@@ -11,7 +11,7 @@ import scipy
 from ...instruments import Capture, Rest, Rig
 from ...instruments.arrays import BoolArray, FloatArray, IntArray
 from ...instruments.mains import Hum, mains_hum
-from ..background import Record, tones_in
+from ..background import Record, steady, tones_in
 from ..drive import BAND, Drive
 
 __all__ = [
@@ -130,8 +130,13 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
     f, power = scipy.signal.welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
     inside = (f >= BAND[0]) & (f <= BAND[1])
     factor = max(1, round(rate_hz / _SLOW / 2.5))
-    slow = Record(scipy.signal.resample_poly(quiet, 1, factor), (slice(0, len(quiet) // factor),))
-    tones = tones_in([slow], rate_hz / factor)
+    half = len(quiet) // factor // 2
+    # In two halves, because what still rings is no tone.
+    halves = slice(0, half), slice(half, 2 * half)
+    slow = [Record(scipy.signal.resample_poly(quiet, 1, factor), halves)]
+    tones = tones_in(slow, rate_hz / factor)
+    if len(tones):
+        tones = tones[steady(slow, tones, rate_hz / factor)]
     hum = mains_hum(quiet, rate_hz)
     if hum and len(tones) and not np.any(np.abs(tones[:, None] - hum.mains_hz * _FIRST) < _MAINS_OFF):
         hum = None
