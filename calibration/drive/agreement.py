@@ -38,8 +38,8 @@ _IMPOSSIBLE = 1e-4
 """Probability that independent noise makes a power so negative that it counts as impossible."""
 _ROUNDING = 1e-6
 """Deviation, over the power or its noise, below which it is nothing but rounding."""
-_NARROW = 0.3
-"""Deviation, over the least that independent noise of the same power makes, below which it is too small."""
+_NARROW = 1e-3
+"""Probability that independent noise makes a deviation so small that it counts as impossible."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,10 @@ class SharedPower:
         # Written so that NaN, which is another matter, is possible.
         if self.least < _ROUNDING * max(abs(self.value), abs(self.noise)):
             return True
-        return not (self.value < -reach or self.deviation < _NARROW * self.least)
+        # The squared deviation, of one value for each play, spreads as a chi-squared variable.
+        freedom = (self.plays - 1) / 2
+        narrow = float(np.sqrt(scipy.special.gammaincinv(freedom, _NARROW) / freedom))
+        return not (self.value < -reach or self.deviation < narrow * self.least)
 
     @property
     def root(self) -> float:

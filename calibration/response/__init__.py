@@ -25,13 +25,14 @@ from .measuring import (
 )
 from .modes import Modes, Plays, fit_modes
 from .response import Response
-from .settling import refuse_silent_drive, settle
+from .settling import RESOLVED, refuse_silent_drive, ringing_of, settle
 from .uff import read_uff, read_uff_sets, write_uff, write_uff_sets
 from .waveforms import Waveforms
 
 __all__ = [
     "HALF_WIDTHS",
     "QUICK",
+    "RESOLVED",
     "SWEEP",
     "Channels",
     "Excitation",
@@ -59,6 +60,7 @@ __all__ = [
     "read_uff_sets",
     "refuse_silent_drive",
     "response_from",
+    "ringing_of",
     "settle",
     "write_uff",
     "write_uff_sets",

@@ -14,7 +14,7 @@ from ...instruments import Capture, InstrumentError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, silent
 
-__all__ = ["refuse_silent_drive", "run_down", "settle"]
+__all__ = ["RESOLVED", "refuse_silent_drive", "ringing_of", "run_down", "settle"]
 
 _HZ, _CYCLES = 40.0, 16
 """Frequency (Hz) and number of cycles of the run-down, below a table's first mode. After it the first play
@@ -32,7 +32,7 @@ _CLEAR = 4.0
 """Fall of a line's amplitude, over the noise around it, from which it rings."""
 _AROUND, _HIGHEST = 60.0, 2000.0
 """Width (Hz) over which noise is compared, and the highest frequency that is looked at."""
-_RESOLVED = 1e-4
+RESOLVED = 1e-4
 """Rms velocity that still rings, over the vibrometer's range, below which a surface is at rest: half a
 12-bit card's step, and some percent of a button's motion at the lowest modes."""
 
@@ -61,10 +61,10 @@ def settle(rig: Rig, patch: str, progress: Progress = silent) -> float:
         progress("Settle", waited, waited, "s")
         if volts.any():
             refuse_silent_drive(_gain(rig, capture, volts), patch)
-        ringing = _ringing(rig.vibrometer.to_velocity(capture.volts[0])[len(volts) :], rate_hz)
+        ringing = ringing_of(rig.vibrometer.to_velocity(capture.volts[0])[len(volts) :], rate_hz)
         # Written so that NaN passes: what follows the settling judges it. So does what goes on and on, such
         # as a fan whose speed wanders: it is no ringing.
-        if not ringing > _RESOLVED * rig.vibrometer.range or (tail >= _LONG and ringing > _STAYS * before):
+        if not ringing > RESOLVED * rig.vibrometer.range or (tail >= _LONG and ringing > _STAYS * before):
             return waited
         # The memory is erased already: from here on only the surface's own ringing has to decay.
         volts, tail, before = np.zeros(1), 2 * tail, ringing
@@ -91,7 +91,7 @@ def _gain(rig: Rig, capture: Capture, volts: FloatArray) -> float:
     return float(np.std(shown) / np.std(volts))
 
 
-def _ringing(velocity: FloatArray, rate_hz: float) -> float:
+def ringing_of(velocity: FloatArray, rate_hz: float) -> float:
     """Rms velocity that still rings at the end of a record in which nothing is driven.
 
     What rings has less amplitude in the record's second half than in its first; hum, a fan and noise have as

@@ -13,6 +13,7 @@ from ...instruments.arrays import BoolArray, FloatArray, IntArray
 from ...instruments.mains import Hum, mains_hum
 from ..background import Record, steady, tones_in
 from ..drive import BAND, Drive
+from ..response import RESOLVED, ringing_of
 
 __all__ = [
     "MATTERS",
@@ -46,6 +47,8 @@ _FLOOR = 1e-6
 """Regularisation of the filling, over the filter's power."""
 _FIRST, _MAINS_OFF = np.arange(1, 3), 0.5
 """Multiples of the mains' frequency, and distance (Hz) within which a tone counts as theirs."""
+_PATIENCE, _RINGS = 8, RESOLVED / 10
+"""Records until the surface has come to rest, and rms velocity over the range that still rings."""
 MATTERS = 0.1
 """Acceleration that the laser shows at rest, over that of a target, above which it can fail a check."""
 
@@ -121,12 +124,18 @@ def loose_accelerometer(rig: Rig) -> str | None:
 
 
 def laser_at_rest(rig: Rig) -> LaserAtRest:
-    """Record the laser for a second without a drive, and look for noise, spikes and hum."""
+    """Record the laser for a second without a drive, and look for noise, spikes and hum.
+
+    While the surface still rings of what was played before, it is recorded again.
+    """
     rate_hz = rig.table.rate_hz
-    capture = _captured(rig, (rig.vibrometer.channel,), rate_hz, _LASER_REST)
-    calm, spikes = without_spikes(rig, capture)
-    velocity = rig.vibrometer.to_velocity(capture.volts[0])
-    quiet = rig.vibrometer.to_velocity(calm.volts[0])
+    for _ in range(_PATIENCE):
+        capture = _captured(rig, (rig.vibrometer.channel,), rate_hz, _LASER_REST)
+        calm, spikes = without_spikes(rig, capture)
+        velocity = rig.vibrometer.to_velocity(capture.volts[0])
+        quiet = rig.vibrometer.to_velocity(calm.volts[0])
+        if not ringing_of(quiet, rate_hz) > _RINGS * rig.vibrometer.range:
+            break
     f, power = scipy.signal.welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
     inside = (f >= BAND[0]) & (f <= BAND[1])
     factor = max(1, round(rate_hz / _SLOW / 2.5))
