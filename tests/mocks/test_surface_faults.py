@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 
 from haploop.instruments import Rig, open_rig
+from haploop.instruments.arrays import FloatArray
 from haploop.instruments.operator.role import Place, Remove
 from tests.conftest import OpenRig
 
@@ -141,3 +143,24 @@ def test_the_same_seed_drifts_in_the_same_way() -> None:
         with open_rig(name, "twin", {"seed": seed, "faults": [fault]}) as rig:
             drawn.append(modes_of(rig)[0])
     assert np.array_equal(drawn[0], drawn[1]) and not np.array_equal(drawn[0], drawn[2])
+
+
+def test_a_machine_turns_at_its_frequency_after_its_run_up_and_flicker_falls_with_frequency() -> None:
+    rate = 10_000.0
+
+    def heard(**fault: Any) -> FloatArray:
+        with open_rig("simulated", simulation={"faults": [{"channel": "laser", **fault}]}) as rig:
+            with rig.daq.stream(("laser",), rate, 1000, round(8 * rate)) as stream:
+                return stream.capture().volts[0]
+
+    turned = heard(kind="rotating-machine", volts=0.1, frequency=50.0, after=2.0, run_up=2.0, harmonics=[0.5])
+    assert np.std(turned[: round(1.9 * rate)]) < 1e-3
+    late = np.abs(np.fft.rfft(turned[round(5 * rate) : round(7 * rate)])) / rate
+    assert late[[100, 200]] == pytest.approx([0.1, 0.05], rel=0.02)
+    during = np.abs(np.fft.rfft(turned[round(2.9 * rate) : round(3.1 * rate)]))
+    assert np.argmax(during[1:]) + 1 == pytest.approx(5, abs=1)  # half of the speed, in lines of 5 Hz
+    noise = heard(kind="flicker-noise", volts=0.1)
+    assert np.std(noise) == pytest.approx(0.1, rel=0.3)
+    f, power = scipy.signal.welch(noise, rate, nperseg=20_000)
+    slope = np.polyfit(np.log(f[(f > 2) & (f < 500)]), np.log(power[(f > 2) & (f < 500)]), 1)[0]
+    assert slope == pytest.approx(-1, abs=0.15)
