@@ -9,8 +9,9 @@ import scipy
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import Fault, FaultSettings, NotNegative, Positive, TimedFault
+from ..plant import FaultSettings, OnCards, TimedFault
 
 __all__ = ["FlickerNoise", "RotatingMachine"]
 
@@ -21,7 +22,7 @@ _WANDERS = (0.07, 0.19, 0.43)
 """Frequencies (Hz) at which a machine's speed wanders (estimate)."""
 
 
-class RotatingMachine(TimedFault):
+class RotatingMachine(TimedFault, OnCards):
     """A machine turns nearby, a fan or a neighbour's motor: tones at multiples of one frequency.
 
     It runs up from rest, with an amplitude that rises with the speed, and its speed wanders slowly.
@@ -50,7 +51,7 @@ class RotatingMachine(TimedFault):
         self._wandering = rng.uniform(0, 2 * np.pi, len(_WANDERS))
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         s = self.settings
         if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
             return volts
@@ -67,7 +68,7 @@ class RotatingMachine(TimedFault):
         return np.asarray(volts + s.volts * self.active(times) * speed * heard)
 
 
-class FlickerNoise(Fault):
+class FlickerNoise(OnCards):
     """Noise whose power falls with the inverse of the frequency, of a contact, a drift or an old amplifier.
 
     A sum of first-order processes whose corners lie evenly on a logarithmic scale, of equal power each.
@@ -91,7 +92,7 @@ class FlickerNoise(Fault):
         """Time (s) of the states."""
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         if node != self.settings.channel:
             return volts
         self.mark(float(times[-1]))

@@ -149,9 +149,11 @@ def test_a_machine_turns_at_its_frequency_after_its_run_up_and_flicker_falls_wit
     rate = 10_000.0
 
     def heard(**fault: Any) -> FloatArray:
-        with open_rig("simulated", simulation={"faults": [{"channel": "laser", **fault}]}) as rig:
-            with rig.daq.stream(("laser",), rate, 1000, round(8 * rate)) as stream:
-                return stream.capture().volts[0]
+        with (
+            open_rig("simulated", simulation={"faults": [{"channel": "laser", **fault}]}) as rig,
+            rig.daq.stream(("laser",), rate, 1000, round(8 * rate)) as stream,
+        ):
+            return stream.capture().volts[0]
 
     turned = heard(kind="rotating-machine", volts=0.1, frequency=50.0, after=2.0, run_up=2.0, harmonics=[0.5])
     assert np.std(turned[: round(1.9 * rate)]) < 1e-3

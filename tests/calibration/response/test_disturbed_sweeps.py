@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.requires("simulation"), pytest.mark.many_plays]
     ids=["hum", "fan"],
 )
 def test_a_steady_tone_is_no_mode_and_no_error(open: OpenRig, fault: dict[str, Any]) -> None:
-    """Hum of 50 Hz in three sweeps, 410 of its periods apart, had no scatter: a mode at 49.99 Hz was named."""
+    """Sweeps 410 periods of 50 Hz apart showed no scatter by hum: a mode at 49.99 Hz was named."""
     rig = open(seed=7, faults=[{"channel": "laser", **fault}])
     calibration = calibrate(rig)
     response, truth = calibration.response, rig.simulation.truth
