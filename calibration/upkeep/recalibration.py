@@ -366,12 +366,10 @@ def _bring_back(
         else:
             failed += [f"{name}: {reason}" for reason in after[name].check.reasons]
     found = replace(found, before=before, after=after)
-    if failed:
-        return _with(found, *failed, f"Nothing was changed: {found.active.name} stays the active one.")
     disturbed = _disturbed_since(rig, after, _usual_noise(history))
-    if disturbed:
-        nothing = f"Nothing was activated: {found.active.name} stays the active one."
-        return _with(replace(found, kind="broken"), *disturbed, nothing)
+    if failed or disturbed:
+        kept_active = f"Nothing was changed: {found.active.name} stays the active one."
+        return _with(replace(found, kind="broken") if disturbed else found, *failed, *disturbed, kept_active)
     # A calibration without a button of its own has nothing to be checked with, and is kept.
     kept = {place_of(c): c for c in calibrations} | renewed
     reason = " ".join(found.sentences)

@@ -11,7 +11,7 @@ import scipy
 from ...instruments import Capture, Rest, Rig
 from ...instruments.arrays import BoolArray, FloatArray, IntArray
 from ...instruments.mains import Hum, mains_hum
-from ..background import Record, steady, tones_in
+from ..background import Record, steady, tones_in, tones_of
 from ..drive import BAND, Drive
 from ..response import RESOLVED, ringing_of
 
@@ -49,6 +49,8 @@ _FIRST, _MAINS_OFF = np.arange(1, 3), 0.5
 """Multiples of the mains' frequency, and distance (Hz) within which a tone counts as theirs."""
 _PATIENCE, _RINGS = 8, RESOLVED / 10
 """Records until the surface has come to rest, and rms velocity over the range that still rings."""
+_FAINT = RESOLVED / 2
+"""Amplitude of a tone, over the range, up to which it is not told."""
 MATTERS = 0.1
 """Acceleration that the laser shows at rest, over that of a target, above which it can fail a check."""
 
@@ -145,7 +147,8 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
     slow = [Record(scipy.signal.resample_poly(quiet, 1, factor), halves)]
     tones = tones_in(slow, rate_hz / factor)
     if len(tones):
-        tones = tones[steady(slow, tones, rate_hz / factor)]
+        loud = np.abs(tones_of(slow[0], tones, rate_hz / factor)) > _FAINT * rig.vibrometer.range
+        tones = tones[steady(slow, tones, rate_hz / factor) & loud]
     hum = mains_hum(quiet, rate_hz)
     if hum and len(tones) and not np.any(np.abs(tones[:, None] - hum.mains_hz * _FIRST) < _MAINS_OFF):
         hum = None
