@@ -8,16 +8,14 @@ from typing import Literal
 
 import click
 
-from ..reports import figures, outputs
-from ..reports import show as display
+from ..reports import contents, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH
+from .options import COLUMNS, JSON, PATH, PLOT
 
 __all__ = ["analyse"]
 
 Columns = Literal[1, 2]
-PLOT = click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
 
 
 @click.group(no_args_is_help=True)
@@ -43,13 +41,10 @@ def confusion(
     count (without count, each line is one trial). With group and day there is a matrix for each; with
     participant, effects are tested by a mixed analysis of variance, and intervals are over participants.
     """
-    if plot:
-        outputs.check_new_picture(plot)
     rows = haploop.read_rows(file)
     result = haploop.analyse_identification(rows, within, between)
-    if plot:
-        outputs.save_picture(figures.confusion_figure(result, columns), plot, rows.simulated)
-    display.show_identification(result, rows.simulated, as_json)
+    found = contents.identification_contents(result, rows.simulated)
+    show.print_contents(found, as_json, plot, columns)
     return 0
 
 
@@ -81,13 +76,10 @@ def ratings(
 
     FILE is a CSV with the columns participant, category, button, pair and rating (and group).
     """
-    if plot:
-        outputs.check_new_picture(plot)
     rows = haploop.read_rows(file)
     result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
-    if plot:
-        outputs.save_picture(figures.ratings_figure(result, columns), plot, rows.simulated)
-    display.show_ratings(result, rows.simulated, as_json)
+    found = contents.ratings_contents(result, rows.simulated)
+    show.print_contents(found, as_json, plot, columns)
     return 0
 
 
@@ -104,7 +96,7 @@ def thresholds(file: Path, by: Sequence[str], as_json: bool) -> int:
     rows = haploop.read_rows(file)
     found = haploop.analyse_thresholds(rows, tuple(by))
     columns = [column for column in ("participant", *by) if column in rows.columns]
-    display.show_thresholds(found, columns, rows.simulated, as_json)
+    show.print_contents(contents.thresholds_contents(found, columns, rows.simulated), as_json)
     return 0
 
 
@@ -129,5 +121,5 @@ def power(plan: Path, runs: int, seed: int, as_json: bool) -> int:
     loaded = haploop.load_power_plan(plan)
     with Steps() as steps:
         found = haploop.power_of(loaded, runs, seed, progress=steps)
-    display.show_power(found, as_json)
+    show.print_contents(contents.power_contents(found), as_json)
     return 0

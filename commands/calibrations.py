@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from .. import instruments
-from ..reports import outputs
+from ..reports import contents, outputs
 from ..reports import show as display
-from ..terminal.progress import SIMULATED, print_json, print_line, print_table
+from ..terminal.progress import print_json, print_line
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH, RIG
+from .options import COLUMNS, JSON, PATH, PICTURE, RIG
 
 if TYPE_CHECKING:
     from ..calibration import History
@@ -73,11 +73,7 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
 @JSON
 def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
     """List all calibrations, and mark the active one."""
-    values, table = display.listing(history_of(rig, calibrations))
-    if as_json:
-        print_json(values)
-    else:
-        print_table(table)
+    display.print_contents(contents.history_contents(history_of(rig, calibrations)), as_json)
     return 0
 
 
@@ -101,11 +97,7 @@ def show(name: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
 def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Show what changed from calibration ONE to OTHER."""
     history = history_of(rig, calibrations)
-    values, table = display.difference(history.find(one), history.find(other))
-    if as_json:
-        print_json(values)
-    else:
-        print_table(table)
+    display.print_contents(contents.difference_contents(history.find(one), history.find(other)), as_json)
     return 0
 
 
@@ -125,7 +117,7 @@ def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_jso
 
 
 @calibrations.command()
-@click.argument("out", type=PATH, metavar="OUT.png")
+@click.argument("out", type=PICTURE, metavar="OUT.png")
 @COLUMNS
 @CALIBRATIONS
 @RIG
@@ -135,10 +127,9 @@ def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str,
 
     OUT ends with .png, .pdf or .svg.
     """
-    outputs.check_new_picture(out)
     history = history_of(rig, calibrations)
     figure = haploop.trend(history, columns)
-    simulated = display.simulated(history)
+    simulated = contents.simulated(history)
     outputs.save_picture(figure, out, simulated)
     if as_json:
         print_json({"plot": str(out), "simulated": simulated, "looks": len(history.looks)})
@@ -148,10 +139,4 @@ def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str,
 
 
 def _show(history: History, name: str, as_json: bool) -> None:
-    values, table = display.describe(history, history.find(name))
-    if as_json:
-        print_json(values)
-        return
-    print_table(table)
-    if values["simulated"]:
-        print_line(SIMULATED)
+    display.print_contents(contents.generation_contents(history, history.find(name)), as_json)

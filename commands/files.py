@@ -8,22 +8,18 @@ from typing import Literal
 
 import click
 
+from ..reports import contents
 from ..reports import show as display
 from ..terminal.progress import note, print_json, print_line
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH
+from .options import COLUMNS, JSON, PATH, PLOT
 
 __all__ = ["recover", "show", "verify"]
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@click.option(
-    "--plot",
-    type=PATH,
-    metavar="OUT.png",
-    help="Also draw a plot into this file, which ends with .png, .pdf or .svg.",
-)
+@PLOT
 @COLUMNS
 @JSON
 def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_json: bool) -> int:
@@ -35,9 +31,10 @@ def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_js
     """
     a_map = (files[0] / "map.json").is_file()
     if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
-        display.show_forces(files, as_json, plot, columns)
+        found = contents.forces_contents(contents.recordings_in(files))
     else:
-        display.show_file(files[0], as_json, plot, columns)
+        found = contents.file_contents(files[0])
+    display.print_contents(found, as_json, plot, columns)
     return 0
 
 
@@ -52,7 +49,7 @@ def recover(file: Path, as_json: bool) -> int:
     """
     saved = haploop.recover(file)
     note(haploop.Recording.open(saved).events[-1].text)
-    display.show_file(saved, as_json)
+    display.print_contents(contents.file_contents(saved), as_json)
     return 0
 
 

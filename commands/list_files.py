@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from ..reports import show as display
+from ..reports import contents, show
 from ..terminal.progress import Steps
 from . import front as haploop
 from .options import JSON, PATH
@@ -37,5 +37,5 @@ def list_command(where: Sequence[str], folders: Sequence[Path], rebuild: bool, a
     """
     with Steps() as steps:
         found = haploop.list_files(folders or [Path()], where, rebuild=rebuild, progress=steps)
-    display.show_listing(found, as_json)
+    show.print_contents(contents.listing_contents(found), as_json)
     return 0

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..reports import contents, show
 from ..terminal.progress import Steps
 from . import front as haploop
 from .calibrations import CALIBRATIONS, actor, history_of
-from .options import JSON, RIG, SIMULATE, alone, on_table, opened_rig
-
-if TYPE_CHECKING:
-    from ..instruments.driver import Mode
+from .options import JSON, ChosenRig, on_rig, on_table
 
 __all__ = ["recalibrate"]
 
@@ -32,18 +27,10 @@ _EXITS = {"unchanged": 0, "restored": 0, "drifted": 1, "broken": 3}
 )
 @click.option("--attended", is_flag=True, help="An operator is present: ask to aim the laser at each point.")
 @CALIBRATIONS
-@RIG
-@SIMULATE
+@on_rig()
 @JSON
-@click.pass_obj
 def recalibrate(
-    state: CommandState,
-    laser_at: str,
-    attended: bool,
-    calibrations: Path | None,
-    rig: str,
-    simulate: Mode | None,
-    as_json: bool,
+    laser_at: str, attended: bool, calibrations: Path | None, rig: ChosenRig, as_json: bool
 ) -> int:
     """Verify the active calibration; renew it after a drift.
 
@@ -53,18 +40,15 @@ def recalibrate(
     2 invalid request, file or configuration; 3 something is broken. After 1, 2 and 3 the active
     calibration is unchanged.
     """
-    history = history_of(rig, calibrations)
+    history = history_of(rig.name, calibrations)
     history.active()
-    with (
-        alone(rig, simulate) as file,
-        opened_rig(state, file, simulate) as opened,
-        Steps() as steps,
-    ):
+    with rig.opened() as opened, Steps() as steps:
         on_table(opened, laser_at)
         nobody = None if attended else haploop.Unattended(laser_at)
         if nobody:
             opened.adopt("operator", nobody)
         outcome = haploop.recalibrate(opened, history, actor=actor(), progress=steps)
     written = haploop.write_recalibration(history, outcome)
-    display.show_outcome(outcome, tuple(nobody.assumed) if nobody else (), written, as_json)
+    assumed = tuple(nobody.assumed) if nobody else ()
+    show.print_contents(contents.outcome_contents(history, outcome, assumed, written), as_json)
     return _EXITS[outcome.kind]

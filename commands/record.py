@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..reports import contents, show
 from ..terminal.progress import note
 from . import front as haploop
 from .options import (
@@ -17,15 +15,10 @@ from .options import (
     NOTES,
     PATH,
     PATIENCE,
-    RIG,
-    SIMULATE,
     WAIT,
-    alone,
-    opened_rig,
+    ChosenRig,
+    on_rig,
 )
-
-if TYPE_CHECKING:
-    from ..instruments.driver import Mode
 
 __all__ = ["record"]
 
@@ -48,12 +41,9 @@ __all__ = ["record"]
 @WAIT
 @PATIENCE
 @ATTEMPTS
-@RIG
-@SIMULATE
+@on_rig()
 @JSON
-@click.pass_obj
 def record(
-    state: CommandState,
     button: str,
     participant: str,
     presses: int,
@@ -62,8 +52,7 @@ def record(
     wait: float | None,
     patience: float | None,
     attempts: int | None,
-    rig: str,
-    simulate: Mode | None,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5.
@@ -71,12 +60,8 @@ def record(
     BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
     kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
     """
-    with (
-        alone(rig, simulate) as file,
-        opened_rig(state, file, simulate) as opened,
-        display.Meter(opened) as meter,
-    ):
-        state.recordings = out
+    with rig.opened() as opened, show.Meter(opened) as meter:
+        rig.state.recordings = out
         aside = haploop.set_aside(out / haploop.file_name(participant, button))
         if aside is not None:
             note(f"An interrupted recording without a press was renamed to {aside}.")
@@ -98,5 +83,5 @@ def record(
             notes=notes,
             on_request=meter.on_request,
         )
-    display.show_file(recording.path, as_json)
+    show.print_contents(contents.file_contents(recording.path), as_json)
     return 0

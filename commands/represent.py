@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import outputs
-from ..reports import show as display
+from ..reports import contents, show
 from . import front as haploop
-from .options import JSON, PATH, press_method
+from .options import AVERAGE, JSON, NEW, PATH
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
@@ -24,22 +23,21 @@ __all__ = ["represent"]
 @click.option(
     "--out",
     "-o",
-    type=PATH,
+    type=NEW,
     default=Path("press.h5"),
     show_default=True,
     metavar="FILE.h5",
     help="Representative press file to write.",
 )
-@press_method("--method", "-m")
+@AVERAGE
 @JSON
-def represent(recordings: Sequence[Path], out: Path, press_method: AverageMethod, as_json: bool) -> int:
+def represent(recordings: Sequence[Path], out: Path, average: AverageMethod, as_json: bool) -> int:
     """Compute the representative press of recordings.
 
     RECORDINGS are of one button, by any number of participants. The result states the method, the reason for
     it, and the residual of each method that was compared. For a study, use `haploop study represent`.
     """
-    outputs.check_new_file(out)
-    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=press_method)
+    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=average)
     press.save(out)
-    display.show_file(out, as_json)
+    show.print_contents(contents.file_contents(out), as_json)
     return 0

@@ -1,55 +1,63 @@
-"""A rig's audit log and lockout, on standard output."""
+"""What is known of a rig: the findings of `haploop doctor`, and its audit log and lockout."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from datetime import datetime
-from typing import Any
+from typing import Any, get_args
 
-from rich.box import SIMPLE
-from rich.table import Table
-
+from ...calibration.examination import Finding, Status
 from ...instruments import RigFile, hardware, log_entries
 from ...instruments.driver import Mode
 from ...instruments.safety import lockout_of, lockouts_folder, state_folder
-from ...terminal.progress import note, print_json, print_line, print_table
+from .parts import Cell, Contents, Grid, Tone, fact
 
-__all__ = ["show_log"]
+__all__ = ["findings_contents", "log_contents"]
 
+_STATUSES = get_args(Status)
+_TONES: dict[str, Tone] = {"green": "good", "yellow": "doubtful", "red": "bad"}
 _WHO = ("rig", "rig_sha256", "simulated", "user", "host", "pid", "command", "version")
 """Fields of every entry that identify the program."""
 
 
-def show_log(file: RigFile, mode: Mode | None, last: int, as_json: bool) -> None:
-    """Print the last entries for rigs of this name, and the lockout."""
+def findings_contents(findings: Sequence[Finding], rig: str, simulated: bool) -> Contents:
+    """Findings of an examination of the rig, one a line."""
+    worst = max((finding.status for finding in findings), key=_STATUSES.index)
+    rows = [
+        (Cell(one.status, _TONES[one.status]), f"{one.name} ({one.instrument})", one.sentence)
+        for one in findings
+    ]
+    title = f"The rig {rig}{', simulated' if simulated else ''}: {worst}"
+    values = fact(rig=rig, status=worst, findings=[asdict(one) for one in findings])
+    return Contents("", [values], [Grid(title, (), rows, words=3)], simulated=simulated, origin="")
+
+
+def log_contents(file: RigFile, mode: Mode | None, last: int) -> Contents:
+    """The last entries of the audit log for rigs of this name, and the lockout."""
     folder = state_folder(file, mode is not None)
-    found = deque(log_entries(file, mode), last)
+    entries = list(deque(log_entries(file, mode), last))
     lockout = lockout_of(lockouts_folder(folder, mode is not None), hardware(file, mode))
-    if as_json:
-        print_json({"rig": file.name, "lockout": lockout and lockout.sentence, "entries": list(found)})
-        return
-    print_line(f"The rig {file.name}: {folder}")
-    table = Table(box=SIMPLE, show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(style="bold")
-    table.add_column(overflow="fold")
+    values = fact(rig=file.name, lockout=lockout and lockout.sentence, entries=entries)
+    grid = Grid(f"The rig {file.name}: {folder}", (), list(_rows(entries)), words=3)
+    said = lockout.sentence if lockout else "The rig is not locked out."
+    notes = [] if entries else ["The log has no entries yet."]
+    return Contents("", [values], [grid], [*notes, said])
+
+
+def _rows(entries: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str | Cell, ...]]:
     program = None
-    for entry in found:
+    for entry in entries:
         if "rig" not in entry:  # a damaged line: nothing else is known of it
-            table.add_row("", str(entry["kind"]), str(entry["why"]))
+            yield "", str(entry["kind"]), str(entry["why"])
             continue
         when = _local(entry.get("time"))
         if program != (program := [entry.get(key) for key in _WHO]):
             by = f"{entry.get('user')}@{entry.get('host')}: {entry.get('command')}"
             about = f"process {entry.get('pid')}, rig file {str(entry.get('rig_sha256'))[:8]}"
-            table.add_row(when, "program", f"{by} ({about})", style="dim")
-        table.add_row(when, str(entry.get("kind")), _how(entry))
-    if table.row_count:
-        print_table(table)
-    else:
-        print_line("The log has no entries yet.")
-    note(lockout.sentence if lockout else "The rig is not locked out.")
+            yield tuple(Cell(text, "aside") for text in (when, "program", f"{by} ({about})"))
+        yield when, str(entry.get("kind")), _how(entry)
 
 
 def _how(entry: Mapping[str, Any]) -> str:

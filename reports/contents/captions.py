@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 __all__ = [
+    "BEFORE_AND_AFTER",
     "CHECK",
     "COMPARISON",
     "CONFUSION",
     "DRIVES",
     "FEELING",
     "FORCES",
+    "ITERATIONS",
     "LEARNING",
     "MAP",
     "PRESSES",
@@ -47,7 +49,17 @@ CHECK = (
     "noise left in the mean of the plays; third octaves in the loudest 100 ms against thresholds of "
     "detection; level in 20 ms over the threshold of a finger at rest (0 dB)."
 )
-LEARNING = f"{CHECK} Iterations: error within the band of each drive that was tried."
+_ITERATIONS = "Iterations: error within the band of each drive that was tried."
+LEARNING = f"{CHECK} {_ITERATIONS}"
+ITERATIONS = (
+    "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the whole motion with the "
+    f"noise left in the mean of the plays. {_ITERATIONS}"
+)
+BEFORE_AND_AFTER = (
+    "Target (orange) and measured acceleration (black) of each button, around the largest acceleration. "
+    "Left: the old drive on the drifted table. Right: the new drive. A new drive has a new target, because "
+    "its carrier is the present resonance."
+)
 MAP = (
     "Top: largest displacement in µm per V at the best frequency, for each patch and for all together; the "
     "ring marks the best point. Bottom: the strongest modes, each from −1 to 1, with white lines where it "

@@ -1,4 +1,4 @@
-"""Output files of commands: names checked before anything is measured, and pictures as new files.
+"""What each kind of result says: its facts, tables, sentences, verdicts and figures.
 
 Names are loaded when they are first used; `__init__.pyi` lists them.
 """
