@@ -117,13 +117,7 @@ def import_(
         haploop.Calibration.of(response).save(out)
     else:
         haploop.import_press(
-            file,
-            button,
-            format=format,
-            channel=channel,
-            scale=scale,
-            rate_hz=rate,
-            activation=activation,
+            file, button, format=format, channel=channel, scale=scale, rate_hz=rate, activation=activation
         ).save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0

@@ -9,16 +9,7 @@ import click
 from ..reports import contents, show
 from ..terminal.progress import note
 from . import front as haploop
-from .options import (
-    ATTEMPTS,
-    JSON,
-    NOTES,
-    PATH,
-    PATIENCE,
-    WAIT,
-    ChosenRig,
-    on_rig,
-)
+from .options import ATTEMPTS, JSON, NOTES, PATH, PATIENCE, WAIT, ChosenRig, on_rig
 
 __all__ = ["record"]
 

@@ -13,17 +13,7 @@ import click
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, print_json, print_line
 from . import front as haploop
-from .options import (
-    ATTEMPTS,
-    JSON,
-    NOTES,
-    PATH,
-    PATIENCE,
-    WAIT,
-    ChosenRig,
-    average_option,
-    on_rig,
-)
+from .options import ATTEMPTS, JSON, NOTES, PATH, PATIENCE, WAIT, ChosenRig, average_option, on_rig
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod

@@ -209,9 +209,7 @@ def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
 @twin.command("all", short_help="Serve all simulated instruments of a rig.")
 @_rig
 @click.option(
-    "--press",
-    metavar="BUTTON",
-    help=f"Let a simulated person press this button every {_EVERY:g} s.",
+    "--press", metavar="BUTTON", help=f"Let a simulated person press this button every {_EVERY:g} s."
 )
 @_as_json
 def serve_all(rig: str, press: str | None, as_json: bool) -> None:

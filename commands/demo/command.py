@@ -9,7 +9,7 @@ import click
 
 from ...reports import show
 from ...terminal.exits import CommandState
-from ...terminal.progress import Steps, note, print_json
+from ...terminal.progress import Steps, note, print_json, print_line
 from .. import front as haploop
 from ..options import JSON, PATH, RIG, SIMULATE
 
@@ -67,4 +67,5 @@ def demo(
         note(f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).")
     else:
         show.print_contents(demo_contents(summary), as_json)
+        print_line(f"Report: {summary['report']}")
     return 0 if summary["passed"] else 1

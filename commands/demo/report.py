@@ -16,8 +16,9 @@ from ...reports import figures
 from ...reports.contents import (
     Contents,
     Grid,
+    calibration_contents,
     captions,
-    check_verdict,
+    check_contents,
     counted,
     fact,
     feeling_values,
@@ -114,7 +115,6 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
         for name, b in buttons.items()
     ]
     said = [f"{name}: {one}" for name, b in buttons.items() for one in (*b["reasons"], *b["notes"])]
-    world = f"{summary['mode']}, seed {summary['seed']}"
     return Contents(
         _TITLE,
         tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
@@ -123,9 +123,9 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
             *summary["notes"],
             f"Resonance {summary['resonance_hz']:.2f} Hz (true: {summary['resonance_true_hz']:.2f} Hz). "
             f"{summary['simulated_s']:.0f} s of simulated time in {summary['wall_s']:.0f} s.",
-            f"Everything here is simulated ({world}).",
-            f"Report: {summary['report']}",
         ],
+        simulated=True,
+        origin=f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).",
         rig=summary["rig"],
     )
 
@@ -144,72 +144,53 @@ _EXPLAINED = (
 
 def report(demo: Demo, summary: Mapping[str, Any]) -> str:
     """Render the report of a run as HTML."""
-    response, model = demo.calibration.response, demo.calibration.model
+    response = demo.calibration.response
     people = counted(summary["participants"], "participant")
     when = f"{datetime.fromisoformat(summary['date']):%Y-%m-%d %H:%M} UTC"
     lead = f"Rig “{demo.rig}”, {people}, patch {response.patch} at the {response.point} point, {when}."
-    low, high = summary["band_hz"]
-    table = Contents(
-        "The table",
-        [
-            fact("Resonance", f"{model.resonance_hz:.2f} Hz (true value: {demo.true_resonance_hz:.2f} Hz)"),
-            fact(f"Lowest coherence, {low:.0f} to {high:.0f} Hz", fixed(summary["coherence_min_in_band"], 4)),
-            fact("Model", f"{percent(summary['model_error'], 2)} from the measured response"),
-        ],
-    )
-    verdicts = [check_verdict(f"Digital {r.button} button", r.check) for r in demo.buttons]
-    head = replace(demo_contents(summary), verdicts=verdicts, simulated=True)
-    sections = [head, *_details(summary), table, *_about(demo, summary)]
+    table = calibration_contents(demo.calibration)
+    known = [
+        fact("True resonance", f"{demo.true_resonance_hz:.2f} Hz, of the simulated plant"),
+        fact("Lowest coherence in the band of the drives", fixed(summary["coherence_min_in_band"], 4)),
+    ]
+    sections = [
+        demo_contents(summary),
+        *(check_contents(one.check, one.press) for one in demo.buttons),
+        replace(table, facts=[*table.facts, *known]),
+        *_about(demo, summary),
+    ]
     sources = [(r.path.name, r.content_hash) for b in demo.buttons for r in b.recordings]
     return Page(_TITLE, lead, sections, _captioned_figures(demo), sources).html()
 
 
-def _details(summary: Mapping[str, Any]) -> Iterator[Contents]:
-    """The errors of each check in full, and what a finger would feel."""
-    buttons = summary["buttons"]
-    rows = [
-        (
-            name,
-            percent(b["wideband_nrmse"]),
-            percent(b["nrmse"]),
-            percent(b["outside"]),
-            percent(b["wideband_floor"]),
-            fixed(b["correlation"], 4),
-            fixed(b["envelope_correlation"], 4),
-            fixed(b["third_octave_error_db"], 2, "dB"),
+def _about(demo: Demo, summary: Mapping[str, Any]) -> Iterator[Contents]:
+    """How to read the numbers, what the run cannot show, and what it was made with."""
+    limits = []
+    for result in demo.buttons:
+        name, drive = result.button.capitalize(), result.check.drive
+        low, high = drive.band
+        limits.append(
+            f"{name}: the surface moves at {drive.scale:.4f} times the recorded acceleration, the maximum "
+            f"within the rig's limits. {percent(1 - drive.in_band)} of the modulated press's energy lies "
+            f"outside {low:.0f} to {high:.0f} Hz and is left out of the target."
         )
-        for name, b in buttons.items()
-    ]
-    headings = (
-        "Button", "Error", "Within the band", "Outside", "Noise", "Correlation", "Of envelopes",
-        "Third octaves",
-    )  # fmt: skip
-    yield Contents("Errors", tables=[Grid("", headings, rows, below=_ERRORS)])
-    felt = []
-    for name, b in buttons.items():
-        levels, feeling = b["feeling"]["levels"], b["feeling"]
-        long, short = levels["measured"]
-        decibels = (
-            long["above_resting_threshold_db"],
-            short["above_resting_threshold_db"],
-            long["above_lowest_threshold_db"],
-            levels["recorded"][0]["above_resting_threshold_db"],
-            feeling["loudness_db"],
-            levels["residual"][0]["above_resting_threshold_db"],
-        )
-        told = (fixed(one, 1, "dB") for one in decibels)
-        felt.append((name, *told, feeling["felt"], feeling["difference_felt"]))
-    of_feeling = (
-        "Button", "Loudest 100 ms", "20 ms", "Over the lowest threshold", "Recorded press",
-        "Against the recorded press", "Difference from the target", "Can be felt", "Difference felt",
-    )  # fmt: skip
-    notes = [
-        f"{name.capitalize()}: {note}"
-        for name, b in buttons.items()
-        for note in b["feeling"]["notes"]
-        if note not in b["notes"]
-    ]
-    yield Contents("What a finger would feel", tables=[Grid("", of_feeling, felt, below=_FELT)], notes=notes)
+        limits += [f"{name}, left out of the representative press: {one}" for one in result.press.left_out]
+    shape = "The check compares the shape of the acceleration, at the scale stated above."
+    yield Contents("How to read the numbers", notes=[_ERRORS, _FELT])
+    yield Contents("Limitations", notes=[*limits, *demo.notes, shape])
+    yield Contents(
+        "Provenance",
+        [
+            fact("Rig file", demo.rig_file),
+            fact("Simulation", f"{demo.mode}; {_listed(demo.simulation, ' = ')}"),
+            fact("Software", _listed(summary["software"], " ")),
+            fact("Folder", str(demo.out)),
+        ],
+    )
+
+
+def _listed(values: Mapping[str, Any], mark: str) -> str:
+    return ", ".join(f"{key}{mark}{value}" for key, value in values.items())
 
 
 _ERRORS = (
@@ -226,33 +207,6 @@ _FELT = (
     "need more. The thresholds, their sources and what is only an estimate: docs/hardware.md, “Feeling a "
     "vibration”."
 )
-
-
-def _about(demo: Demo, summary: Mapping[str, Any]) -> Iterator[Contents]:
-    """What the run cannot show, and what it was made with."""
-    limits = []
-    for result in demo.buttons:
-        name, drive = result.button.capitalize(), result.check.drive
-        low, high = drive.band
-        limits.append(
-            f"{name}: the surface moves at {drive.scale:.4f} times the recorded acceleration, the maximum "
-            f"within the rig's limits. {percent(1 - drive.in_band)} of the modulated press's energy lies "
-            f"outside {low:.0f} to {high:.0f} Hz and is left out of the target."
-        )
-        limits += [f"{name}, left out of the representative press: {one}" for one in result.press.left_out]
-    shape = "The check compares the shape of the acceleration, at the scale stated above."
-    yield Contents("Limitations", notes=[*limits, *demo.notes, shape])
-    settings = ", ".join(f"{key} = {value}" for key, value in demo.simulation.items())
-    software = ", ".join(f"{key} {value}" for key, value in summary["software"].items())
-    yield Contents(
-        "Provenance",
-        [
-            fact("Rig file", demo.rig_file),
-            fact("Simulation", f"{demo.mode}; {settings}"),
-            fact("Software", software),
-            fact("Folder", str(demo.out)),
-        ],
-    )
 
 
 def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:

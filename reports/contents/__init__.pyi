@@ -3,9 +3,9 @@ from .analysis import identification_contents as identification_contents
 from .analysis import power_contents as power_contents
 from .analysis import ratings_contents as ratings_contents
 from .analysis import thresholds_contents as thresholds_contents
+from .calibration import calibration_contents as calibration_contents
 from .catalogue import listing_contents as listing_contents
 from .check import check_contents as check_contents
-from .check import check_verdict as check_verdict
 from .check import feeling_values as feeling_values
 from .experiment import experiment_contents as experiment_contents
 from .files import contents_of as contents_of

@@ -16,7 +16,7 @@ from .parts import Contents, Drawing, Fact, Verdict, fact, plain, verdict_cell
 from .press import press_drawing
 from .words import interval, percent, sentence
 
-__all__ = ["button_contents", "check_contents", "check_verdict", "feeling_facts", "feeling_values"]
+__all__ = ["button_contents", "check_contents", "feeling_facts", "feeling_values"]
 
 _OF_ITERATION = ("wideband_nrmse", "nrmse", "floor", "kept", "reason")
 
@@ -38,8 +38,7 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
             f"Within {low:.0f} to {high:.0f} Hz", f"{percent(check.nrmse)} ({interval(check.nrmse_interval)})"
         ),
         fact(
-            "Motion outside",
-            f"{percent(check.outside)} of the target ({interval(check.outside_interval)})",
+            "Motion outside", f"{percent(check.outside)} of the target ({interval(check.outside_interval)})"
         ),
         fact("Correlation", f"{check.correlation:.4f}, of the envelopes {check.envelope_correlation:.4f}"),
         fact("Third octaves", f"{check.third_octave_error_db:.2f} dB"),
@@ -58,7 +57,7 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
         kind="check",
         simulated=check.simulated,
         rig=drive.rig,
-        verdicts=[check_verdict(f"Check of the {drive.button} button", check)],
+        verdicts=[_verdict(f"Check of the {drive.button} button", check)],
         figures=[
             Drawing(
                 "check",
@@ -146,7 +145,7 @@ def button_contents(button: DigitalButton) -> Contents:
         kind="button",
         simulated=button.simulated,
         rig=drive.rig,
-        verdicts=[check_verdict(title, check)],
+        verdicts=[_verdict(title, check)],
         figures=_figures_of(button, feeling),
         picture=Drawing(
             f"button-{press.button}",
@@ -208,8 +207,7 @@ def _noise(check: Check) -> Fact:
     return fact("Noise of the plays' mean", told)
 
 
-def check_verdict(subject: str, check: Check) -> Verdict:
-    """The row of a check in the table of verdicts."""
+def _verdict(subject: str, check: Check) -> Verdict:
     return Verdict(
         subject,
         check.verdict,

@@ -6,25 +6,27 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any
 
-from ...calibration.examination import Finding, Status
 from ...instruments import RigFile, hardware, log_entries
 from ...instruments.driver import Mode
 from ...instruments.safety import lockout_of, lockouts_folder, state_folder
 from .parts import Cell, Contents, Grid, Tone, fact
 
+if TYPE_CHECKING:
+    from ...calibration.examination import Finding
+
 __all__ = ["findings_contents", "log_contents"]
 
-_STATUSES = get_args(Status)
 _TONES: dict[str, Tone] = {"green": "good", "yellow": "doubtful", "red": "bad"}
+"""Of each status, from the best to the worst."""
 _WHO = ("rig", "rig_sha256", "simulated", "user", "host", "pid", "command", "version")
 """Fields of every entry that identify the program."""
 
 
 def findings_contents(findings: Sequence[Finding], rig: str, simulated: bool) -> Contents:
     """Findings of an examination of the rig, one a line."""
-    worst = max((finding.status for finding in findings), key=_STATUSES.index)
+    worst = max((finding.status for finding in findings), key=list(_TONES).index)
     rows = [
         (Cell(one.status, _TONES[one.status]), f"{one.name} ({one.instrument})", one.sentence)
         for one in findings

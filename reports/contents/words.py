@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence, Sized
+from typing import TYPE_CHECKING
 
-from ...calibration import Resonance
+if TYPE_CHECKING:
+    from ...calibration import Resonance
 
 __all__ = ["ANSWERS_SIMULATED", "counted", "damping", "fixed", "interval", "percent", "sentence"]
 

@@ -11,18 +11,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from ...calibration import Check, DigitalButton, check_feeling
 from .feeling import draw_feeling
-from .plotting import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    Columns,
-    active,
-    legend_under,
-    letter,
-    new_figure,
-    style,
-)
+from .plotting import BLUE, GREY, INK, ORANGE, Columns, active, legend_under, letter, new_figure, style
 
 __all__ = ["button_figure", "check_figure", "iterations_figure"]
 

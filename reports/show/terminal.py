@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.box import SIMPLE
@@ -13,7 +14,9 @@ from rich.text import Text
 from ...terminal.progress import print_json, print_line, print_table
 from .. import outputs
 from ..contents import Cell, Contents, Grid, text_of
-from ..figures import Columns
+
+if TYPE_CHECKING:
+    from ..figures import Columns
 
 __all__ = ["print_contents"]
 

@@ -16,7 +16,7 @@ import haploop
 from haploop.acquisition.hdf5 import write
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
-from haploop.reports.outputs import pictures
+from haploop.reports import figures, outputs
 from tests.command_line import Demo, Run
 from tests.elsewhere import in_use_elsewhere
 
@@ -87,7 +87,7 @@ def test_a_check_of_what_is_simulated_says_so(
         drawn.append(figure)
         return b"PNG"
 
-    monkeypatch.setattr(pictures, "encode", encode)
+    monkeypatch.setattr(figures, "encode", encode)
     recording = demo.folder / "recordings" / "P01-latch.h5"
     result = run(
         "check", recording, "--calibration", demo.folder / "calibration.h5", "--out", tmp_path / "new",
@@ -102,10 +102,10 @@ def test_a_check_of_what_is_simulated_says_so(
 
 def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
     figure = Figure()
-    pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
+    outputs.save_picture(figure, tmp_path / "real.png", simulated=False)
     assert not figure.texts
     with pytest.raises(ConfigurationError, match="exists"):
-        pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
+        outputs.save_picture(figure, tmp_path / "real.png", simulated=False)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sets no limit to the size of a file")

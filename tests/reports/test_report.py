@@ -26,7 +26,7 @@ def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, dem
     assert not re.search(r'(?:src|href)="(?!data:)', page)
     assert not re.search(r"<script|@import|url\(", page)
     assert page.count('src="data:image/png;base64,') == 3
-    assert "Simulated." in page and "All of these data" in page
+    assert "Simulated." in page and "Everything here is simulated." in page
     sha256 = demo.summary["buttons"]["latch"]["sources"][0]["sha256"]
     assert sha256 in page
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", page, re.S)
