@@ -154,7 +154,7 @@ def report(demo: Demo, summary: Mapping[str, Any]) -> str:
         fact("Lowest coherence in the band of the drives", fixed(summary["coherence_min_in_band"], 4)),
     ]
     sections = [
-        demo_contents(summary),
+        replace(demo_contents(summary), title="Results", notes=summary["notes"]),
         *(check_contents(one.check, one.press) for one in demo.buttons),
         replace(table, facts=[*table.facts, *known]),
         *_about(demo, summary),

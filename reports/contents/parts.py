@@ -155,6 +155,11 @@ class Contents:
         return head | {key: plain(value) for one in self.facts for key, value in one.values.items()}
 
     @property
+    def said(self) -> list[str]:
+        """The sentences below the facts and tables: the notes, and what is simulated."""
+        return [*self.notes, *([self.origin] if self.simulated and self.origin else [])]
+
+    @property
     def rows(self) -> list[tuple[str, str | Cell]]:
         """Label and text of each line of the facts; the second line of a fact has no label."""
         return [

@@ -121,9 +121,7 @@ def _told(section: Contents) -> Iterator[str]:
             yield f"{text_of(first)}: {told}"
         if grid.below:
             yield grid.below
-    yield from section.notes
-    if section.simulated and section.origin != SIMULATED:
-        yield section.origin
+    yield from section.said
 
 
 def _wrapped(text: str) -> Iterator[tuple[str, bool]]:

@@ -41,10 +41,8 @@ def print_contents(contents: Contents, as_json: bool, plot: Path | None = None, 
         print_line(contents.title)
     for grid in contents.tables:
         _print_grid(grid)
-    for note in contents.notes:
-        print_line(note)
-    if contents.simulated and contents.origin:
-        print_line(contents.origin)
+    for sentence in contents.said:
+        print_line(sentence)
     if plot is not None:
         print_line(f"Plot: {plot}")
 

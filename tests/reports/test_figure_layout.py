@@ -35,7 +35,8 @@ NAMES = (
     "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives",
     "drive of a long name", "drive",
     "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button",
-    "iterations", "map", "map of a row", "before and after", "responses", "ratings", "ratings of seven", "confusion",
+    "iterations", "map", "map of a row", "before and after", "responses", "ratings", "ratings of seven",
+    "confusion",
     "confusion of many", "trend",
 )  # fmt: skip
 Draw = Callable[..., Figure]
