@@ -16,7 +16,6 @@ from ...experiments import (
     Ratings,
     Threshold,
 )
-from ...experiments.analysis.confusion import Metric
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Fact, Grid, fact
@@ -193,10 +192,10 @@ def _level(by: Sequence[str], key: Sequence[str]) -> str:
 
 
 def _confusion(confusion: Confusion, title: str) -> Grid:
-    rows = [
-        (name, *(str(count) for count in counts), *(_share(confusion, metric, name) for metric in METRICS))
-        for name, counts in zip(confusion.classes, confusion.counts, strict=True)
-    ]
+    rows = []
+    for name, counts in zip(confusion.classes, confusion.counts, strict=True):
+        shares = [_share(confusion.value(one, name), confusion.interval(one, name)) for one in METRICS]
+        rows.append((name, *map(str, counts), *shares))
     edges = confusion.overall_interval
     bounds = f" ({interval(edges)})" if edges else ""
     correct = f"Correct: {percent(confusion.overall, 2)}{bounds} of {confusion.counts.sum()} trials."
@@ -204,8 +203,7 @@ def _confusion(confusion: Confusion, title: str) -> Grid:
     return Grid(title, headings, rows, below=correct)
 
 
-def _share(confusion: Confusion, metric: Metric, name: str) -> str:
-    value, edges = confusion.value(metric, name), confusion.interval(metric, name)
+def _share(value: float | None, edges: tuple[float, float] | None) -> str:
     bounds = f" ({100 * edges[0]:.0f} to {100 * edges[1]:.0f})" if edges else ""
     return "not defined" if value is None else f"{percent(value, 2)}{bounds}"
 
@@ -253,7 +251,7 @@ def _fields(one: Any, *names: str) -> dict[str, Any]:
 
 
 def _confusion_values(confusion: Confusion) -> dict[str, Any]:
-    def each(what: Callable[[Metric, str], Any]) -> dict[str, Any]:
+    def each(what: Callable[[Any, str], Any]) -> dict[str, Any]:
         return {name: {metric: what(metric, name) for metric in METRICS} for name in confusion.classes}
 
     return {

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...calibration.map import VibrationMap
-from ...calibration.map.map import Best
 from .. import figures
 from . import captions
 from .parts import Contents, Drawing, Verdict, fact
@@ -24,7 +23,7 @@ _MODES = 8
 def map_contents(found: VibrationMap) -> Contents:
     """What a vibration map says: its best point for each patch, its modes, and how well they fit."""
     plan, residual, modes = found.plan, float(np.sqrt(np.mean(found.residual**2))), found.resonances()
-    best, each = _best(found.best()), [_best(found.best(patches=[name])) for name in found.configurations]
+    best, each = _best(found), [_best(found, [name]) for name in found.configurations]
     done, planned = len(found.points), len(plan.points)
     played = "all patches at once" if plan.together else "one patch at a time"
     superposed = ", ".join(f"{share:.2%} at point {point}" for point, share in found.superposition)
@@ -86,7 +85,8 @@ def map_contents(found: VibrationMap) -> Contents:
     )
 
 
-def _best(one: Best) -> dict[str, Any]:
+def _best(found: VibrationMap, patches: Sequence[str] | None = None) -> dict[str, Any]:
+    one = found.best(patches=patches)
     return {
         "patch": one.patch,
         "point": one.point,
