@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,13 +10,14 @@ import numpy as np
 from ...calibration import Calibration, Drive, Resonance, Waveforms
 from .. import figures
 from . import captions
-from .parts import Contents, Drawing, Verdict, fact
+from .parts import Contents, Drawing, Fact, Verdict, fact
 from .words import damping, percent, sentence
 
 __all__ = [
     "calibration_contents",
     "drive_contents",
     "drive_drawing",
+    "drive_facts",
     "response_drawing",
     "waveforms_contents",
 ]
@@ -105,42 +107,41 @@ def response_drawing(calibration: Calibration) -> Drawing:
 
 def drive_contents(drive: Drive) -> Contents:
     """What a drive says."""
-    low, high = drive.band
-    peak_to_peak, duration = float(np.ptp(drive.volts)), len(drive.volts) / drive.rate_hz
-    facts = [
-        fact(button=drive.button, patch=drive.patch),
-        fact(
-            "Voltage",
-            f"{drive.peak:.1f} V peak, {peak_to_peak:.1f} V peak to peak",
-            drive_peak_v=drive.peak,
-            drive_peak_to_peak_v=peak_to_peak,
-        ),
-        fact(
-            "Length",
-            f"{1e3 * duration:.0f} ms at {drive.rate_hz:g} Hz",
-            duration_s=duration,
-            rate_hz=drive.rate_hz,
-        ),
-        fact("Method", drive.method, method=drive.method),
-        fact("Carrier", f"{drive.carrier_hz:.2f} Hz", carrier_hz=drive.carrier_hz),
-        fact(
-            "Band",
-            f"{low:.0f} to {high:.0f} Hz, {percent(drive.in_band)} of the energy",
-            band_hz=drive.band,
-            in_band=drive.in_band,
-        ),
-        fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale),
-        fact("Predicted error", percent(drive.predicted_error), predicted_error=drive.predicted_error),
-        fact("Not reached", drive.unreached, unreached=drive.unreached),
-    ]
     return Contents(
         f"Drive of the {drive.button} button at patch {drive.patch}",
-        facts,
+        list(drive_facts(drive)),
         kind="drive",
         simulated=drive.simulated,
         rig=drive.rig,
         figures=[drive_drawing(drive)],
     )
+
+
+def drive_facts(drive: Drive) -> Iterator[Fact]:
+    """The voltage of a drive, how it was computed, and how much of the press it reaches."""
+    low, high = drive.band
+    peak_to_peak, duration = float(np.ptp(drive.volts)), len(drive.volts) / drive.rate_hz
+    yield fact(
+        "Drive",
+        f"{drive.peak:.1f} V peak, {peak_to_peak:.1f} V peak to peak at patch {drive.patch}",
+        drive_peak_v=drive.peak,
+        drive_peak_to_peak_v=peak_to_peak,
+        button=drive.button,
+        patch=drive.patch,
+    )
+    length = f"{1e3 * duration:.0f} ms at {drive.rate_hz:g} Hz"
+    yield fact("Length", length, duration_s=duration, rate_hz=drive.rate_hz)
+    carrier = f", with {drive.carrier_hz:.2f} Hz" if drive.carrier_hz else ""
+    yield fact("Method", f"{drive.method}{carrier}", method=drive.method, carrier_hz=drive.carrier_hz)
+    yield fact(
+        "Band",
+        f"{low:.0f} to {high:.0f} Hz, {percent(drive.in_band)} of the energy",
+        band_hz=drive.band,
+        in_band=drive.in_band,
+    )
+    yield fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale)
+    yield fact("Predicted error", percent(drive.predicted_error), predicted_error=drive.predicted_error)
+    yield fact("Not reached", drive.unreached, unreached=drive.unreached)
 
 
 def drive_drawing(drive: Drive) -> Drawing:

@@ -11,7 +11,7 @@ from ...calibration import Check, DigitalButton, Feeling, check_feeling
 from ...calibration.perception import Levels
 from .. import figures
 from . import captions
-from .calibration import drive_drawing, response_drawing
+from .calibration import drive_drawing, drive_facts, response_drawing
 from .parts import Contents, Drawing, Fact, Verdict, fact, plain, verdict_cell
 from .press import press_drawing
 from .words import interval, percent, sentence
@@ -27,29 +27,11 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
     `press`, the recorded one, adds how loud the motion is against it; `file` is where the plays are kept.
     """
     drive, feeling = check.drive, check_feeling(check, press)
-    low, high = drive.band
     facts = [
-        fact(button=drive.button, patch=drive.patch, **check.summary()),
-        fact(
-            "Error, whole motion",
-            f"{_error(check)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz",
-        ),
-        fact(
-            f"Within {low:.0f} to {high:.0f} Hz", f"{percent(check.nrmse)} ({interval(check.nrmse_interval)})"
-        ),
-        fact(
-            "Motion outside", f"{percent(check.outside)} of the target ({interval(check.outside_interval)})"
-        ),
-        fact("Correlation", f"{check.correlation:.4f}, of the envelopes {check.envelope_correlation:.4f}"),
-        fact("Third octaves", f"{check.third_octave_error_db:.2f} dB"),
-        _noise(check),
-        fact("Drive", f"{drive.peak:.1f} V peak at patch {drive.patch}", drive_peak_v=drive.peak),
-        fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale),
-        fact("Energy in the band", percent(drive.in_band), in_band=drive.in_band),
-        *feeling_facts(feeling, check.notes),
-        *([fact("Every play is kept in", str(file), file=file)] if file else []),
-        fact("Verdict", verdict_cell(check.verdict)),
-        fact("", (*check.reasons, *check.notes)),
+        fact(**check.summary()),
+        *_check_facts(check, feeling),
+        *drive_facts(drive),
+        fact("Every play is kept in", str(file), file=file) if file else fact(),
     ]
     return Contents(
         f"Check of the {drive.button} button, {check.plays} plays",
@@ -73,51 +55,25 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
 
 
 def button_contents(button: DigitalButton) -> Contents:
-    """What a digital button says: the check its verdict, its drive, and what they were made from."""
+    """What a digital button says: its check, its drive, and what they were made from."""
     press, drive, check, learning = button.press, button.drive, button.check, button.learning
     response, feeling = button.calibration.response, check_feeling(check, press)
-    carrier = f" with {drive.carrier_hz:.2f} Hz" if drive.carrier_hz else ""
-    length = len(drive.volts) / drive.rate_hz
     tried = [
         f"{number}: in band {one.nrmse:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
         for number, one in enumerate(learning.iterations)
     ]
     facts = [
-        fact(button=press.button, passed=button.passed, check=check.summary()),
-        fact(f"Verdict: {check.verdict}", check.reasons),
-        fact("Note", check.notes),
+        fact(passed=button.passed, check=check.summary()),
         fact(
             "Made",
             f"{button.created} on {drive.rig}, patch {drive.patch} at the {drive.point} point",
             created=button.created,
             software=button.made_with,
             rig=drive.rig,
-            patch=drive.patch,
             point=drive.point,
         ),
-        fact(
-            "Drive",
-            f"{drive.method}{carrier}, {drive.peak:.1f} V peak, {length:.2f} s",
-            method=drive.method,
-            carrier_hz=drive.carrier_hz,
-            drive_peak_v=drive.peak,
-            band_hz=drive.band,
-            in_band=drive.in_band,
-            scale=drive.scale,
-        ),
-        fact(
-            "Error",
-            f"whole motion {_error(check)} over {check.plays} plays; within the band {percent(check.nrmse)}; "
-            f"motion outside {percent(check.outside)} of the target",
-        ),
-        _noise(check),
-        fact(
-            "Similarity",
-            f"correlation {check.correlation:.3f}, of envelopes {check.envelope_correlation:.3f}, third "
-            f"octaves {check.third_octave_error_db:.1f} dB",
-        ),
-        *feeling_facts(feeling, check.notes),
-        fact("Not reached", drive.unreached, unreached=drive.unreached),
+        *_check_facts(check, feeling),
+        *drive_facts(drive),
         fact(
             "Learning",
             [*tried, learning.stopped],
@@ -198,13 +154,32 @@ def _plays(buttons: Sequence[DigitalButton]) -> str:
     return sentence([f"{one.press.button}, n = {one.check.plays} plays" for one in buttons])
 
 
+def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
+    """The verdict with its reasons, the errors that it is of, and what a finger would feel."""
+    low, high = check.drive.band
+    yield fact("Verdict", [verdict_cell(check.verdict), *check.reasons, *check.notes])
+    yield fact(
+        "Error, whole motion",
+        f"{_error(check)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
+        f"{check.plays} plays",
+    )
+    yield fact(
+        f"Within {low:.0f} to {high:.0f} Hz", f"{percent(check.nrmse)} ({interval(check.nrmse_interval)})"
+    )
+    yield fact(
+        "Motion outside", f"{percent(check.outside)} of the target ({interval(check.outside_interval)})"
+    )
+    yield fact("Correlation", f"{check.correlation:.4f}, of the envelopes {check.envelope_correlation:.4f}")
+    yield fact("Third octaves", f"{check.third_octave_error_db:.2f} dB")
+    yield fact(
+        "Noise of the plays' mean",
+        f"{percent(check.wideband_floor)}, within the band {percent(check.floor)}",
+    )
+    yield from feeling_facts(feeling, check.notes)
+
+
 def _error(check: Check) -> str:
     return f"{percent(check.wideband_nrmse)} ({interval(check.wideband_interval)})"
-
-
-def _noise(check: Check) -> Fact:
-    told = f"{percent(check.wideband_floor)}, within the band {percent(check.floor)}"
-    return fact("Noise of the plays' mean", told)
 
 
 def _verdict(subject: str, check: Check) -> Verdict:

@@ -69,7 +69,7 @@ class Fact:
     """By name, with the unit, as in JSON: `scale`, `carrier_hz`."""
 
 
-def fact(label: str = "", said: str | Cell | Sequence[str] | None = (), /, **values: Any) -> Fact:
+def fact(label: str = "", said: str | Cell | Sequence[str | Cell] | None = (), /, **values: Any) -> Fact:
     """A fact: the label and the text beside it, in one line or several, and the values that it is made of.
 
     Values alone are for programs only; without text there is no line.
