@@ -48,10 +48,13 @@ class Cell:
     tone: Tone
 
 
+_VERDICTS: dict[str, Tone] = {"pass": "good", "fail": "bad", "not shown": "doubtful"}
+"""The verdicts of a check."""
+
+
 def verdict_cell(said: str) -> Cell:
-    """The cell of a check's verdict: "pass", "FAIL", or what else it says, which is neither."""
-    tones: dict[str, Tone] = {"pass": "good", "fail": "bad"}
-    return Cell("FAIL" if said == "fail" else said, tones.get(said, "doubtful"))
+    """The cell of a check's verdict."""
+    return Cell("FAIL" if said == "fail" else said, _VERDICTS[said])
 
 
 def text_of(cell: str | Cell) -> str:
@@ -100,6 +103,11 @@ class Verdict:
     good: bool
     measured: str
     why: str = ""
+
+    @property
+    def tone(self) -> Tone:
+        """How it is set off."""
+        return _VERDICTS.get(self.said, "good" if self.good else "bad")
 
 
 @dataclass(frozen=True, eq=False)
