@@ -156,10 +156,11 @@ def outcome_contents(
     names = sorted({*outcome.before, *after})
     told = [f"Assumed, with no operator present: {sentence}" for sentence in assumed]
     calibrations = calibrations_of(outcome.active)
-    rig, tables = calibrations[0].response.rig, []
-    if names:
-        rows = [_button_row(name, outcome, after) for name in names]
-        tables = [Grid("Buttons", _OF_BUTTON, rows, below=_ERROR), _places(outcome)]
+    rig = calibrations[0].response.rig
+    rows = [_button_row(name, outcome, after) for name in names]
+    tables = [Grid("Buttons", _OF_BUTTON, rows, below=_ERROR)] if rows else []
+    if outcome.verdicts:
+        tables.append(_places(outcome))
     drawings = [
         Drawing(
             "before-and-after",
