@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from ..reports import contents, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH, PLOT
+from .options import COLUMNS, JSON, ONLY, PATH, PLOT
+
+if TYPE_CHECKING:
+    from ..experiments import Rows
 
 __all__ = ["analyse"]
 
@@ -29,11 +32,18 @@ def analyse() -> None:
     "--within", metavar="COLUMN", default="", help="Within factor.  [default: confirmation, or day]"
 )
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
+@ONLY
 @PLOT
 @COLUMNS
 @JSON
 def confusion(
-    file: Path, within: str, between: str, plot: Path | None, columns: Columns, as_json: bool
+    file: Path,
+    within: str,
+    between: str,
+    only: Sequence[tuple[str, str]],
+    plot: Path | None,
+    columns: Columns,
+    as_json: bool,
 ) -> int:
     """Confusion matrices, and how well each class was told.
 
@@ -41,7 +51,7 @@ def confusion(
     count (without count, each line is one trial). With group and day there is a matrix for each; with
     participant, effects are tested by a mixed analysis of variance, and intervals are over participants.
     """
-    rows = haploop.read_rows(file)
+    rows = _rows(file, only)
     result = haploop.analyse_identification(rows, within, between)
     found = contents.identification_contents(result, rows.simulated)
     show.print_contents(found, as_json, plot, columns)
@@ -60,6 +70,7 @@ def confusion(
 )
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @click.option("--as-rated", is_flag=True, help="Do not normalise by geometric means.")
+@ONLY
 @PLOT
 @COLUMNS
 @JSON
@@ -68,6 +79,7 @@ def ratings(
     factors: tuple[str, str],
     between: str,
     as_rated: bool,
+    only: Sequence[tuple[str, str]],
     plot: Path | None,
     columns: Columns,
     as_json: bool,
@@ -76,7 +88,7 @@ def ratings(
 
     FILE is a CSV with the columns participant, category, button, pair and rating (and group).
     """
-    rows = haploop.read_rows(file)
+    rows = _rows(file, only)
     result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
     found = contents.ratings_contents(result, rows.simulated)
     show.print_contents(found, as_json, plot, columns)
@@ -86,17 +98,18 @@ def ratings(
 @analyse.command()
 @click.argument("file", type=PATH)
 @click.option("--by", multiple=True, metavar="COLUMN", help="Further column that tells functions apart.")
+@ONLY
 @JSON
-def thresholds(file: Path, by: Sequence[str], as_json: bool) -> int:
+def thresholds(file: Path, by: Sequence[str], only: Sequence[tuple[str, str]], as_json: bool) -> int:
     """Psychometric function of each participant.
 
     Of two-interval forced choice or staircases. FILE is a CSV with the columns comparison and correct (and
     participant). Needs psignifit (pip install "haploop[psychometrics]").
     """
-    rows = haploop.read_rows(file)
+    rows = _rows(file, only)
     found = haploop.analyse_thresholds(rows, tuple(by))
     columns = [column for column in ("participant", *by) if column in rows.columns]
-    show.print_contents(contents.thresholds_contents(found, columns, rows.simulated), as_json)
+    show.print_contents(contents.thresholds_contents(found, columns, rows), as_json)
     return 0
 
 
@@ -123,3 +136,10 @@ def power(plan: Path, runs: int, seed: int, as_json: bool) -> int:
         found = haploop.power_of(loaded, runs, seed, progress=steps)
     show.print_contents(contents.power_contents(found), as_json)
     return 0
+
+
+def _rows(file: Path, only: Sequence[tuple[str, str]]) -> Rows:
+    rows = haploop.read_rows(file)
+    for column, value in only:
+        rows = rows.choose(column, value)
+    return rows

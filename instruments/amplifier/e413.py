@@ -7,18 +7,17 @@ overridden in the rig file by the lab's data sheet.
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import Annotated, Self
+from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from ..arrays import FloatArray
+from ..bounded import Negative, Positive
 from ..clock import Clock
 from ..limits import Limits
 from .role import Amplifier
 
 __all__ = ["E413"]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class E413(Amplifier):
@@ -32,7 +31,7 @@ class E413(Amplifier):
         input: str | dict[str, str]
         """Name of the output that feeds it; names by patch when it has a channel for each patch."""
         gain: Positive = 50.0
-        min: Annotated[float, Field(lt=0, allow_inf_nan=False)] = -100.0
+        min: Negative = -100.0
         max: Positive = 400.0
         current_peak: Positive = 0.1
         current_average: Positive = 0.05

@@ -1,4 +1,4 @@
-"""Play a drive on the DAQ's outputs or on a player, or a sweep on a generator.
+"""Play a drive on the DAQ's outputs or on a player, or a waveform on a generator.
 
 The order is always the same: the limiter authorises, stop signals are held back, the abort monitor is set
 up, the relay connects once the limiter knows every output to be at zero, the drive plays. The safe state
@@ -17,7 +17,7 @@ from ..arrays import FloatArray
 from ..clock import Clock
 from ..daq import Block, Capture, Stream
 from ..errors import ConfigurationError, InstrumentError
-from ..generator import Sweep
+from ..generator import Waveform
 from ..limits import Limits
 from ..progress import Progress, silent
 from ..safety import Limiter, exit_within
@@ -95,29 +95,27 @@ class Playing:
         own = {inputs[patch]: drive for patch, drive in drives.items()}
         return self._played(own, tuple(drives), channels, tail, progress)
 
-    def sweep(
+    def generate(
         self,
-        sweep: Sweep,
+        waveform: Waveform,
         patches: Collection[str],
         channels: Sequence[str],
         tail: float = 0.0,
         progress: Progress = silent,
     ) -> Capture:
-        """See `Rig.sweep`."""
+        """See `Rig.generate`."""
         rig = self._rig
         _refuse_tail(tail)
-        if not sweep.amplitude > 0:
-            raise ConfigurationError(f"A sweep needs an amplitude above 0 V, and this has {sweep.amplitude}.")
         if not rig.feeds_amplifier("generator"):
             raise ConfigurationError(
                 f"The generator of the rig {rig.name!r} is wired to {rig.generator.output!r}, and its "
                 f"amplifier's input is {rig.amplifier.input!r}: give both the same name in the rig file."
             )
-        permitted = self._limiter.permit_sweep(
-            rig.generator.output, sweep, _SLACK, frozenset(patches), rig.amplifier, self._ratings
+        permitted = self._limiter.permit_waveform(
+            rig.generator.output, waveform, _SLACK, frozenset(patches), rig.amplifier, self._ratings
         )
         with uninterrupted(), permitted as at_output:
-            return self._swept(at_output, patches, channels, tail, progress)
+            return self._generated(at_output, patches, channels, tail, progress)
 
     def _played(
         self,
@@ -168,20 +166,20 @@ class Playing:
             capture = align(capture, find(measured, drive, rate_hz, delay, rig.player.response), count)
         return _only(channels, capture, count)
 
-    def _swept(
+    def _generated(
         self,
-        sweep: Sweep,
+        waveform: Waveform,
         patches: Collection[str],
         channels: Sequence[str],
         tail: float,
         progress: Progress,
     ) -> Capture:
-        """Play a sweep, whose amplitude is V at the generator's output."""
+        """Play a waveform, in volts at the generator's output."""
         rig = self._rig
         triggered: list[float] = []
         ended = False
-        total = round((sweep.duration + tail + _SLACK) * rig.table.rate_hz)
-        rig.generator.configure(sweep)
+        total = round((waveform.duration + tail + _SLACK) * rig.table.rate_hz)
+        rig.generator.configure(waveform)
         with (
             self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
             self._connected(patches),
@@ -193,11 +191,11 @@ class Playing:
                 if not triggered:
                     rig.generator.trigger()
                     triggered.append(self._clock.now())
-                elif not ended and self._clock.now() >= triggered[0] + sweep.duration:
+                elif not ended and self._clock.now() >= triggered[0] + waveform.duration:
                     if not rig.generator.is_on:
                         raise InstrumentError(
-                            f"The {rig.generator.identity} was switched off while its sweep was played: what "
-                            "was measured is not used."
+                            f"The {rig.generator.identity} was switched off while its waveform was played: "
+                            "what was measured is not used."
                         )
                     rig.generator.off()
                     ended = True
@@ -207,8 +205,8 @@ class Playing:
                 capture = _only(channels, stream.capture(follow), total)
         if not ended:
             raise InstrumentError(
-                f"The sweep of the {rig.generator.identity} had not ended when recording ended: it was too "
-                "late to follow its trigger. Try again, and check its cable."
+                f"The waveform of the {rig.generator.identity} had not ended when recording ended: it was "
+                "too late to follow its trigger. Try again, and check its cable."
             )
         return capture
 

@@ -14,6 +14,7 @@ from ...experiments import (
     MultivariateEffect,
     Power,
     Ratings,
+    Rows,
     Threshold,
 )
 from .. import figures
@@ -150,8 +151,8 @@ def power_contents(found: Sequence[Power]) -> Contents:
     )
 
 
-def thresholds_contents(found: Sequence[Threshold], columns: Sequence[str], simulated: bool) -> Contents:
-    """Thresholds; `columns` name what tells them apart."""
+def thresholds_contents(found: Sequence[Threshold], columns: Sequence[str], of: Rows) -> Contents:
+    """Thresholds; `columns` name what tells them apart in the rows that they were fitted to."""
     rows = [
         (
             *one.who,
@@ -170,7 +171,9 @@ def thresholds_contents(found: Sequence[Threshold], columns: Sequence[str], simu
     known = any(one.standard is not None for one in found)
     note = "Difference: from the standard to the threshold, the just noticeable difference."
     tables = [Grid("Thresholds (75 % right, but for lapses)", headings, rows)]
-    return _contents("", tables, [note] if known else [], simulated, [fact(thresholds=values)])
+    notes = [*([note] if known else []), *of.remarks]
+    facts = [fact(thresholds=values, notes=list(of.remarks))]
+    return _contents("", tables, notes, of.simulated, facts)
 
 
 def _contents(
