@@ -50,7 +50,7 @@ class LaserAskew(OnLaser):
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
     ) -> FloatArray:
-        """See `Fault.velocity`."""
+        """See `OnLaser.velocity`."""
         if velocity.any():
             self.mark(float(times[0]))
         return self.settings.scale * velocity

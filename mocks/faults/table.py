@@ -71,12 +71,12 @@ class PatchGain(OnSurface):
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `Fault.law`."""
+        """See `OnSurface.law`."""
         s = self.settings
         return law if s.patches is not None and patch not in s.patches else _Weaker(law, s.gain)
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `Fault.patches`."""
+        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 
@@ -106,12 +106,12 @@ class PatchAsymmetry(OnSurface):
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `Fault.law`."""
+        """See `OnSurface.law`."""
         s = self.settings
         return law if s.patches is not None and patch not in s.patches else _Uneven(law, s.share, s.shape)
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `Fault.patches`."""
+        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 
