@@ -2,7 +2,8 @@
 
 Plain iterative learning diverges with a stale response, and writes the measurement noise into the drive. So
 a step without improvement is undone and halved, and in the end the best drive is replayed beside the first,
-in plays that had no part in the selection.
+in plays that had no part in the selection. The corrections know the patch's even order as it is now: it is
+identified anew before the first one, because no response describes it.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from ...acquisition import hdf5
 from ...instruments import ConfigurationError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
-from ..model import Calibration
-from ..response import prepare
+from ..model import Calibration, even_order
+from ..response import measure_both_signs, prepare
 from .agreement import SharedPower, error_spectra, lines_inside, shared_power
 from .check import LEAST_MOVED, UNSEEN
 from .correction import ResponseEstimate
@@ -146,11 +147,13 @@ def learn(
         return play(rig, given, count, estimate.tail, tell, settled=settled)
 
     outcome = played(drive.volts)
-    estimate = estimate.after(drive.volts, outcome)
     first = _iteration(drive, drive.volts, outcome.accelerations, outcome.rate_hz)
     tried = [replace(first, kept=True, reason="the drive as computed")]
     best, step = 0, 1.0
     stopped = _unlearnable(outcome, target_of(drive, outcome.rate_hz))
+    stopped = stopped or _ended(tried, best, step, iterations)
+    if not stopped:
+        estimate = _informed(rig, drive, calibration).after(drive.volts, outcome)
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
         volts, expected = estimate.correction(tried[best].volts, outcome, step, rig.limits)
         if expected < _STEP_SIGNIFICANCE * tried[best].within.deviation:
@@ -181,6 +184,16 @@ def learn(
         error = max(best_again.wideband_nrmse, best_again.nrmse)
         chosen = replace(drive, volts=tried[best].volts, predicted_error=error)
     return Learning(tuple(tried), best, first_again.nrmse, best_again.nrmse, stopped, chosen)
+
+
+def _informed(rig: Rig, drive: Drive, calibration: Calibration) -> ResponseEstimate:
+    """The prior, with the patch's even order as it is now.
+
+    It changes as a patch ages, and taken for an error of the response it would mislead every correction.
+    """
+    both = measure_both_signs(rig, drive.patch, drive.point)
+    law = replace(calibration.hysteresis, even=even_order(calibration, both))
+    return ResponseEstimate.of(drive, replace(calibration, hysteresis=law))
 
 
 def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray, rate_hz: float) -> Iteration:

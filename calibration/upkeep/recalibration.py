@@ -28,7 +28,8 @@ from ...instruments.safety import Audit, state_folder
 from ..drive import Check, DigitalButton, Drive, Method, build_button, check
 from ..model import Calibration, calibrate_keeping
 from ..response import Waveforms
-from .drift import Verdict
+from .common_factor import common_factors, factors_since
+from .drift import Verdict, compare
 from .history import Generation, History
 from .look import Look, Place, look_at, place_of
 
@@ -110,10 +111,16 @@ def recalibrate(
         outcome = Outcome(look.kind, when, active, look.verdicts, look.sentences, simulated=rig.simulated)
         disturbed = look.disturbances(usual)
         outcome = _with(outcome, *disturbed)
-        if outcome.kind == "unchanged":
+        limits, since = rig.file.recalibration, factors_since(history, active)
+        gained = common_factors(look.verdicts, since, limits.factor)
+        far = bool(common_factors(look.verdicts, since, limits.gain))
+        if outcome.kind == "unchanged" and not far:
             turn = _turn(history, active, buttons, look)
             outcome = _played(rig, outcome, turn, buttons[turn], look, disturbed, progress)
-        if outcome.kind == "drifted" and look.unmeasured:
+        if gained and outcome.kind != "broken":
+            kind = "broken" if far or outcome.kind == "drifted" else outcome.kind
+            outcome = _with(replace(outcome, kind=kind), *gained)
+        elif outcome.kind == "drifted" and look.unmeasured:
             outcome = _with(
                 outcome,
                 "Nothing was changed, because a button at a point that was not measured cannot be made anew: "
@@ -362,6 +369,10 @@ def _bring_back(
             return _with(replace(found, kind="broken", before=before, after=after), f"{name}: {error}")
         else:
             failed += [f"{name}: {reason}" for reason in after[name].check.reasons]
+    # Whoever moved the laser since the look must not be adopted either.
+    old_ones = {place_of(c): c for c in calibrations}
+    again = [compare(old_ones[place], c.response, {}, c.hysteresis) for place, c in renewed.items()]
+    failed += common_factors(again, factors_since(history, found.active), rig.file.recalibration.factor)
     found = replace(found, before=before, after=after)
     if failed:
         return _with(found, *failed, f"Nothing was changed: {found.active.name} stays the active one.")
