@@ -1,9 +1,9 @@
 """The outputs of one NI card or chassis: one task, which reserves them from the first zero to the last.
 
-A task that was committed explicitly keeps its resources when it is stopped and when its timing is changed, and
-an output keeps its last value meanwhile (NI-DAQmx Key Concepts, "Transitioning the State Backwards"). So the
-same task writes zero on demand, plays on a sample clock and writes zero again, and no other program can write
-to the outputs in between (-50103).
+A task that was committed explicitly keeps its resources when it is stopped and when its timing is changed,
+and an output keeps its last value meanwhile (NI-DAQmx Key Concepts, "Transitioning the State Backwards"). So
+the same task writes zero on demand, plays on a sample clock and writes zero again, and no other program can
+write to the outputs in between (-50103).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from nidaqmx.constants import SampleTimingType, TaskMode
+from nidaqmx.errors import DaqError
 from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from ..arrays import FloatArray
@@ -49,23 +50,26 @@ class NiOutputs:
         """
         rested = self._task is not None and not self._plays
         if self._task is not None:
-            with suppress(HaploopError):
+            try:
                 self._write_zero()
                 return
+            except HaploopError as error:
+                if not isinstance(error.__cause__, DaqError):  # the server is gone
+                    raise
             self._drop()
         for left in reversed(range(_TRIES)):
             try:
                 self._reserve()
                 break
-            except HaploopError:
+            except HaploopError as error:
                 self._drop()
-                if not left:
+                if not left or getattr(error.__cause__, "error_code", 0) != _IN_USE:
                     raise
                 RealClock().sleep(_PAUSE)
         if rested:
             raise InstrumentError(
-                f"Another program has taken the outputs of {self._home}, which this one held at zero: see what "
-                "else uses the card."
+                f"Another program has taken the outputs of {self._home}, which this one held at zero: see "
+                "what else uses the card."
             )
 
     def play(self, waveforms: Mapping[str, FloatArray], rate_hz: float, clock: str) -> Any:
@@ -118,7 +122,7 @@ class NiOutputs:
         task = self._task
         with self._daq.talking_to(self._home):
             if self._plays:
-                # Its own error, such as an underflow, is the stream's: a task in error cannot be stopped twice.
+                # A task in error says so again when it is stopped; the stream has raised that error.
                 with suppress(HaploopError), self._daq.talking_to(self._home):
                     task.stop()
                 task.timing.samp_timing_type = SampleTimingType.ON_DEMAND

@@ -65,7 +65,7 @@ class Rig(Instruments, InNotebook):
         # A simulated rig's world is new at each opening: nothing was played in it.
         counted = None if mode is not None else self._lockouts
         self._limiter = Limiter(clock, self.audit, self._lockouts, self.hardware, self._outputs, counted)
-        self._safe = SafeState(self._roles, clock, self.audit)
+        self._safe = SafeState(self._roles, clock, self.audit, self._outputs, self._limiter.lock_out)
         self._settings = DeclaredSettings()
         self._feed = Feed()
         self._stack = ExitStack()

@@ -28,8 +28,9 @@ from ..limits import Limits, sounding
 from .audit import Audit, now_utc
 from .deadline import DEADLINE
 from .duty import MINUTE, Span, clear_old, count_plays, plays_of
-from .lockout import Lockout, lockout_of
-from .outputs import Outputs
+from .lockout import Lockout, lock_out, lockout_of
+from .outputs import Outputs, Standing
+from .watch import Watch
 
 __all__ = ["Limiter", "Ratings", "combined"]
 
@@ -93,6 +94,7 @@ class Limiter:
         self._playing: set[str] = set()
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
+        self._watch = Watch(clock, self.authorise_renewal)
 
     @property
     def lockout(self) -> Lockout | None:
@@ -113,6 +115,10 @@ class Limiter:
     def end(self) -> None:
         """Authorise nothing any more: the rig is being closed."""
         self._process = None
+
+    def lock_out(self, why: str) -> None:
+        """Refuse every play on this hardware until `haploop reset`."""
+        self.unsaved_lockout = lock_out(self._lockouts, self._hardware, self._audit, why)
 
     def wait_for_play(self) -> None:
         """Wait, for a while, until another thread's play, which was stopped, has been left."""
@@ -240,6 +246,32 @@ class Limiter:
         self._known(Outputs.rest)
         self._audit.note("connected", patches=sorted(patches))
 
+    def switched(self, patches: frozenset[str]) -> None:
+        """See `Interlock.switched`: outside a play, what is closed is watched, and the outputs are held."""
+        self._watch.end()
+        if self._permit is not None or self._process != os.getpid():
+            return
+        if patches:
+            self._watch.begin()
+            return
+        outputs = self._outputs()
+        if outputs is not None:
+            self._tripping(outputs.left)
+
+    def authorise_renewal(self) -> None:
+        """See `Interlock.authorise_renewal`. In a play the abort monitor looks."""
+        outputs = self._outputs()
+        if outputs is not None and self._permit is None and self._process == os.getpid() and self._watch.on:
+            self._tripping(outputs.watch)
+
+    def _tripping(self, look: Callable[[], None]) -> None:
+        """Lock the rig out when volts stand where zero was set, or another program has taken an output."""
+        try:
+            look()
+        except Standing as error:
+            self.lock_out(str(error))
+            raise
+
     def _known(self, look: Callable[[Outputs], None]) -> None:
         """Look at the outputs, and log why something is not done. Raises InstrumentError."""
         outputs = self._outputs()
@@ -329,6 +361,7 @@ class Limiter:
             self._permit = permit
             self._player = threading.get_ident()
             self._idle.clear()
+        self._watch.end()
         begun = self._clock.now()
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)

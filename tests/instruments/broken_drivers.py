@@ -211,7 +211,7 @@ class TestHasNoDeadMan(BrokenRelay):
 
 class TestForgetsToRenew(BrokenRelay):
     class kind(Board):  # noqa: N801
-        def renew(self) -> None:
+        def _renew(self) -> None:
             pass
 
     breaks: ClassVar = {"test_renewing_puts_the_dead_man_off"}

@@ -22,7 +22,11 @@ class Rig(dict[str, Any]):
         self.done: list[str] = []
         inputs = fed if isinstance(fed, dict) else {}
         super().__init__(
-            daq=SimpleNamespace(zero=lambda: self.done.append("zero"), outputs_read=lambda: standing),
+            daq=SimpleNamespace(
+                hold=lambda: self.done.append("zero"),
+                let_go=lambda: self.done.append("let go"),
+                outputs_read=lambda: standing,
+            ),
             amplifier=SimpleNamespace(input="" if inputs else fed, inputs=inputs),
         )
 
@@ -47,7 +51,7 @@ def test_an_output_that_cannot_be_set_keeps_the_relay_open() -> None:
     def held() -> None:
         raise InstrumentError("Dev2 is in use.")
 
-    rig["daq"].zero = held
+    rig["daq"].hold = held
     with pytest.raises(InstrumentError, match=r"not known to be at zero volts: Dev2 is in use\."):
         Outputs(rig).rest()
 

@@ -31,11 +31,15 @@ class World:
     def __init__(self, folder: Path) -> None:
         self.clock = VirtualClock()
         self.audit = Audit(load_rig_file("simulated"), folder / "log", True)
-        self.on = False
+        self.held: list[bool] = []
         self.standing = {"one": 0.0}
         self.generator = SimpleNamespace(output="one", identity="A generator", is_on=False)
         self.amplifier = E413.open(E413.Settings(input="one", gain=50), self.clock)
-        daq = SimpleNamespace(zero=lambda: None, outputs_read=lambda: self.standing)
+        daq = SimpleNamespace(
+            hold=lambda: self.held.append(True),
+            let_go=lambda: self.held.append(False),
+            outputs_read=lambda: self.standing,
+        )
         roles = {"daq": daq, "generator": self.generator, "amplifier": self.amplifier}
         self.outputs = Outputs(roles)
         self.counted = folder / "counted"
@@ -256,7 +260,7 @@ def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_afte
         pass
 
 
-def test_without_a_rig_nothing_is_authorised_but_a_relay() -> None:
+def test_without_a_rig_nothing_is_authorised_but_to_open() -> None:
     nobody = Interlocked._interlock
     for ask in (
         lambda: nobody.authorise("one", DRIVE, RATE),
@@ -265,4 +269,6 @@ def test_without_a_rig_nothing_is_authorised_but_a_relay() -> None:
     ):
         with pytest.raises(LimitError, match="Nothing is played on 'one' without a rig's limits"):
             ask()
-    nobody.authorise_patches(frozenset({"A"}))
+    with pytest.raises(LimitError, match="Patch A, B is not connected without a rig"):
+        nobody.authorise_patches(frozenset({"B", "A"}))
+    nobody.authorise_patches(frozenset())
