@@ -248,6 +248,7 @@ class Limiter:
 
     def switched(self, patches: frozenset[str]) -> None:
         """See `Interlock.switched`: outside a play, what is closed is watched, and the outputs are held."""
+        watched = self._watch.on
         self._watch.end()
         if self._permit is not None or self._process != os.getpid():
             return
@@ -255,7 +256,7 @@ class Limiter:
             self._watch.begin()
             return
         outputs = self._outputs()
-        if outputs is not None:
+        if outputs is not None and watched:
             self._tripping(outputs.left)
 
     def authorise_renewal(self) -> None:

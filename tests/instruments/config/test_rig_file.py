@@ -253,3 +253,10 @@ def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> 
     path.write_text('notes = "a.b.c"\n# ' + "a." * 50 + "\n" + "a." * 90 + "b = 1\n")
     with pytest.raises(ConfigurationError, match="name"):
         load_rig_file(path)
+
+
+def test_an_output_terminal_has_one_name(tmp_path: Path) -> None:
+    """Two would be one output of one task, which the card refuses when it is to be set to zero."""
+    text = 'base = "haptable"\n[daq.outputs]\nother = { terminal = "dev2/AO0" }\n'
+    with pytest.raises(ConfigurationError, match=r"dev2/AO0 has two names, 'amplifier' and 'other'"):
+        load_rig_file(written(tmp_path, text))
