@@ -67,6 +67,7 @@ class Rig(Instruments, InNotebook):
         self._limiter = Limiter(clock, self.audit, self._lockouts, self.hardware, self._outputs, counted)
         self._safe = SafeState(self._roles, clock, self.audit, self._outputs, self._limiter.lock_out)
         self._settings = DeclaredSettings()
+        self._proved: set[str] = set()
         self._feed = Feed()
         self._stack = ExitStack()
         self._signals = ExitStack()
@@ -143,7 +144,7 @@ class Rig(Instruments, InNotebook):
         monitoring = Monitoring(
             self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run, self.clock
         )
-        return Playing(self, self.clock, self._limiter, monitoring, self.make_safe)
+        return Playing(self, self.clock, self._limiter, monitoring, self.make_safe, self._proved)
 
     def tap(self, capacity: int = 16) -> Tap:
         """Return a tap on the newest blocks of all further recordings and plays. See `Tap`."""

@@ -182,18 +182,7 @@ class Limiter:
         Yields the sweep in volts at that output. The generator is switched off within `rest` seconds
         after the sweep. Raises LimitError before anything is set.
         """
-        held_to = ratings(len(patches))
-        with self._refusals_noted():
-            rate_hz = _FINE * sweep.stop_hz
-            t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
-            pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
-            volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
-            # A generator cannot fade its sweep out, nor remove its mean: only the part up to its last
-            # whole half wave is checked.
-            crossed = np.flatnonzero(np.diff(np.signbit(volts)))
-            whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
-            self._check(whole, rate_hz, held_to, longer=rest, max_end=np.inf, max_offset=np.inf)
-            self._check_duty(sweep.duration + rest, held_to)
+        self.check_sweep(sweep, rest, ratings(len(patches)))
         peak = float(amplifier.to_input(np.array([sweep.amplitude]))[0])
         at_output = replace(sweep, amplitude=peak)
         permit = _Permit(frozenset(patches), 0.0, {}, {output: at_output})
@@ -205,6 +194,25 @@ class Limiter:
             sweep_hz=(sweep.start_hz, sweep.stop_hz),
         ):
             yield at_output
+
+    def check(self, drive: FloatArray, rate_hz: float, ratings: Ratings) -> None:
+        """Refuse a drive ((samples,) V at the patch) that `permit` would refuse. Raises LimitError."""
+        with self._refusals_noted():
+            self._check(drive, rate_hz, ratings)
+
+    def check_sweep(self, sweep: Sweep, rest: float, held_to: Ratings) -> None:
+        """Refuse a sweep (V peak at the patch) that `permit_sweep` would refuse. Raises LimitError."""
+        with self._refusals_noted():
+            rate_hz = _FINE * sweep.stop_hz
+            t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
+            pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
+            volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
+            # A generator cannot fade its sweep out, nor remove its mean: only the part up to its last
+            # whole half wave is checked.
+            crossed = np.flatnonzero(np.diff(np.signbit(volts)))
+            whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
+            self._check(whole, rate_hz, held_to, longer=rest, max_end=np.inf, max_offset=np.inf)
+            self._check_duty(sweep.duration + rest, held_to)
 
     # Called by the instruments
 

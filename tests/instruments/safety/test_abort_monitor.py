@@ -27,6 +27,8 @@ from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 from tests.instruments.safety.at_the_patch import bursts
 
+pytestmark = pytest.mark.usefixtures("unproved")
+
 SECONDS = 1.5
 TWO_BLOCKS = 0.2
 

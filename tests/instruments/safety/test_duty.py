@@ -16,6 +16,8 @@ from haploop.instruments.safety.duty import plays_of
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab
 
+pytestmark = pytest.mark.usefixtures("unproved")
+
 RATE = 50_000
 TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(round(1.5 * RATE)) / RATE) * np.hanning(round(1.5 * RATE))
 """1.5 s: half of what 5 % of a minute are."""

@@ -63,6 +63,7 @@ def test_an_output_that_does_not_take_its_zero_keeps_the_contacts_open(mode: Any
         assert not rig.simulation.truth.closed and reached(rig) == 0
 
 
+@pytest.mark.usefixtures("unproved")
 @MODES
 def test_plays_begin_from_zero_whatever_was_left(mode: Any) -> None:
     with open_rig("simulated", simulate=mode) as rig:

@@ -20,6 +20,8 @@ from haploop.instruments.safety.audit import entries
 from haploop.mocks.daq.twin import DaqTwin
 from tests.instruments.safety.at_the_patch import Burst, bursts
 
+pytestmark = pytest.mark.usefixtures("unproved")
+
 RATE = 50_000.0
 TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(10_000) / RATE) * np.hanning(10_000)
 

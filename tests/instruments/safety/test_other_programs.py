@@ -102,6 +102,7 @@ def test_another_program_is_refused_and_one_that_is_killed_leaves_an_open_relay(
             open_rig(other)
 
 
+@pytest.mark.usefixtures("unproved")
 def test_a_card_is_one_card_under_every_name(
     lab: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
