@@ -25,7 +25,7 @@ from ..signals import uninterrupted
 from .alignment import align, find
 from .gain_proof import TOO_MUCH, level_of, loudest, tone
 from .monitoring import Monitoring
-from .ratings import ratings
+from .ratings import figures
 from .roles import Instruments
 
 __all__ = ["Playing"]
@@ -324,8 +324,10 @@ class Playing:
             # Zero first: the relay switches without voltage, and a patch is left without charge.
             self._make_safe()
 
-    def _ratings(self, patches: int) -> dict[str, Limits]:
-        return ratings(self._rig, patches)
+    def _ratings(self, patches: int) -> Mapping[str, Limits]:
+        """The limits as they were when the rig was opened. Raises LimitError when they are others now."""
+        with self._limiter.refusals_noted():
+            return self._limiter.kept.ratings(patches, figures(self._rig))
 
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from types import TracebackType
 from typing import Any, Self
 
@@ -36,7 +36,7 @@ from ..signals import at_console_close, at_program_end, ending_in_order, uninter
 from .declared_settings import DeclaredSettings
 from .monitoring import Monitoring
 from .playing import Playing
-from .ratings import ratings
+from .ratings import figures, ratings
 from .roles import Instruments, Role
 
 __all__ = ["Rig"]
@@ -96,6 +96,8 @@ class Rig(Instruments, InNotebook):
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""
         self._freeze()
         self._limiter.recall()
+        with suppress(ConfigurationError):  # it has no table, or nothing to play on
+            self._limiter.kept.note(figures(self))
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
         self._stack.callback(self.audit.note_at_last, "closed")
         self._stack.callback(self._limiter.wait_for_play)

@@ -25,9 +25,10 @@ from ..clock import Clock
 from ..errors import DataError, InstrumentError, LimitError
 from ..generator import Sweep
 from ..limits import Limits, sounding
-from .audit import Audit, now_utc
+from .audit import Audit
 from .deadline import DEADLINE
 from .duty import MINUTE, Span, clear_old, count_plays, plays_of
+from .figures import Kept
 from .lockout import Lockout, lock_out, lockout_of
 from .outputs import Outputs, Standing
 from .watch import Watch
@@ -74,7 +75,10 @@ class Limiter:
         outputs: Outputs,
         counted: Path | None,
     ) -> None:
-        """`lockouts` is the folder of lockouts; `counted` that of what was played, None to forget it."""
+        """`lockouts` is the folder of lockouts; `counted` that of what was played, None to forget it.
+
+        With `counted`, `clock` is the one that all programs of the computer share.
+        """
         self.unsaved_lockout: Lockout | None = None
         """A lockout that could not be written to disk: it lasts while the rig is open."""
         self._clock = clock
@@ -95,6 +99,8 @@ class Limiter:
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
         self._watch = Watch(clock, self.authorise_renewal)
+        self.kept = Kept()
+        """What the limits rest on, as it was when the rig was opened."""
 
     @property
     def lockout(self) -> Lockout | None:
@@ -107,10 +113,9 @@ class Limiter:
         """Take over what other programs have played on this hardware, once the rig has its lock."""
         if self._counted is None:
             return
-        now, calendar = self._clock.now(), now_utc().timestamp()
-        clear_old(self._counted, calendar)
-        for start, stop in plays_of(self._counted, self._hardware, calendar):
-            self._played.append((now - (calendar - start), now - (calendar - stop)))
+        now = self._clock.now()
+        clear_old(self._counted, now)
+        self._played.extend(plays_of(self._counted, self._hardware, now))
 
     def end(self) -> None:
         """Authorise nothing any more: the rig is being closed."""
@@ -144,7 +149,7 @@ class Limiter:
         """
         held_to = ratings(len(patches) if len(drives) == 1 else 1)
         own = {output: np.array(drive) for output, drive in drives.items()}
-        with self._refusals_noted():
+        with self.refusals_noted():
             for drive in own.values():
                 self._check(drive, rate_hz, held_to)
             if len({len(drive) for drive in own.values()}) > 1:
@@ -197,12 +202,12 @@ class Limiter:
 
     def check(self, drive: FloatArray, rate_hz: float, ratings: Ratings) -> None:
         """Refuse a drive ((samples,) V at the patch) that `permit` would refuse. Raises LimitError."""
-        with self._refusals_noted():
+        with self.refusals_noted():
             self._check(drive, rate_hz, ratings)
 
     def check_sweep(self, sweep: Sweep, rest: float, held_to: Ratings) -> None:
         """Refuse a sweep (V peak at the patch) that `permit_sweep` would refuse. Raises LimitError."""
-        with self._refusals_noted():
+        with self.refusals_noted():
             rate_hz = _FINE * sweep.stop_hz
             t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
             pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
@@ -355,7 +360,8 @@ class Limiter:
         raise LimitError(f"{sentence}: play a shorter one.")
 
     @contextmanager
-    def _refusals_noted(self) -> Iterator[None]:
+    def refusals_noted(self) -> Iterator[None]:
+        """Log a LimitError of the context."""
         try:
             yield
         except LimitError as error:
@@ -394,10 +400,6 @@ class Limiter:
         """Keep what was played, and what is about to be, for every program. Raises DataError."""
         if self._counted is None:
             return
-        now, calendar = self._clock.now(), now_utc().timestamp()
+        now = self._clock.now()
         spans = [span for span in (*self._played, *to_come) if span[1] > now - MINUTE]
-        count_plays(
-            self._counted,
-            self._hardware,
-            [(calendar - (now - start), calendar - (now - stop)) for start, stop in spans],
-        )
+        count_plays(self._counted, self._hardware, spans)
