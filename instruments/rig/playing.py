@@ -75,13 +75,8 @@ class Playing:
             self._prove_each(own, patches)
             return self._played(own, patches, channels, tail, progress)
         self._limiter.check(drive, rate_hz, self._ratings(len(frozenset(patches))))
-        if drive.any():
-            patch, row = min(patches, default=""), rig.drive_monitor().channels[:1]
-            self._prove(
-                rig.player.output,
-                patch,
-                lambda level: self._by_player(tone(level, rate_hz), (patch,), row, 0.0, silent),
-            )
+        if drive.any() and patches:
+            self.prove_gain(min(patches))
         capture = self._by_player(drive, patches, channels, tail, progress)
         if drive.any():
             return self._aligned(capture, drive, channels, len(drive) + max(1, round(tail * rate_hz)))
@@ -138,6 +133,17 @@ class Playing:
         )
         return self._swept(sweep, patches, channels, tail, progress)
 
+    def prove_gain(self, patch: str) -> None:
+        """See `Rig.prove_gain`."""
+        rig = self._rig
+        rate_hz, level = rig.table.rate_hz, level_of(combined(self._ratings(1)))
+        source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
+        if rig.feeds_amplifier("player"):
+            drive, row = tone(level, rate_hz), rig.drive_monitor().channels[:1]
+            self._prove(source, patch, lambda _: self._by_player(drive, (patch,), row, 0.0, silent))
+        elif not rig.feeds_amplifier("generator"):
+            self._prove_each({source: tone(level, rate_hz)}, (patch,))
+
     def _prove_each(self, drives: Mapping[str, FloatArray], patches: Collection[str]) -> None:
         """Prove the gain of what these drives of the DAQ's outputs pass; see `_prove`."""
         inputs, rate_hz = self._rig.amplifier.inputs, self._rig.table.rate_hz
@@ -172,7 +178,8 @@ class Playing:
             )
             self._limiter.lock_out(why)
             raise InstrumentError(f"{why} Nothing else was played; `haploop reset` clears the lockout.")
-        self._proved.add(source)
+        if measured >= level / 2:  # else it may not have arrived, and the next play proves it
+            self._proved.add(source)
 
     def _played(
         self,

@@ -230,6 +230,13 @@ class Rig(Instruments, InNotebook):
         """
         return self._collected(self._playing.sweep(sweep, patches, channels, tail, progress))
 
+    def prove_gain(self, patch: str) -> None:
+        """Prove the amplifier's gain at a volt now, where the first play into this patch would do it.
+
+        For a program whose first play must not be late. Raises as `excite` does.
+        """
+        self._playing.prove_gain(patch)
+
     @contextmanager
     def captures(self) -> Iterator[list[Capture]]:
         """Collect the capture of every play while this context lasts, in order, settling included."""

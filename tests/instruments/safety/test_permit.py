@@ -195,7 +195,7 @@ def test_a_sweep_is_held_to_its_limits(world: World, limits: Limits, allowed: bo
 
 def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) -> None:
     def counted() -> list[float]:
-        now = world.audit._wall().timestamp()
+        now = world.clock.now()
         return [round(stop - start, 3) for start, stop in plays_of(world.counted, {"card"}, now + 0.5)]
 
     limits = replace(LIMITS, duty=1.0 / 60)
@@ -252,7 +252,7 @@ def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_afte
     long = np.sin(np.arange(65_000) / 3)
     with world.permit({"one": long}):
         world.clock.sleep(65.0)
-    now = world.audit._wall().timestamp()
+    now = world.clock.now()
     ((start, stop),) = plays_of(world.counted, {"card"}, now + 0.5)
     assert stop - start == pytest.approx(64.999, abs=0.002)
     world.clock.sleep(61.0)
