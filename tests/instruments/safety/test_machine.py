@@ -214,15 +214,24 @@ def test_what_is_synced_is_the_whole_content(place: Path, monkeypatch: pytest.Mo
 @pytest.mark.skipif(sys.platform != "linux", reason="mount namespaces are Linux's")
 def test_a_program_that_sees_another_folder_there_excludes_others_too(place: Path) -> None:
     """A service with a private /var/tmp has the same path, and finds no lock of ours in it."""
-    with another(PIECE, str(place)) as said:
-        assert said == "held"
+    theirs = f"""
+import sys
+from pathlib import Path
+from haploop.instruments.safety import machine
+from haploop.instruments.safety.lock import hold
+machine._place = lambda: Path({str(place)!r})
+with hold({{{PIECE!r}}}, "The rig 'theirs'"):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", theirs], stdin=pipe, stdout=pipe, text=True) as program:
+        assert program.stdout is not None and program.stdout.readline() == "held\n"
         for path in place.glob("*.lock"):
             path.unlink()
-        with (
-            pytest.raises(InUse, match=r"by a program that has a .* of its own"),
-            hold({PIECE}, "The rig 'mine'"),
-        ):
+        with pytest.raises(InUse, match=r"a program that has a .* of its own"), hold({PIECE}, "The rig"):
             pass
+        program.kill()
     with hold({PIECE}, "The rig 'mine'"):
         pass
 
