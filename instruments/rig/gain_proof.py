@@ -12,16 +12,18 @@ import numpy as np
 from ..arrays import FloatArray
 from ..limits import Limits
 
-__all__ = ["TOO_MUCH", "level_of", "loudest", "tone"]
+__all__ = ["HZ", "TOO_MUCH", "level_of", "loudest", "tone"]
 
 _LEVEL = 1.0
 """Amplitude (V at the patch)."""
 TOO_MUCH = 1.25
 """Volts measured per volt asked for at which the gain is not what the rig file says. Amplifiers of one type
-differ by 1 % (docs/hardware.md, "Amplifier"); noise of 0.53 V rms on the monitor would make up the rest."""
-_HZ, _SECONDS, _RAMP = 200.0, 0.06, 0.01
-_WINDOW = 0.02
-"""Length over which the amplitude is measured (s), whole periods of the tone."""
+differ by 1 % (docs/hardware.md, "Amplifier"), and a volt of hum on the monitor adds less than 0.15 V."""
+HZ = 225.0
+"""Frequency, as far from the harmonics of 50 and 60 Hz as the window can tell."""
+_SECONDS, _RAMP = 0.07, 0.01
+_WINDOW = 0.04
+"""Length over which the amplitude is measured (s): whole periods of the tone and of 50 Hz."""
 
 
 def level_of(limits: Limits) -> float:
@@ -33,11 +35,12 @@ def tone(level: float, rate_hz: float) -> FloatArray:
     """The drive of the proof: (samples,) V at the patch."""
     t = np.arange(round(_SECONDS * rate_hz)) / rate_hz
     ramp = np.clip(np.minimum(t, t[-1] - t) / _RAMP, 0.0, 1.0)
-    return np.asarray(level * ramp * np.sin(2 * np.pi * _HZ * t))
+    return np.asarray(level * ramp * np.sin(2 * np.pi * HZ * t))
 
 
 def loudest(volts: FloatArray, rate_hz: float) -> float:
-    """Amplitude of a sine of the power in the loudest window of (samples,) V, whenever it was played."""
+    """Amplitude of the tone in (samples,) V where it is loudest, without hum and offset."""
     count = min(round(_WINDOW * rate_hz), len(volts))
-    power = np.cumsum(np.concatenate([[0.0], (volts - np.median(volts)) ** 2]))
-    return float(np.sqrt(2 * (power[count:] - power[:-count]).max() / count))
+    turned = (volts - np.median(volts)) * np.exp(-2j * np.pi * HZ * np.arange(len(volts)) / rate_hz)
+    total = np.cumsum(np.concatenate([[0.0], turned]))
+    return float(2 * np.abs(total[count:] - total[:-count]).max() / count)

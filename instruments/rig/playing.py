@@ -23,7 +23,7 @@ from ..progress import Progress, silent
 from ..safety import Limiter, combined, exit_within
 from ..signals import uninterrupted
 from .alignment import align, find
-from .gain_proof import TOO_MUCH, level_of, loudest, tone
+from .gain_proof import HZ, TOO_MUCH, level_of, loudest, tone
 from .monitoring import Monitoring
 from .ratings import figures
 from .roles import Instruments
@@ -32,7 +32,7 @@ __all__ = ["Playing"]
 
 _SLACK = 0.5
 """Time for a generator to answer its trigger and for a block to arrive (s)."""
-_PROOF = Sweep(start_hz=100.0, stop_hz=300.0, duration=0.1, amplitude=1.0)
+_PROOF = Sweep(start_hz=HZ - 1, stop_hz=HZ + 1, duration=0.1, amplitude=1.0)
 """The generator's sweep that proves the gain."""
 
 
