@@ -1,7 +1,5 @@
 """Store values of JSON's types as text files: verified when read, and changed by one program at a time.
 
-Also read files of lines, such as the log of an experiment's session.
-
 A file is one JSON object: the kind of file (`format`, `format_version`), the version of haploop that wrote
 it (`software`), `content`, and the hash of these (`content_hash`; see `json_text`). A file is replaced
 whole, so that a kill at any moment leaves the old or the new content.
@@ -26,8 +24,6 @@ __all__ = [
     "is_json",
     "json_hash",
     "read_json",
-    "read_lines",
-    "unended",
     "write_json",
 ]
 
@@ -74,43 +70,6 @@ def read_json(path: Path, kind: str, holds: type) -> Any:
     return said["content"]
 
 
-def read_lines(path: Path, only_first: bool = False) -> tuple[dict[str, Any], ...]:
-    """Read the entries of a file of lines (`json_text.as_line`), or its first one.
-
-    Each entry has a `number`, from 1. Left out are a last line that was cut off by a kill, and one that is
-    followed by an entry that says so (`cut_off`). Raises DataError, with the line, for a damaged file.
-    """
-    try:
-        with path.open("rb") as file:
-            *lines, last = (file.readline(_LARGEST) if only_first else file.read(_LARGEST)).split(b"\n")
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {os_error_text(error)}.") from None
-    # A whole line whose end was changed is no line that was cut off.
-    if _entry(last) is not None or _entry(last[:-1]) is not None:
-        lines.append(last)
-    entries: list[dict[str, Any]] = []
-    broken = 0
-    for number, line in enumerate(lines, start=1):
-        entry = _entry(line)
-        if (entry is None and broken) or (
-            entry is not None
-            and (entry.get("number") != len(entries) + 1 or (entry.get("cut_off") is True) != bool(broken))
-        ):
-            raise DataError(_damaged(path, broken or number))
-        if entry is not None:
-            entries.append(entry)
-        broken = number if entry is None else 0
-    if broken:
-        raise DataError(_damaged(path, broken))
-    return tuple(entries)
-
-
-def unended(path: Path) -> tuple[bool, bool]:
-    """Whether the last line of a file of lines has no end, and whether it was cut off by a kill as well."""
-    last = path.read_bytes().rpartition(b"\n")[2]
-    return bool(last), bool(last) and _entry(last) is None
-
-
 def json_hash(path: Path) -> str:
     """Content hash of a file of any kind, verified. Raises DataError."""
     return content_hash(_read(path))
@@ -150,17 +109,6 @@ def changing(path: Path) -> Iterator[None]:
                 raise DataError(busy)
             clock.sleep(0.005)
         yield
-
-
-def _entry(line: bytes) -> dict[str, Any] | None:
-    try:
-        return from_text(line)
-    except ValueError:
-        return None
-
-
-def _damaged(path: Path, number: int) -> str:
-    return f"{path}, line {number} is damaged, or a line before it is missing: restore the file from a copy."
 
 
 def _text(path: Path, kind: str, content: Any) -> tuple[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -12,7 +12,10 @@ from ..reports import figures, outputs
 from ..reports import show as display
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH
+from .options import COLUMNS, JSON, ONLY, PATH
+
+if TYPE_CHECKING:
+    from ..experiments import Rows
 
 __all__ = ["analyse"]
 
@@ -31,11 +34,18 @@ def analyse() -> None:
     "--within", metavar="COLUMN", default="", help="Within factor.  [default: confirmation, or day]"
 )
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
+@ONLY
 @PLOT
 @COLUMNS
 @JSON
 def confusion(
-    file: Path, within: str, between: str, plot: Path | None, columns: Columns, as_json: bool
+    file: Path,
+    within: str,
+    between: str,
+    only: Sequence[tuple[str, str]],
+    plot: Path | None,
+    columns: Columns,
+    as_json: bool,
 ) -> int:
     """Confusion matrices, and how well each class was told.
 
@@ -45,7 +55,7 @@ def confusion(
     """
     if plot:
         outputs.check_new_picture(plot)
-    rows = haploop.read_rows(file)
+    rows = _rows(file, only)
     result = haploop.analyse_identification(rows, within, between)
     if plot:
         outputs.save_picture(figures.confusion_figure(result, columns), plot, rows.simulated)
@@ -65,6 +75,7 @@ def confusion(
 )
 @click.option("--between", metavar="COLUMN", default="", help="Between factor.  [default: group]")
 @click.option("--as-rated", is_flag=True, help="Do not normalise by geometric means.")
+@ONLY
 @PLOT
 @COLUMNS
 @JSON
@@ -73,6 +84,7 @@ def ratings(
     factors: tuple[str, str],
     between: str,
     as_rated: bool,
+    only: Sequence[tuple[str, str]],
     plot: Path | None,
     columns: Columns,
     as_json: bool,
@@ -83,7 +95,7 @@ def ratings(
     """
     if plot:
         outputs.check_new_picture(plot)
-    rows = haploop.read_rows(file)
+    rows = _rows(file, only)
     result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
     if plot:
         outputs.save_picture(figures.ratings_figure(result, columns), plot, rows.simulated)
@@ -94,17 +106,18 @@ def ratings(
 @analyse.command()
 @click.argument("file", type=PATH)
 @click.option("--by", multiple=True, metavar="COLUMN", help="Further column that tells functions apart.")
+@ONLY
 @JSON
-def thresholds(file: Path, by: Sequence[str], as_json: bool) -> int:
+def thresholds(file: Path, by: Sequence[str], only: Sequence[tuple[str, str]], as_json: bool) -> int:
     """Psychometric function of each participant.
 
     Of two-interval forced choice or staircases. FILE is a CSV with the columns comparison and correct (and
     participant). Needs psignifit (pip install "haploop[psychometrics]").
     """
-    rows = haploop.read_rows(file)
+    rows = _rows(file, only)
     found = haploop.analyse_thresholds(rows, tuple(by))
     columns = [column for column in ("participant", *by) if column in rows.columns]
-    display.show_thresholds(found, columns, rows.simulated, as_json)
+    display.show_thresholds(found, columns, rows, as_json)
     return 0
 
 
@@ -131,3 +144,10 @@ def power(plan: Path, runs: int, seed: int, as_json: bool) -> int:
         found = haploop.power_of(loaded, runs, seed, progress=steps)
     display.show_power(found, as_json)
     return 0
+
+
+def _rows(file: Path, only: Sequence[tuple[str, str]]) -> Rows:
+    rows = haploop.read_rows(file)
+    for column, value in only:
+        rows = rows.choose(column, value)
+    return rows

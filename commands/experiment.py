@@ -185,9 +185,11 @@ def simulate(
 @DATA
 @JSON
 def status(file: str, data: Path | None, as_json: bool) -> int:
-    """Show who has answered what."""
-    display.show_experiment(_store(file, data), as_json)
-    return 0
+    """Show who has answered what.
+
+    Exit codes: 0 every log can be read, 2 one is damaged, missing or cut short.
+    """
+    return 0 if display.show_experiment(_store(file, data), as_json) else 2
 
 
 @experiment.command()
@@ -205,11 +207,16 @@ def export(file: str, out: Path, practice: bool, data: Path | None, as_json: boo
         outputs.check_new_file(path)
     if out.suffix == ".json":
         raise click.UsageError(f"{out} is the name of the description: use a name that ends with .csv.")
-    lines = haploop.export_answers(_store(file, data), out, practice)
+    store = _store(file, data)
+    lines = haploop.export_answers(store, out, practice)
+    unfinished = [f"{one.path.parent.name}/{one.path.name}" for one in store.unfinished()]
     if as_json:
-        print_json({"file": str(out), "description": str(out.with_suffix(".json")), "lines": lines})
+        description = str(out.with_suffix(".json"))
+        print_json({"file": str(out), "description": description, "lines": lines, "unfinished": unfinished})
     else:
         print_line(f"{out} has {lines} lines; {out.with_suffix('.json')} describes its columns.")
+        if unfinished:
+            print_line(f"Not complete: {', '.join(unfinished)}. Their lines say so (column complete).")
     return 0
 
 
@@ -264,14 +271,7 @@ class _AtTerminal:
                 note(f"{head}{step.text} ({', '.join(step.stimulus.values())})")
                 if again and click.confirm("Feel it once more?", default=False, err=True):
                     return haploop.AGAIN
-                low, high = step.values
-                kind = FiniteRange(low, high)
-                return {
-                    pair: click.prompt(
-                        f"{pair} ({low:g} to {high:g})", type=kind, default=(low + high) / 2, err=True
-                    )
-                    for pair in step.choices
-                }
+                return _rated(step)
             case "identification":
                 return click.prompt(
                     f"{head}{step.text}", type=click.Choice([*step.choices, *again]), err=True
@@ -288,6 +288,17 @@ class _AtTerminal:
     def _done(sentence: str) -> str:
         click.prompt(f"{sentence} Then Enter", default="", show_default=False, err=True)
         return "done"
+
+
+def _rated(step: Step) -> dict[str, Any]:
+    """Ask for each scale: there is no value that Enter takes."""
+    low, high = step.values
+    clock, answer = haploop.RealClock(), {}
+    began = clock.now()
+    for pair in step.choices:
+        value = click.prompt(f"{pair} ({low:g} to {high:g})", type=FiniteRange(low, high), err=True)
+        answer[pair] = {"value": value, "touched": [round(clock.now() - began, 3)]}
+    return answer
 
 
 def _store(file: str, data: Path | None) -> haploop.Store:

@@ -88,8 +88,13 @@ def verify(files: Sequence[Path], as_json: bool) -> int:
     return worst
 
 
+_VERIFIED = ("*.h5", "session-*.jsonl", "withdrawals.jsonl", "marks.json")
+"""Files of a folder that are verified: recordings and what is made of them, and answers of experiments."""
+
+
 def _within(folder: Path) -> list[Path]:
-    found = sorted(path for path in folder.rglob("*.h5") if not path.name.startswith("."))
+    named = (path for pattern in _VERIFIED for path in folder.rglob(pattern))
+    found = sorted(path for path in named if not path.name.startswith("."))
     if not found:
-        raise haploop.DataError(f"{folder} holds no .h5 file: name one that does, or files.")
+        raise haploop.DataError(f"{folder} holds no .h5 file and no answers: name one that does, or files.")
     return found

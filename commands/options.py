@@ -24,6 +24,7 @@ __all__ = [
     "COLUMNS",
     "JSON",
     "NOTES",
+    "ONLY",
     "PATH",
     "PATIENCE",
     "RIG",
@@ -57,6 +58,13 @@ COLUMNS = click.option(
     default=2,
     show_default=True,
     help="Width of the picture: one or two columns of a journal (88 or 180 mm).",
+)
+ONLY = click.option(
+    "--only",
+    nargs=2,
+    multiple=True,
+    metavar="COLUMN VALUE",
+    help="Take only lines with this value, for example: --only timing possible --only complete true.",
 )
 NOTES = click.option("--notes", default="", help="Notes; stored in the recording.")
 

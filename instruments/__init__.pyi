@@ -14,8 +14,11 @@ from .errors import DataError as DataError
 from .errors import HaploopError as HaploopError
 from .errors import InstrumentError as InstrumentError
 from .errors import LimitError as LimitError
+from .generator import Arbitrary as Arbitrary
+from .generator import Burst as Burst
 from .generator import Generator as Generator
 from .generator import Sweep as Sweep
+from .generator import Waveform as Waveform
 from .limits import Limits as Limits
 from .live import LiveBlock as LiveBlock
 from .live import Tap as Tap
@@ -52,6 +55,7 @@ from .sensors import Accelerometer as Accelerometer
 from .sensors import AnalogChannel as AnalogChannel
 from .sensors import Divider as Divider
 from .sensors import ForceTorque as ForceTorque
+from .sensors import Scale as Scale
 from .sensors import Sensor as Sensor
 from .sensors import Sensors as Sensors
 from .sensors import Switch as Switch

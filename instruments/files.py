@@ -18,14 +18,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
+from typing import BinaryIO, cast
 
 from .clock import RealClock
 from .errors import ConfigurationError, DataError
 
 __all__ = [
     "WRITE_ERRORS",
+    "appended",
     "check_destination",
     "existing",
+    "make_folder",
     "new_file",
     "os_error_text",
     "private_files",
@@ -64,8 +67,7 @@ def check_destination(path: Path) -> None:
     rights.
     """
     try:
-        path.parent.parent.mkdir(parents=True, exist_ok=True)
-        path.parent.mkdir(mode=0o700 if _private.get() else 0o777, exist_ok=True)
+        make_folder(path.parent)
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
@@ -74,6 +76,19 @@ def check_destination(path: Path) -> None:
         ) from None
     if os.path.lexists(path):
         raise ConfigurationError(existing(path))
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above it; one that exists keeps its rights. Raises OSError."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700 if _private.get() else 0o777, exist_ok=True)
+
+
+def appended(path: Path) -> BinaryIO:
+    """Open a file to append to it, without a buffer: a full disk is told at once. Raises OSError."""
+    mode = 0o600 if _private.get() else 0o666
+    opened = open(path, "ab", buffering=0, opener=lambda name, flags: os.open(name, flags, mode))  # noqa: SIM115
+    return cast(BinaryIO, opened)
 
 
 WRITE_ERRORS = (OSError, RuntimeError, ValueError)

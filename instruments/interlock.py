@@ -1,7 +1,16 @@
 """The interlock at every output: an instrument puts out only what a limiter has authorised.
 
-A role's public method is a final template that asks the interlock and then calls the driver's own,
-underscored method. A driver cannot replace the template, and without a rig its interlock refuses.
+Model: volts reach a patch through one of few acts, each of one role: a DAQ streams a waveform, a player or
+a generator starts one, a relay closes. A role's public method for such an act is a final template that asks
+the interlock and then calls the driver's own, underscored method. A driver cannot replace the template, and
+without a rig its interlock refuses. The limiter authorises what it has judged whole, sample by sample, and
+nothing else.
+
+Assumptions: a driver puts out volts in those methods only, and what it was given; the program does not
+reach for underscored names. What breaks them, and what looks after it: a driver that does more (the
+conformance suite, and the read-back of outputs), another program or a person at the front panel
+(`safety/outputs.py` looks before a contact closes, and the abort monitor while it is closed), a killed
+program (the relay's dead-man). See docs/explanation/safety.md.
 """
 
 from __future__ import annotations
@@ -11,7 +20,7 @@ from typing import Any, Protocol
 from .arrays import FloatArray
 from .errors import LimitError
 from .frozen import Frozen
-from .sweep import Sweep
+from .waveforms import Waveform
 
 __all__ = ["Interlock", "Interlocked"]
 
@@ -22,8 +31,8 @@ class Interlock(Protocol):
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         """Allow `volts` ((samples,) V at the output, at `rate_hz`). Raises LimitError."""
 
-    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
-        """Allow a generator to be set to a sweep (V at the output), or to start it. Raises LimitError."""
+    def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
+        """Allow a generator to be set to a waveform (V at the output), or to start it. Raises LimitError."""
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
         """Allow a relay to connect patches, and bring to zero what leads to them. Raises LimitError."""
@@ -41,7 +50,7 @@ class _NoRig:
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         raise _no_limits(output)
 
-    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+    def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
         raise _no_limits(output)
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
@@ -77,5 +86,5 @@ class Interlocked(Frozen):
 def _no_limits(output: str) -> LimitError:
     return LimitError(
         f"Nothing is played on {output!r} without a rig's limits: open the rig with open_rig, and play "
-        "with its excite or sweep."
+        "with its excite or generate."
     )

@@ -13,7 +13,7 @@ from functools import cache
 from importlib import metadata
 from typing import Any
 
-__all__ = ["KEYS", "VERSION", "as_file", "as_line", "content_hash", "from_text", "of_file"]
+__all__ = ["KEYS", "VERSION", "as_file", "as_line", "content_hash", "from_text", "of_file", "with_hash"]
 
 VERSION = 1
 KEYS = {"format", "format_version", "software", "content"}
@@ -42,10 +42,16 @@ def as_line(entry: Mapping[str, Any]) -> str:
 
 def from_text(text: str | bytes) -> dict[str, Any]:
     """The object that `as_file` or `as_line` wrote, without its hash. Raises ValueError for other text."""
+    return with_hash(text)[0]
+
+
+def with_hash(text: str | bytes) -> tuple[dict[str, Any], str]:
+    """As `from_text`, and the object's hash."""
     try:
         said = dict(json.loads(text))
-        if said.pop("content_hash") == content_hash(said):
-            return said
+        stated = said.pop("content_hash")
+        if stated == content_hash(said):
+            return said, stated
     except (LookupError, TypeError, RecursionError):
         pass
     raise ValueError("its content does not match its hash")

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from .arrays import BoolArray, ComplexArray, FloatArray
+from .bounded import Finite, Positive
 from .frozen import FrozenDict
 
 __all__ = [
@@ -22,14 +24,12 @@ __all__ = [
     "AnalogChannel",
     "Divider",
     "ForceTorque",
+    "Scale",
     "Sensor",
     "Sensors",
     "Switch",
     "low_pass",
 ]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 _TAKEN = (
@@ -55,6 +55,17 @@ def _not_zero(scale: float) -> float:
 def low_pass(frequencies: FloatArray, corner_hz: float) -> ComplexArray:
     """Response of one real pole at `corner_hz` to `frequencies` (Hz), unity at 0 Hz."""
     return np.asarray(1.0 / (1.0 + 1j * frequencies / corner_hz), dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What a volt on a channel stands for."""
+
+    per_volt: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.per_volt:.4g} {self.unit} per V"
 
 
 class Sensor(BaseModel, ABC):
@@ -254,6 +265,20 @@ class Sensors(BaseModel):
         used = [sensor for sensor in (self.force, self.acceleration, self.activation) if sensor]
         names = [name for sensor in used for name in sensor.channels]
         return tuple(dict.fromkeys([*names, *(along.channel for along in self.extra.values())]))
+
+    def scale_of(self, channel: str) -> tuple[str, Scale] | None:
+        """Return the table of the sensor that reads a channel, and its scale.
+
+        None when no sensor reads it, or one that has no scale for a channel alone: gauges and switches.
+        """
+        if self.acceleration is not None and channel in self.acceleration.channels:
+            return "acceleration", Scale(1 / self.acceleration.sensitivity, "m/s^2")
+        if self.drive is not None and channel in self.drive.channels:
+            return "drive", Scale(self.drive.ratio, "V")
+        for name, along in self.extra.items():
+            if along.channel == channel:
+                return f"extra.{name}", Scale(along.scale, along.unit)
+        return None
 
     @field_validator("extra")
     @classmethod

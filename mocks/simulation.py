@@ -11,7 +11,7 @@ from ..instruments.config import Device, RigFile
 from ..instruments.driver import Driver, Mode, settings_of
 from ..instruments.errors import ConfigurationError
 from .clock import RealTimeClock, VirtualClock
-from .plant import KINDS, Faults, Plant, PlantSource, Truth
+from .plant import KINDS, Faults, OnLine, Plant, PlantSource, Truth
 from .transport import ReplyFault, faulty_line
 
 __all__ = ["Simulation"]
@@ -61,7 +61,7 @@ class Simulation:
         """See `haploop.instruments.rig.rig.Simulation.instrument`."""
         settings = settings_of(driver, device, role, self._file.name)
         wires = device.driver in entry_points.installed(entry_points.WIRES)
-        disturbed = [fault for fault in self.faults if fault.line == role]
+        disturbed = [fault for fault in self.faults.at(OnLine) if fault.line == role]
         if disturbed and (mode == "twin" or not wires):
             raise ConfigurationError(
                 f"A fault of the kind {disturbed[0].kind!r} needs a line to the {role}, and {device.driver} "

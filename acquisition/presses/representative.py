@@ -1,4 +1,18 @@
-"""The representative press of a button: the average press of all participants."""
+"""The representative press of a button: the average press of all participants.
+
+Model: each press of a button sheds the same events, at times and with strengths of its own. Presses are
+brought to one time at the activation and, if the contact opens again, at the opening; what remains is a
+warp of time, which the methods of `averaging.py` estimate: a barycentre under dynamic time warping, as the
+paper does, or a registration by smooth warps. The average is taken per participant and then over
+participants, so that nobody counts for more by having pressed more often.
+
+Assumptions: the vertical acceleration shows the events, and the accelerometer's stated low-pass is its own;
+the contact marks the same event in each press; presses unlike the others are few. What breaks them: events
+that come in another order or not in each press (an average of two kinds of press is neither); an axis that
+points down or is disturbed in all presses alike, which no comparison between presses shows; a slow
+accelerometer, unless its low-pass is undone, and then its noise. Source: the paper, figure 5; Petitjean et
+al., Pattern Recognition 44(3), 2011.
+"""
 
 from __future__ import annotations
 

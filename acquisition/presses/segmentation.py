@@ -1,5 +1,17 @@
 """Find presses in a force signal: their beginning and end, and the instant at which the button switched.
 
+Model: the force is a rest that drifts slowly, and presses that rise above it. A press lasts from the first
+average over `bin` above a threshold (`pressed`) until the force has stayed below a lower one (`released`)
+for `quiet`; its peak tells it from a touch (`least_peak`). When the button switched is asked of its contact
+and not of the force: the first change that lasts for most of `settle`, midway between two samples. A click
+before that is found in the vertical acceleration, high-passed above a hand's motion.
+
+Assumptions: between presses the finger leaves, for longer than `quiet`; the rest follows within `follow` s;
+a contact bounces for less than `settle`. What breaks them: two presses within `quiet` are one; a hand that
+rests on the cap with more than `pressed` is a press; hum on the force (an average over 5 ms passes nine
+tenths of 50 Hz) moves the onset once it exceeds `onset`; an offset of the force that begins suddenly.
+Source of the figures: docs/hardware.md, "Force sensor" and "Buttons and people".
+
 The same detector runs while recording, block by block, and over a whole file afterwards.
 """
 

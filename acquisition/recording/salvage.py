@@ -15,7 +15,8 @@ from ...instruments.files import WRITE_ERRORS, existing, os_error_text, private_
 from ...instruments.safety import is_marked, log_problems
 from .. import hdf5
 from ..checksum import add_checksum, bounded, created, opened
-from ..json_files import is_json, json_hash, read_lines
+from ..json_files import is_json, json_hash
+from ..line_files import check_marked, is_marks, line_problems
 from ..packing import write_packed
 from .file_format import CODES, Contents, Header, read_header, write_header
 from .readings import file_problems
@@ -169,18 +170,18 @@ def verify(path: str | Path) -> tuple[str, ...]:
     """Verify a file written by haploop; return one sentence for each problem, none when it is intact.
 
     Compares the checksum and the content hash, and the continuity of a recording. Raises DataError for a
-    file that is damaged or was changed; an unfinished recording can have damaged rows and still be read, and
-    an audit log damaged lines.
+    file that is damaged, was changed or lost its end; an unfinished recording can have damaged rows and still
+    be read, and an audit log damaged lines. The log of a session that is not complete is such a problem.
     """
     path = Path(path)
     if path.match("log-*.jsonl") and path.is_file():
         return log_problems(path)
     if path.suffix == ".jsonl" and path.is_file():
-        if not read_lines(path):
-            raise DataError(f"{path} has no line that was written completely.")
-        return ()
+        return line_problems(path)
     if is_json(path):
         json_hash(path)
+        if is_marks(path):
+            check_marked(path)
         return ()
     if (kind := hdf5.kind_of(path)) != "recording":
         hdf5.read(path, kind)

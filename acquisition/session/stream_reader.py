@@ -7,17 +7,17 @@ It never waits for a disk, a plot or a person. The blocks are consumed in the th
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
 from ...instruments import Block, Clock, InstrumentError, Stream
+from ...instruments.inbox import Inbox
 
 __all__ = ["GapError", "OverrunError", "StreamReader"]
 
 _POLL = 0.1
-"""Seconds of one wait for the other thread: on Windows an unlimited wait ignores Ctrl-C."""
+"""Interval at which the reader looks whether it is to stop (s)."""
 _STOP_DEADLINE = 10.0
 """Seconds allowed for the thread to return from the driver, whose own time-outs are shorter."""
 
@@ -45,8 +45,7 @@ class StreamReader:
         self._depth = depth
         # The block being consumed stays at the head until its consumer asks for the next, so that an
         # interrupt between any two instructions loses no block.
-        self._queue: deque[Block | BaseException | None] = deque()
-        self._available = threading.Event()
+        self._queue: Inbox[Block | BaseException | None] = Inbox()
         self._stopping = threading.Event()
         self._handled = threading.Event()
         self._thread = threading.Thread(target=self._read, name="haploop-reader", daemon=True)
@@ -63,7 +62,9 @@ class StreamReader:
 
     def __iter__(self) -> Iterator[Block]:
         while True:
-            item = self._head()
+            while not self._queue.wait():
+                pass
+            item = self._queue.head()
             if item is None:
                 return
             if isinstance(item, BaseException):
@@ -75,7 +76,7 @@ class StreamReader:
                 )
             self._next = item.end
             yield item
-            self._queue.popleft()
+            self._queue.take()
             self._handled.set()
 
     @property
@@ -108,15 +109,6 @@ class StreamReader:
             self._next = item.end
             yield item
 
-    def _head(self) -> Block | BaseException | None:
-        """Wait for the first item of the queue, and leave it there."""
-        while True:
-            if self._queue:
-                return self._queue[0]
-            self._available.clear()
-            if not self._queue:
-                self._available.wait(_POLL)
-
     def _read(self) -> None:
         try:
             for block in self._stream:
@@ -126,17 +118,13 @@ class StreamReader:
                         f"The recorder fell behind: {self._depth} blocks wait to be written, and reading "
                         f"stopped at sample {block.first}. Use a faster or less busy disk."
                     )
-                self._put(block)
+                self._queue.put(block)
                 self._clock.hold(self._consumed)
                 if self._stopping.is_set():
                     return
-            self._put(None)
+            self._queue.put(None)
         except BaseException as error:  # raised again in the consumer's thread
-            self._put(error)
-
-    def _put(self, item: Block | BaseException | None) -> None:
-        self._queue.append(item)
-        self._available.set()
+            self._queue.put(error)
 
     def _consumed(self) -> None:
         """Wait until the consumer asks for the next block, or the reader is stopped."""

@@ -12,13 +12,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, field_validator
 
 from ...instruments import ConfigurationError
+from ...instruments.bounded import Positive
 from ...instruments.config import load_model
 from ..presses import AverageMethod, Protocol, Segmentation, segmentation_for
 from ..recording import file_name
 
 __all__ = ["ButtonSettings", "Prompts", "StudyFile", "load_study_file", "williams_row"]
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1, le=1000)]
 Order = Literal["counterbalanced", "random", "as-listed"]
 

@@ -1,4 +1,20 @@
-"""Inversion of the response: the drive that makes a table follow a target within a voltage limit."""
+"""Inversion of the response: the drive that makes a table follow a target within a voltage limit.
+
+Model: on a periodic grid the table moves by G V, with V the drive's spectrum. G was measured, so it is a
+random number about its estimate on each line, and the expected squared error is the sum over the lines of
+|target - G V|^2 + (uncertainty |V - V0|)^2, where V0 is a drive whose outcome was measured. The second term
+regularises: where G is uncertain the drive stays what it was. Voltage and slew rate are bounds on the
+samples. Error and bounds are convex, so splitting (ADMM; Boyd et al., Foundations and Trends in Machine
+Learning 3, 2011, section 5) approaches the least error within a bound, and a bisection finds the lowest
+bound within the error budget: the lower the voltage per unit of target, the larger the output within the
+limits.
+
+Assumptions: the table is linear (hysteresis is compensated elsewhere) and is what it was when G was
+measured; the errors of G are independent from line to line; the grid is longer than the ringing. What
+breaks them: drift, a patch that does not follow its compensation, plates that ring beyond the grid; then
+the error is larger than expected, which a check measures and nothing here can know. Lines that were not
+measured get no drive.
+"""
 
 from __future__ import annotations
 

@@ -16,8 +16,9 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ...instruments import HaploopError, InstrumentError
+from ...instruments import ConfigurationError, HaploopError, InstrumentError
 from ..data_folder import DataFolder
+from .bodies import json_object
 from .conductor import Conductor
 from .data_routes import data_routes
 from .experiment_routes import experiment_routes
@@ -52,13 +53,13 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
 
     async def command(request: Request) -> Response:
         try:
-            values = json.loads(await request.body())
+            values = await json_object(request)
             name = request.path_params["name"]
             status, answer = await asyncio.to_thread(follower.command, name, values)
         except InstrumentError as error:
             return JSONResponse({"error": str(error)}, 503)
-        except ValueError:
-            return JSONResponse({"error": "The command is no JSON."}, 400)
+        except ConfigurationError as error:
+            return JSONResponse({"error": str(error)}, 400)
         return JSONResponse(answer, status)
 
     async def stop(_: Request) -> Response:
@@ -85,7 +86,7 @@ def application(access: Access, follower: Follower, scope: LiveScope, data: Data
         await websocket.accept()
         with contextlib.suppress(WebSocketDisconnect, TimeoutError, RuntimeError):
             async with asyncio.timeout(_TOKEN_DEADLINE):
-                token = await websocket.receive_text()
+                token = (await websocket.receive()).get("text") or ""  # of a binary message, too
             if access.opens(token, "/socket"):
                 await _serve(websocket, follower, scope, shown[True], frames=True)
             elif access.opens(token, PARTICIPANT):

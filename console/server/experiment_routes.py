@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,15 +10,13 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from ...instruments import ConfigurationError, HaploopError
+from ...instruments import HaploopError
+from .bodies import json_object
 from .conductor import Conductor
 from .follower import Follower
 from .security import ANSWER
 
 __all__ = ["experiment_routes"]
-
-_LARGEST = 1 << 16
-"""Bytes of a request: the participant's page is the least trusted one."""
 
 
 def experiment_routes(conductor: Conductor, follower: Follower) -> list[Route]:
@@ -28,7 +25,7 @@ def experiment_routes(conductor: Conductor, follower: Follower) -> list[Route]:
     def route(path: str, act: Callable[[Mapping[str, Any]], None]) -> Route:
         async def answer(request: Request) -> Response:
             try:
-                values = await _values(request)
+                values = await json_object(request)
                 await asyncio.to_thread(act, values)
             except HaploopError as error:
                 return JSONResponse({"error": str(error)}, 409)
@@ -49,19 +46,3 @@ def experiment_routes(conductor: Conductor, follower: Follower) -> list[Route]:
         route("/api/experiment/end", lambda _: conductor.end()),
         route(ANSWER, conductor.answer),
     ]
-
-
-async def _values(request: Request) -> Mapping[str, Any]:
-    """The JSON object of a request. Raises ConfigurationError when there is none."""
-    content = b""
-    async for piece in request.stream():
-        content += piece
-        if len(content) > _LARGEST:
-            raise ConfigurationError(f"The request is longer than {_LARGEST} bytes.")
-    try:
-        values = json.loads(content or b"{}")
-    except (ValueError, RecursionError):
-        values = None
-    if not isinstance(values, Mapping):
-        raise ConfigurationError("The request is no JSON object.")
-    return values

@@ -15,6 +15,8 @@ from ...terminal.progress import note
 from ..data_folder import DataFolder
 from ..worker import WorkerLink, serving, start_worker
 from .application import application
+from .bodies import LARGEST
+from .connections import ImpatientProtocol
 from .follower import Follower
 from .live_scope import LiveScope
 from .security import Access
@@ -50,7 +52,13 @@ def serve_console(
         follower = Follower(worker(), worker, LiveScope(file, simulate))
         app = application(access, follower, follower.scope, DataFolder(data))
         config = uvicorn.Config(
-            app, log_level="error", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1
+            app,
+            log_level="error",
+            access_log=False,
+            http=ImpatientProtocol,
+            ws="websockets-sansio",
+            ws_max_size=LARGEST,
+            timeout_graceful_shutdown=1,
         )
         try:
             ready(access)

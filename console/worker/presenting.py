@@ -6,7 +6,6 @@ the board, from where the server writes it into the log.
 
 from __future__ import annotations
 
-import queue
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,11 +20,10 @@ from ...experiments import (
     prepare_surface,
 )
 from ...instruments import ConfigurationError, DataError, Progress, Rig
+from ...instruments.inbox import Inbox
 from .board import Board
 
 __all__ = ["Stimuli", "present_stimuli"]
-
-_POLL = 0.2
 
 
 class Stimuli:
@@ -33,7 +31,7 @@ class Stimuli:
 
     def __init__(self, board: Board, nobody: threading.Event) -> None:
         self._board, self._nobody = board, nobody
-        self._asked: queue.Queue[Mapping[str, Any] | None] = queue.Queue()
+        self._asked: Inbox[Mapping[str, Any] | None] = Inbox()
 
     def present(self, values: Mapping[str, Any]) -> None:
         """Ask for the step that is due in a session: {participant, session, turn}."""
@@ -50,16 +48,14 @@ class Stimuli:
     def next(self) -> Mapping[str, Any] | None:
         """Wait for a stimulus; None when the job is to end, or no page has been there for long."""
         while not self._nobody.is_set():
-            try:
-                return self._asked.get(timeout=_POLL)
-            except queue.Empty:
-                continue
+            if self._asked.wait():
+                return self._asked.take()
         return None
 
     def forget(self) -> None:
         """Forget what was asked for before."""
-        while not self._asked.empty():
-            self._asked.get()
+        while len(self._asked):
+            self._asked.take()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import queue
 import sys
 import threading
 import traceback
@@ -23,6 +22,7 @@ from ...instruments import (
     open_rig,
 )
 from ...instruments.driver import Mode
+from ...instruments.inbox import Inbox
 from ...instruments.signals import uninterrupted
 from ..data_folder import DataFolder
 from .board import Board
@@ -34,7 +34,6 @@ from .stopping import Stopping
 
 __all__ = ["Worker"]
 
-_POLL = 0.2
 _ORPHANED = 60.0
 """s without a server after which an idle worker ends."""
 _ABANDONED = 600.0
@@ -52,7 +51,7 @@ class Worker:
         self.file, self.data = file, data
         self._simulate, self._real_time = simulate, real_time
         self._clock = RealClock()
-        self._jobs: queue.Queue[tuple[int, str, Work, bool, int]] = queue.Queue()
+        self._jobs: Inbox[tuple[int, str, Work, bool, int]] = Inbox()
         """Number, kind, work, whether it needs the rig, and the number of STOPs when it was asked for."""
         self._changing = threading.Lock()
         self._running = 0
@@ -103,13 +102,11 @@ class Worker:
             # An interrupt that was meant for a job may arrive just behind it.
             with suppress(KeyboardInterrupt):
                 silent_for = self._clock.now() - self._heard
-                try:
-                    job = self._jobs.get(timeout=_POLL)
-                except queue.Empty:
+                if not self._jobs.wait():
                     if silent_for > _ORPHANED:
                         self._ended.set()
                     continue
-                self._run(*job)
+                self._run(*self._jobs.take())
 
     def end(self) -> None:
         """End the worker after the safe state was reached. For any thread."""
@@ -191,12 +188,12 @@ class Worker:
         job = JOBS[kind]
         with self._changing:
             stops = self.board["stop"]["number"]
-            busy = self._running or not self._jobs.empty()
+            busy = self._running or len(self._jobs) > 0
             if busy and kind != "safe":
                 raise ConfigurationError("The rig is busy: wait until the running job has ended, or stop it.")
         work = job.prepare(self._tools, wanted)
         with self._changing:
-            if (self._running or not self._jobs.empty()) and kind != "safe":
+            if (self._running or len(self._jobs) > 0) and kind != "safe":
                 raise ConfigurationError("The rig is busy: wait until the running job has ended, or stop it.")
             if kind != "safe":
                 self._stopping.refuse_after(stops)
@@ -289,7 +286,7 @@ class Worker:
             self._running = 0
             waits = self._stopping.job_ended(state, sentence, self._left_safe)
             # STOP met a job before it had opened the rig, or one that has no use for it.
-            unread = waits and self._jobs.empty()
+            unread = waits and not len(self._jobs)
             self._show_job(state=state, sentence=sentence, result=result)
         if unread:
             self._add("safe", {})

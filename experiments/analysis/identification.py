@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from ...instruments import DataError
+from ...instruments.arrays import FloatArray
 from .anova import Effect, anova
 from .cells import uneven_groups
 from .confusion import METRICS, Confusion, Metric, confusion_of, confusions_by
@@ -54,7 +56,7 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
     """
     by = tuple(column for column in ("group", "day") if column in rows.columns)
     pooled, matrices = confusion_of(rows), confusions_by(rows, *by)
-    notes = list(_undefined(by, matrices or {(): pooled}))
+    notes = [*rows.remarks, *_undefined(by, matrices or {(): pooled})]
     within = within or next((name for name in ("confirmation", "day") if name in rows.columns), "")
     between = between or ("group" if "group" in rows.columns else "")
     rows.require(*(name for name in (within, between) if name))
@@ -69,7 +71,8 @@ def analyse_identification(rows: Rows, within: str = "", between: str = "") -> I
     else:
         for metric in METRICS:
             try:
-                performance.append(_performance(rows, metric, pooled.classes, within, between))
+                design = _Design.of(rows, pooled.classes, within, between)
+                performance.append(_performance(rows, metric, design))
             except DataError as error:
                 notes.append(f"Effects on {metric} are not tested: {error}")
         if between:
@@ -92,41 +95,62 @@ def _undefined(by: tuple[str, ...], matrices: Mapping[tuple[str, ...], Confusion
                     yield f"Not defined{where}: the {metric} of {name}, which was never {never}."
 
 
-def _performance(
-    rows: Rows, metric: Metric, classes: tuple[str, ...], within: str, between: str
-) -> Performance:
-    levels = rows.levels(within) if within else ()
-    if within and len(levels) < 2:
-        levels, within = (), ""
-    matrices = confusions_by(rows, "participant", *([within] if within else []))
-    people = dict.fromkeys(rows.text("participant"))
-    of_person = dict(zip(rows.text("participant"), rows.text(between), strict=True)) if between else {}
-    if between:
-        for person, group in zip(rows.text("participant"), rows.text(between), strict=True):
-            if of_person[person] != group:
+@dataclass(frozen=True)
+class _Design:
+    """What is compared: classes and a factor's levels within people, groups between them; "" for none."""
+
+    classes: tuple[str, ...]
+    within: str
+    levels: tuple[str, ...]
+    between: str
+    group_of: Mapping[str, str]
+    """Each participant's group, when people are compared."""
+
+    @classmethod
+    def of(cls, rows: Rows, classes: tuple[str, ...], within: str, between: str) -> Self:
+        """Read the levels and the groups. Raises DataError for a participant in several groups."""
+        levels = rows.levels(within) if within else ()
+        if len(levels) < 2:
+            within, levels = "", ()
+        group_of: dict[str, str] = {}
+        people, groups = (rows.text("participant"), rows.text(between)) if between else ((), ())
+        for person, group in zip(people, groups, strict=True):
+            if group_of.setdefault(person, group) != group:
                 raise DataError(f"{person} is in several {between}s.")
-    values, whole = [], []
-    for person in people:
-        cells = [matrices.get((person, level)) for level in levels] if within else [matrices.get((person,))]
-        table = [[cell.value(metric, name) if cell else None for name in classes] for cell in cells]
-        if all(value is not None for row in table for value in row):
-            values.append(table)
-            whole.append(person)
-    left_out = tuple(person for person in people if person not in whole)
+        return cls(classes, within, levels, between, group_of)
+
+    @property
+    def factors(self) -> dict[str, tuple[str, ...]]:
+        """The factors within people, and their levels, in the order of the axes of `_values`."""
+        return ({self.within: self.levels} if self.within else {}) | {"class": self.classes}
+
+
+def _performance(rows: Rows, metric: Metric, design: _Design) -> Performance:
+    values = _values(rows, metric, design)
+    whole = [person for person, of_person in values.items() if of_person is not None]
     if not whole:
         raise DataError("no participant has a defined value in each cell.")
-    array = np.array(values, dtype=float)
-    factors = (within, "class") if within else ("class",)
-    array = array if within else array[:, 0]
-    names = tuple(dict.fromkeys(of_person[person] for person in whole)) if between else ()
-    between = between if len(names) > 1 else ""
-    groups = tuple(names.index(of_person[person]) for person in whole) if between else ()
-    effects = anova(array, factors, groups, between)
-    of_factor = (levels, classes) if within else (classes,)
-    return Performance(
-        metric,
-        effects,
-        {name: compare_levels(array, place, of_factor[place], groups) for place, name in enumerate(factors)},
-        len(whole),
-        left_out,
-    )
+    array = np.array([values[person] for person in whole])
+    names = list(dict.fromkeys(design.group_of[person] for person in whole if design.between))
+    between = design.between if len(names) > 1 else ""
+    groups = tuple(names.index(design.group_of[person]) for person in whole) if between else ()
+    comparisons = {
+        name: compare_levels(array, axis, levels, groups)
+        for axis, (name, levels) in enumerate(design.factors.items())
+    }
+    effects = anova(array, tuple(design.factors), groups, between)
+    left_out = tuple(person for person in values if person not in whole)
+    return Performance(metric, effects, comparisons, len(whole), left_out)
+
+
+def _values(rows: Rows, metric: Metric, design: _Design) -> dict[str, FloatArray | None]:
+    """Return each participant's values, (levels, classes) or (classes,); None where one is not defined."""
+    matrices = confusions_by(rows, "participant", *([design.within] if design.within else []))
+    cells = [(level,) for level in design.levels] if design.within else [()]
+    values: dict[str, FloatArray | None] = {}
+    for person in dict.fromkeys(rows.text("participant")):
+        found = [matrices.get((person, *cell)) for cell in cells]
+        table = [[one.value(metric, name) if one else None for name in design.classes] for one in found]
+        defined = all(value is not None for row in table for value in row)
+        values[person] = np.array(table if design.within else table[0], dtype=float) if defined else None
+    return values

@@ -12,14 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from ...instruments import DataError
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import Proportion
 from ...instruments.config import load_model
 from ...instruments.progress import Progress, silent
 from .anova import anova
 from .proportions import Interval, wilson_interval
 
 __all__ = ["Power", "PowerPlan", "load_power_plan", "power_of"]
-
-Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
 class PowerPlan(BaseModel):
@@ -37,10 +36,10 @@ class PowerPlan(BaseModel):
     """Trials of each class in each session."""
     spread: Annotated[float, Field(ge=0, le=10)] = 0.5
     interaction: Annotated[float, Field(ge=0, le=10)] = 0.3
-    alpha: Fraction = 0.05
+    alpha: Proportion = 0.05
     within: str = "confirmation"
     between: str = "group"
-    correct: Annotated[dict[str, dict[str, dict[str, Fraction]]], Field(min_length=1)]
+    correct: Annotated[dict[str, dict[str, dict[str, Proportion]]], Field(min_length=1)]
     """Expected fractions of right answers: [correct.GROUP.SESSION] with one key for each class."""
 
     @field_validator("correct")

@@ -80,10 +80,11 @@ def analyse_ratings(
     first, second, pairs = cells.levels
     levels = (first, second)
     notes = [
+        *rows.remarks,
         f"With rows taken as independent, the {values.shape[0]} participants count as "
         f"{values.shape[0] * len(first) * len(second)}, one for each cell. Ratings of one person are alike, "
         "so that this error has too many degrees of freedom, and differences between people are in it: the "
-        "form by person is the one to report. Groups enter that form only."
+        "form by person is the one to report. Groups enter that form only.",
     ]
     repeated = manova_repeated(values, factors, groups, between) if len(pairs) > 1 else ()
     independent = manova_independent(values, factors) if len(pairs) > 1 else ()

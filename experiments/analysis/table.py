@@ -28,6 +28,8 @@ class Rows:
     """Order of the values of a column, where the file beside the table states it."""
     decimal_commas: bool = False
     """True when numbers may have a decimal comma, because cells are not separated by commas."""
+    chosen: tuple[str, ...] = ()
+    """What was chosen from the file, as sentences."""
 
     def require(self, *columns: str) -> None:
         """Raise DataError when a column is missing."""
@@ -89,6 +91,33 @@ class Rows:
     def only(self, column: str, value: str) -> Rows:
         """The lines with one value in a column."""
         return replace(self, lines=tuple((n, line) for n, line in self.lines if line[column] == value))
+
+    def choose(self, column: str, value: str) -> Rows:
+        """As `only`; `remarks` tell of it. Raises DataError: no such column, no line left."""
+        self.require(column)
+        found = self.only(column, value)
+        if not found.lines:
+            values = ", ".join(sorted({line[column] for _, line in self.lines}))
+            raise DataError(f"{self.name} has no line with {column} {value!r}, only with {values}.")
+        said = f"Of {len(self.lines)} lines, the {len(found.lines)} with {column} {value} were taken."
+        return replace(found, chosen=(*self.chosen, said))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on what was chosen, and on lines of unfinished sessions and impossible times."""
+        found = [*self.chosen]
+        for column, good, what in (
+            ("complete", "true", "are of sessions that were not completed"),
+            ("timing", "possible", "were answered too fast or too slow for a person"),
+        ):
+            cells = [line.get(column, "") for _, line in self.lines]
+            bad = sum(cell.casefold() in {"too fast", "too slow", *_NO} for cell in cells)
+            if bad:
+                found.append(
+                    f"{bad} of {len(cells)} lines {what}, and were analysed as the others: --only {column} "
+                    f"{good} leaves them out."
+                )
+        return tuple(found)
 
     def levels(self, *columns: str) -> tuple[str, ...]:
         """Different values of columns: those with a stated order in that order, then as the file has them."""

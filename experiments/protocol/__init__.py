@@ -7,6 +7,7 @@ from .experiment_file import (
     example_names,
     load_experiment,
 )
+from .rating import Rated, Timing, timing_of
 from .steps import (
     Answer,
     Assignment,
@@ -27,7 +28,9 @@ __all__ = [
     "Course",
     "Experiment",
     "ExperimentFile",
+    "Rated",
     "Step",
+    "Timing",
     "balance_of",
     "digital_button",
     "example_names",
@@ -36,5 +39,6 @@ __all__ = [
     "played_by_rig",
     "right_answer",
     "session_levels",
+    "timing_of",
     "valid",
 ]

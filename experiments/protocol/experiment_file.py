@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from ...instruments.bounded import Finite, Positive, Seed
 from ...instruments.config import load_model
 
 __all__ = [
@@ -28,7 +29,6 @@ __all__ = [
 Kind = Literal["identification", "rating", "two-interval", "staircase"]
 BlockOrder = Literal["random", "random-in-repetition", "counterbalanced", "as-listed"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}$")]
-Number = Annotated[float, Field(allow_inf_nan=False)]
 _RESERVED = {"participant", "group", "day", "block", "trial", "presented", "answered", "correct", "rating"}
 _RESERVED |= {"pair", "standard", "comparison", "interval", "time", "simulated", "count", "onset", "duration"}
 
@@ -56,13 +56,13 @@ class Comparison(_Section):
 
     name: Name = "level"
     unit: str = ""
-    standard: Number
+    standard: Finite
     """Value in the standard interval; 0 for a detection threshold."""
-    levels: tuple[Number, ...] = ()
+    levels: tuple[Finite, ...] = ()
     """Values to compare with the standard (two-interval: method of constant stimuli)."""
-    start: Number | None = None
+    start: Finite | None = None
     """First value of a staircase."""
-    step: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    step: Positive | None = None
     """Step of a staircase; halved at each of the first `halvings` reversals."""
     halvings: Annotated[int, Field(ge=0, le=20)] = 2
     down: Annotated[int, Field(ge=1, le=4)] = 2
@@ -70,7 +70,7 @@ class Comparison(_Section):
     reversals: Annotated[int, Field(ge=2, le=100)] = 8
     """Reversals after which a staircase ends."""
     max_trials: Annotated[int, Field(ge=2, le=1000)] = 80
-    highest: Number | None = None
+    highest: Finite | None = None
     """Bound of the value: a staircase stays between the standard and it."""
 
 
@@ -84,7 +84,7 @@ class Question(_Section):
     """Answers to choose from (identification); by default the levels of that factor."""
     pairs: tuple[tuple[Name, Name], ...] = ()
     """Pairs of opposite adjectives (rating)."""
-    scale: tuple[Number, Number] = (1.0, 101.0)
+    scale: tuple[Finite, Finite] = (1.0, 101.0)
     """Values at the left and right end of a slider (rating); it starts in the middle."""
 
 
@@ -122,7 +122,7 @@ class ExperimentFile(_Section):
     name: Name
     title: str = ""
     kind: Kind
-    seed: Annotated[int, Field(ge=0)]
+    seed: Seed
     """Seed of random orders and of the assignment to groups."""
     groups: Annotated[tuple[Name, ...], Field(min_length=1)] = ("all",)
     sessions: Annotated[int, Field(ge=1, le=50)] = 1

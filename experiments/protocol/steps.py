@@ -18,6 +18,7 @@ import numpy as np
 from ...acquisition import williams_row
 from ...instruments import DataError
 from .experiment_file import Block, Comparison, ExperimentFile
+from .rating import Rated, rated
 
 __all__ = [
     "Answer",
@@ -33,8 +34,8 @@ __all__ = [
     "valid",
 ]
 
-Answer = str | int | Mapping[str, float]
-"""A name (identification), 1 or 2 (two intervals), a value for each pair (rating), or "done"."""
+Answer = str | int | Mapping[str, Rated]
+"""A name (identification), 1 or 2 (two intervals), what was set for each pair (rating), or "done"."""
 
 
 @dataclass(frozen=True)
@@ -156,15 +157,10 @@ def valid(step: Step, answer: Any) -> Answer:
                 return int(answer)
             expected = "1 or 2"
         case "rating":
-            low, high = step.values
-            if isinstance(answer, Mapping) and set(answer) == set(step.choices):
-                with_numbers = all(
-                    isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
-                    for value in answer.values()
-                )
-                if with_numbers:
-                    return {pair: float(answer[pair]) for pair in step.choices}
-            expected = f"a number from {low:g} to {high:g} for each of {', '.join(step.choices)}"
+            found = rated(step.choices, step.values, answer)
+            if not isinstance(found, str):
+                return found
+            expected = found
         case _:
             if answer == "done":
                 return "done"

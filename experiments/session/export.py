@@ -10,7 +10,7 @@ from typing import Any
 
 from ...instruments import DataError
 from ...instruments.files import new_file, private_files
-from ..protocol import Answer, ExperimentFile, Step, session_levels
+from ..protocol import Answer, ExperimentFile, Step, session_levels, timing_of
 from .log import Event
 from .store import Store, StoredSession
 
@@ -26,24 +26,32 @@ _COLUMNS = {
     "answered": "What the participant answered",
     "pair": "Pair of opposite adjectives; the scale goes from the first to the second",
     "rating": "Position of the slider",
+    "touches": "How often the slider was touched; it has no value until it is",
+    "first_touch": "First touch of the slider, from the appearance of the question",
+    "last_touch": "Last touch of the slider, from the appearance of the question",
     "first_value": "Value of the compared quantity in the first interval",
     "second_value": "Value of the compared quantity in the second interval",
     "comparison": "Value that was compared with the standard",
     "correct": "Whether the answer was right",
     "onset": "Beginning of the stimulus, from the beginning of the program's run",
     "duration": "From the (last) beginning of the stimulus to the answer",
+    "timing": "Whether a person can have answered in this time: possible, too fast, too slow; n/a of a "
+    "simulated participant",
     "presentations": "How often the stimulus was presented before the answer",
     "time": "Time of the answer (UTC)",
+    "complete": "Whether the session was completed: its log is sealed, and nothing of it is missing",
     "simulated": "Whether a simulated participant answered, and no person",
 }
-_UNITS = {"onset": "s", "duration": "s", "time": "ISO 8601"}
+_UNITS = {"onset": "s", "duration": "s", "first_touch": "s", "last_touch": "s", "time": "ISO 8601"}
 
 
 def export_answers(store: Store, path: str | Path, practice: bool = False) -> int:
     """Write the answers of all participants as CSV, and `NAME.json` beside it; return the number of lines.
 
-    With `practice`, answers of practice blocks too. The table fits `haploop analyse`. The JSON file describes
-    the columns as a BIDS sidecar does. Raises DataError: no answer, a damaged log, a file that exists.
+    With `practice`, answers of practice blocks too. A session that was not completed is named in the JSON
+    file, and its lines say so. The table fits `haploop analyse`. The JSON file describes
+    the columns as a BIDS sidecar does. Raises DataError: no answer, a log that is damaged or has lost its
+    end, a file that exists.
     """
     path = Path(path)
     file = store.experiment.file
@@ -93,6 +101,7 @@ def sidecar_of(store: Store) -> dict[str, Any]:
         "Seed": file.seed,
         "GeneratedBy": "haploop",
         "Withdrawn": len(store.withdrawals()),
+        "Unfinished": [f"{one.path.parent.name}/{one.path.name}" for one in store.unfinished()],
         **described,
     }
 
@@ -106,10 +115,10 @@ def _columns(file: ExperimentFile) -> Iterator[str]:
         case "identification":
             yield from ("presented", "answered", "correct")
         case "rating":
-            yield from ("pair", "rating")
+            yield from ("pair", "rating", "touches", "first_touch", "last_touch")
         case "two-interval" | "staircase":
             yield from ("first_value", "second_value", "comparison", "answered", "correct")
-    yield from ("onset", "duration", "presentations", "time", "simulated")
+    yield from ("onset", "duration", "timing", "presentations", "time", "complete", "simulated")
 
 
 def _lines(file: ExperimentFile, stored: StoredSession, practice: bool) -> Iterator[dict[str, Any]]:
@@ -127,6 +136,7 @@ def _lines(file: ExperimentFile, stored: StoredSession, practice: bool) -> Itera
             continue
         assignment = stored.assignment
         same_run = bool(shown) and shown[-1].run == event.run
+        duration = event.at - shown[-1].at if same_run else None
         line = {
             "participant": assignment.participant,
             "group": assignment.group,
@@ -136,9 +146,11 @@ def _lines(file: ExperimentFile, stored: StoredSession, practice: bool) -> Itera
             "trial": step.number,
             **{factor.name: step.stimulus[factor.name] for factor in file.trial_factors},
             "onset": f"{shown[-1].at - begins[event.run]:.3f}" if same_run else "n/a",
-            "duration": f"{event.at - shown[-1].at:.3f}" if same_run else "n/a",
+            "duration": "n/a" if duration is None else f"{duration:.3f}",
+            "timing": "n/a" if stored.simulated else timing_of(answer, duration),
             "presentations": len(shown),
             "time": event.time,
+            "complete": str(stored.complete).lower(),
             "simulated": str(stored.simulated).lower(),
         }
         for values in _answers(file, step, answer, event):
@@ -161,5 +173,11 @@ def _answers(file: ExperimentFile, step: Step, answer: Answer, event: Event) -> 
                 "correct": correct,
             }
     else:
-        for pair, value in answer.items():
-            yield {"pair": pair, "rating": f"{value:g}"}
+        for pair, one in answer.items():
+            yield {
+                "pair": pair,
+                "rating": f"{one.value:g}",
+                "touches": len(one.touched),
+                "first_touch": f"{one.touched[0]:.3f}",
+                "last_touch": f"{one.touched[-1]:.3f}",
+            }

@@ -1,25 +1,21 @@
-"""The log of a session: one line of JSON an event, durable before the next thing happens.
+"""The log of a session: one line an event, durable before the next thing happens.
 
-Each line has a number and a hash, so that a line that is missing, repeated or changed is noticed. A line that
-was cut off when the program was killed is kept as it is, and the next one says so.
+How no line of it is lost unnoticed, see `acquisition.line_files`. The event "complete" seals a log.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ...acquisition.json_files import read_lines, unended
-from ...instruments import ConfigurationError, DataError
+from ...acquisition.line_files import Line, LineFile, Mark, check_mark, read_lines, read_marks, write_marks
+from ...instruments import DataError
 from ...instruments.clock import Clock
-from ...instruments.files import os_error_text, sync_folder
-from ...instruments.json_text import as_line
 
-__all__ = ["Event", "EventLog", "read_log"]
+__all__ = ["Event", "EventLog", "events_of", "read_log"]
 
 
 @dataclass(frozen=True)
@@ -43,72 +39,64 @@ class EventLog:
     def __init__(self, path: Path, clock: Clock, durable: bool = True) -> None:
         """Without `durable`, the operating system chooses when to write: for simulated participants."""
         self._path, self._clock, self._durable = path, clock, durable
-        open_end = cut_off = False
-        self.events: list[Event] = []
-        if path.exists():
-            self.events = list(read_log(path))
-            open_end, cut_off = unended(path)
+        self._file = LineFile(path, durable)
+        self.events: list[Event] = list(events_of(path, self._file.lines))
         self._run = max((event.run for event in self.events), default=0) + 1
-        try:
-            path.parent.parent.mkdir(parents=True, exist_ok=True)
-            # Answers of people are their keeper's, as recordings are.
-            path.parent.mkdir(mode=0o700, exist_ok=True)
-            # Without a buffer, which would be written once more on closing a full disk.
-            self._file = open(path, "ab", buffering=0, opener=private)  # noqa: SIM115  closed by close()
-            if not self.events:
-                self._file.truncate(0)  # a first line that was cut off holds no answer
-            elif open_end:
-                self._write(b"\n")
-            sync_folder(path.parent)
-        except OSError as error:
-            raise ConfigurationError(f"{path} cannot be written: {os_error_text(error)}.") from None
         if self.events:
-            self.add("resumed", cut_off=cut_off)
+            self.add("resumed")
 
     def add(self, kind: str, **values: Any) -> Event:
-        """Write one event; when this returns, it is on the disk, if the log is durable."""
-        number = self.events[-1].number + 1 if self.events else 1
-        now = datetime.now(UTC).isoformat(timespec="milliseconds")
-        event = Event(number, kind, now, round(self._clock.now(), 6), self._run, values)
-        try:
-            self._write(_line(event))
-            if self._durable:
-                os.fsync(self._file.fileno())
-        except (OSError, ValueError) as error:
-            text = os_error_text(error) if isinstance(error, OSError) else str(error)
-            raise DataError(f"{self._path} cannot be written: {text}.") from None
-        self.events.append(event)
-        return event
+        """Write one event; when this returns, it is on the disk, if the log is durable.
 
-    def _write(self, line: bytes) -> None:
-        while line:
-            line = line[self._file.write(line) :]
+        After an answer, the beginning and the end, the log's mark says how far it has come; without
+        `durable`, after the beginning and the end.
+        """
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        if kind in ("start", "complete"):
+            values["sealed"] = kind == "complete"
+        line = self._file.add(event=kind, time=now, at=round(self._clock.now(), 6), run=self._run, **values)
+        self.events.append(_event(self._path, line))
+        if kind in ("start", "complete") or (self._durable and kind == "answer"):
+            try:
+                self._mark()
+            except DataError:
+                self._file.close()  # who asked does not know that the event is in the log
+                raise
+        return self.events[-1]
 
     def close(self) -> None:
-        """Close the file. May be called again."""
+        """Mark how far the log has come, and close the file. May be called again."""
         self._file.close()
+        if self._file.lines:
+            self._mark()
+
+    def _mark(self) -> None:
+        folder, name = self._path.parent.parent, f"{self._path.parent.name}/{self._path.name}"
+        marks, mark = read_marks(folder), Mark.of(self._file.lines)
+        if marks.get(name) != mark:
+            write_marks(folder, {**marks, name: mark})
 
 
-def read_log(path: Path, only_first: bool = False) -> tuple[Event, ...]:
-    """Read a log, or its first event. Raises DataError, with the line, when it is damaged.
+def read_log(path: Path) -> tuple[Event, ...]:
+    """Read a log. Raises DataError, with the line, when it is damaged, and when its end is missing.
 
     A last line that was cut off by an interruption is left out; so is one that is followed by an event that
     says so.
     """
-    return tuple(_event(path, entry) for entry in read_lines(path, only_first))
+    lines = read_lines(path)
+    check_mark(path, lines)
+    return events_of(path, lines)
 
 
-def private(path: str, flags: int) -> int:
-    return os.open(path, flags, 0o600)
+def events_of(path: Path, lines: Sequence[Line]) -> tuple[Event, ...]:
+    """The events in the lines of a log. Raises DataError for a line that is none."""
+    return tuple(_event(path, line) for line in lines)
 
 
-def _line(event: Event) -> bytes:
-    said = {"number": event.number, "event": event.kind, "time": event.time, "at": event.at, "run": event.run}
-    return as_line({**said, **event.values}).encode()
-
-
-def _event(path: Path, entry: dict[str, Any]) -> Event:
+def _event(path: Path, line: Line) -> Event:
+    entry = dict(line.values)
     number = entry.pop("number")
+    entry.pop("previous")
     try:
         kind, time = str(entry.pop("event")), str(entry.pop("time"))
         at, run = float(entry.pop("at")), int(entry.pop("run"))

@@ -6,8 +6,9 @@ begins, and `answer` with what the participant chose.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from typing import Any, Protocol
 
 from ...instruments import ConfigurationError, DataError
@@ -97,13 +98,14 @@ class Session:
         value = valid(step, answer)
         right = right_answer(step)
         correct = None if right is None else value == right
-        stored = dict(value) if isinstance(value, dict) else value
+        stored: Any = value
+        if isinstance(value, Mapping):
+            stored = {pair: asdict(one) for pair, one in value.items()}
         self._log.add("answer", block=step.block, trial=step.number, answer=stored, correct=correct)
         self._answers.append((step, value))
         self._presented = False
         self.due = self._course.due(self._answers)
-        if self.due is None:
-            self._log.add("complete")
+        self._seal()
         return correct if step.feedback else None
 
     def _step(self) -> Step:
@@ -113,6 +115,11 @@ class Session:
 
     def _restore(self, answers: list[tuple[Step, Answer]], due: Step | None) -> None:
         self._answers, self.due = answers, due
+        self._seal()  # killed after the last answer
+
+    def _seal(self) -> None:
+        if self.due is None:
+            self._log.add("complete")
 
 
 @contextmanager

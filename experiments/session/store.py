@@ -1,6 +1,7 @@
 """Where the answers of an experiment lie: a folder for each participant, so that one can withdraw.
 
-`DATA/P01/session-1.jsonl` is the log of P01's first session. Everything of P01 lies in that folder.
+`DATA/P01/session-1.jsonl` is the log of P01's first session. Everything that P01 answered lies in that
+folder. `DATA/marks.json` knows how far each log had come, so that none loses its end or vanishes unnoticed.
 """
 
 from __future__ import annotations
@@ -9,20 +10,19 @@ import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ...acquisition import file_name
-from ...acquisition.json_files import read_lines, unended
+from ...acquisition.line_files import LineFile, Mark, check_mark, read_lines, read_marks, write_marks
 from ...instruments import ConfigurationError, DataError
 from ...instruments.files import os_error_text
-from ...instruments.json_text import as_line
 from ...instruments.safety import hold
 from ..protocol import Answer, Assignment, Course, Experiment, Step, group_of_slot, valid
-from .log import Event, private, read_log
+from .log import Event, events_of, read_log
 
 __all__ = ["Store", "StoredSession", "Withdrawal"]
 
@@ -39,12 +39,17 @@ class StoredSession:
     answers: tuple[tuple[Step, Answer, Event], ...]
     """Each answered step, with the answer and its event, in order."""
     due: Step | None
-    """Step that is due; None when the session is complete."""
+    """Step that is due; None when every step is answered."""
 
     @property
     def simulated(self) -> bool:
         """True when a simulated participant answered."""
         return bool(self.events[0].values["simulated"])
+
+    @property
+    def complete(self) -> bool:
+        """True when every step is answered and the log is sealed: nothing of it is missing."""
+        return self.due is None and self.events[-1].values.get("sealed") is True
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,10 @@ class Store:
         self.folder = Path(folder)
 
     def participants(self) -> tuple[str, ...]:
-        """Pseudonyms with a session, sorted. Raises DataError when a withdrawal was not finished."""
+        """Pseudonyms with a session that was begun, sorted; also of one whose log has vanished since.
+
+        Raises DataError when a withdrawal was not finished.
+        """
         if not self.folder.is_dir():
             return ()
         withdrawn = self._withdrawn()
@@ -73,9 +81,8 @@ class Store:
                 raise DataError(
                     f"{path.name} has withdrawn, and not everything was deleted: withdraw {path.name} again."
                 )
-        return tuple(
-            sorted(path.name for path in self.folder.iterdir() if (path / "session-1.jsonl").is_file())
-        )
+        here = {path.name for path in self.folder.iterdir() if (path / "session-1.jsonl").is_file()}
+        return tuple(sorted(here | {who for who in self._marked() if who.casefold() not in withdrawn}))
 
     def path_of(self, participant: str, session: int) -> Path:
         """Path of a session's log."""
@@ -86,18 +93,29 @@ class Store:
         found = {}
         for who in self.participants():
             path = self.path_of(who, 1)
-            if events := read_log(path, only_first=True):
-                found[who] = _head(path, events[0])
+            lines = read_lines(path, only_first=True) if path.is_file() else ()
+            if not lines:
+                check_mark(path, lines)
+            for event in events_of(path, lines):
+                found[who] = _head(path, event)
         return found
 
     def session(self, participant: str, session: int) -> StoredSession | None:
-        """A session that was begun, or None. Raises DataError: damaged, or of another experiment."""
+        """A session that was begun, or None.
+
+        Raises DataError: damaged, missing or cut short since it was written, or of another experiment.
+        """
         path = self.path_of(participant, session)
         if not path.is_file():
+            check_mark(path, ())
             return None
         events = read_log(path)
         if not events:
             return None  # killed before the first event was whole
+        answered = any(event.kind == "answer" for event in events)
+        if answered and f"{participant}/{path.name}" not in read_marks(self.folder):
+            self.participants()  # says so when a withdrawal was not finished
+            raise DataError(f"{self.folder / 'marks.json'} does not know {path}: restore it from a copy.")
         return self._replayed(path, participant, session, events)
 
     def sessions(self) -> tuple[StoredSession, ...]:
@@ -106,11 +124,15 @@ class Store:
         found = (self.session(who, number) for who in self.participants() for number in numbers)
         return tuple(one for one in found if one)
 
+    def unfinished(self) -> tuple[StoredSession, ...]:
+        """Sessions that were begun and not completed. Raises DataError."""
+        return tuple(one for one in self.sessions() if not one.complete)
+
     def next_session(self, participant: str) -> int | None:
         """Number of the participant's first session that is not complete; None when all are."""
         for number in range(1, self.experiment.file.sessions + 1):
             found = self.session(participant, number)
-            if found is None or found.due is not None:
+            if found is None or not found.complete:
                 return number
         return None
 
@@ -141,14 +163,14 @@ class Store:
             yield
 
     def withdraw(self, participant: str) -> Withdrawal:
-        """Delete everything in the participant's folder, and note that it was done.
+        """Delete everything in the participant's folder and its marks, and note that it was done.
 
         Names of files are noted, and nothing of what they held. Exported tables, recordings and backups
         elsewhere are not touched. Raises DataError: nobody of that name, or a file that cannot be deleted.
         """
         folder = self.folder / participant
         with self.hold(f"The experiment {self.experiment.file.name!r}"):
-            if not re.fullmatch(r"[A-Za-z0-9]+", participant) or folder.is_symlink() or not folder.is_dir():
+            if not re.fullmatch(r"[A-Za-z0-9]+", participant) or not self._is_here(participant):
                 known = ", ".join(self.participants()) or "nobody"
                 raise DataError(f"There is nothing of {participant} in {self.folder}, only of {known}.")
             files = tuple(
@@ -158,22 +180,16 @@ class Store:
             )
             now = datetime.now(UTC).isoformat(timespec="seconds")
             # Before anything is deleted: if this stops halfway, the note tells that a withdrawal was begun.
-            path = self.folder / _WITHDRAWALS
-            number = len(self.withdrawals()) + 1
-            said = {"number": number, "participant": participant, "time": now, "files": files}
+            marks = self._marks_of_others(participant)
             try:
-                with open(path, "ab", buffering=0, opener=private) as notes:
-                    open_end, cut_off = unended(path)
-                    note = b"\n" * open_end + as_line({**said, "cut_off": cut_off}).encode()
-                    while note:
-                        note = note[notes.write(note) :]
-                    os.fsync(notes.fileno())
-            except OSError as error:
-                raise DataError(
-                    f"{path} cannot be written ({os_error_text(error)}), and nothing is deleted without it."
-                ) from None
+                with closing(LineFile(self.folder / _WITHDRAWALS)) as notes:
+                    notes.add(participant=participant, time=now, files=files)
+                    write_marks(self.folder, {**marks, _WITHDRAWALS: Mark.of(notes.lines)})
+            except DataError as error:
+                raise DataError(f"{error} Nothing is deleted without it.") from None
             try:
-                shutil.rmtree(folder)
+                if folder.is_dir():
+                    shutil.rmtree(folder)
             except OSError as error:
                 raise DataError(
                     f"{error.filename or folder} cannot be deleted ({os_error_text(error)}): close what uses "
@@ -187,12 +203,29 @@ class Store:
         Raises DataError for notes that cannot be read or are damaged.
         """
         path = self.folder / _WITHDRAWALS
-        notes = read_lines(path) if path.exists() else ()
+        lines = read_lines(path) if path.exists() else ()
+        check_mark(path, lines)
+        notes = [line.values for line in lines]
         try:
             said = [(note["participant"], tuple(note["files"]), note["time"]) for note in notes]
         except (LookupError, TypeError):
             raise DataError(f"{path} has a line that is no withdrawal: restore it from a copy.") from None
         return tuple(Withdrawal(*one) for one in said)
+
+    def _marked(self) -> set[str]:
+        """Those of whom there is a mark."""
+        return {name.partition("/")[0] for name in read_marks(self.folder) if "/" in name}
+
+    def _marks_of_others(self, participant: str) -> dict[str, Mark]:
+        marks = read_marks(self.folder)
+        return {name: mark for name, mark in marks.items() if name.partition("/")[0] != participant}
+
+    def _is_here(self, participant: str) -> bool:
+        """Whether there is anything of a participant, if only a mark."""
+        folder = self.folder / participant
+        if os.path.lexists(folder):
+            return folder.is_dir() and not folder.is_symlink()
+        return participant in self._marked()
 
     def _withdrawn(self) -> set[str]:
         """Those who have withdrawn, without regard to case."""

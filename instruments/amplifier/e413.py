@@ -7,19 +7,18 @@ overridden in the rig file by the lab's data sheet.
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import Annotated, Self
+from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from ..arrays import FloatArray
+from ..bounded import Negative, Positive
 from ..clock import Clock
 from ..config import RatingSource, require_source
 from ..limits import Limits
 from .role import Amplifier
 
 __all__ = ["E413"]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 _OWN = {"min": -100.0, "max": 400.0, "gain": 50.0, "current_peak": 0.1, "current_average": 0.05}
@@ -37,7 +36,7 @@ class E413(Amplifier):
         input: str | dict[str, str]
         """Name of the output that feeds it; names by patch when it has a channel for each patch."""
         gain: Positive = _OWN["gain"]
-        min: Annotated[float, Field(lt=0, allow_inf_nan=False)] = _OWN["min"]
+        min: Negative = _OWN["min"]
         max: Positive = _OWN["max"]
         current_peak: Positive = _OWN["current_peak"]
         current_average: Positive = _OWN["current_average"]

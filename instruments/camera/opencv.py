@@ -15,6 +15,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from ..bounded import Fraction
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import InstrumentError
@@ -43,7 +44,7 @@ class OpenCvCamera(Camera):
         columns: Annotated[int, Field(ge=16, le=4096)] = 320
         rate_hz: Annotated[float, Field(gt=0, le=1000)] = 60.0
         """Frames per second that are asked for; the camera must give it within 5 %."""
-        delay: Annotated[float, Field(ge=0, le=1)] = 0.0
+        delay: Fraction = 0.0
         """s from the middle of the exposure to the arrival of the frame."""
 
     def __init__(self, settings: Settings, clock: Clock, library: Any) -> None:

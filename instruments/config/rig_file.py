@@ -21,6 +21,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from .. import entry_points
+from ..bounded import Fraction, Negative, NotNegative, Positive, Seed
 from ..errors import ConfigurationError
 from ..frozen import FrozenDict, frozen
 from ..limits import Limits
@@ -40,11 +41,6 @@ __all__ = [
     "load_rig_file",
     "roles",
 ]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Negative = Annotated[float, Field(lt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class _Section(BaseModel):
@@ -141,7 +137,7 @@ class SimulationSettings(_Section):
 
     plant: str = "table"
     """Name of an installed plant."""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     vibrometer_noise_scale: NotNegative = 1.0
     hysteresis: Annotated[float, Field(ge=0, le=0.5)] = 0.12
     """Width of the patches' loop over its height; 10 to 15 % is an estimate (docs/hardware.md, "Patches")."""

@@ -17,7 +17,7 @@ from ..errors import (
     InstrumentError,
     LimitError,
 )
-from ..generator import Sweep
+from ..generator import Waveform
 from ..interlock import Interlocked
 
 __all__ = ["Conformance", "Fired", "bypass_interlock", "one_sentence", "refused"]
@@ -97,7 +97,7 @@ class _Bypass:
     def authorise(self, *_what: object) -> None:
         pass
 
-    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
+    def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
         pass
 
     def authorise_patches(self, *_what: object) -> None:

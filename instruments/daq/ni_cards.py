@@ -11,9 +11,9 @@ from nidaqmx.constants import ProductCategory
 
 from ..errors import ConfigurationError, HaploopError, InstrumentError
 from ..signals import uninterrupted
-from .ni_daqmx import device_of
 from .ni_errors import translated, understood
 from .ni_sessions import Sessions
+from .ni_settings import device_of
 
 __all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
 

@@ -13,16 +13,16 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from ..arrays import FloatArray
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..signals import uninterrupted
+from .ni_settings import NiSettings, Output, device_of
 from .role import Daq, Stream
 
 if TYPE_CHECKING:
@@ -32,57 +32,14 @@ if TYPE_CHECKING:
 
 # NI's library is loaded when cards are opened: a simulated rig needs the settings alone.
 
-__all__ = ["NiDaq", "device_of"]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Terminal = Annotated[str, Field(pattern=r"^[^/\s]+/\w+$")]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Channel(_Section):
-    """An analog input."""
-
-    terminal: Terminal
-    range: Positive
-    """Full scale, +- V; the card takes its next wider range."""
-    config: Literal["diff", "rse", "nrse"] = "diff"
-
-
-class Output(_Section):
-    """An analog output."""
-
-    terminal: Terminal
-    range: Positive = 10.0
-    """Largest voltage to put out, +- V."""
+__all__ = ["NiDaq"]
 
 
 class NiDaq(Daq):
     """See `Daq`."""
 
-    class Settings(_Section):
+    class Settings(NiSettings):
         """The `[daq]` table of a rig file."""
-
-        channels: dict[str, Channel]
-        outputs: dict[str, Output] = {}
-        devices: dict[str, str] = {}
-        """Product of each device, to be checked against the one that the card reports."""
-        server: str | None = None
-        """NI device server as host:port; None takes the driver of this computer."""
-        buffer_s: Positive = 10.0
-        """Length of the host's buffer for a late reader (s)."""
-
-        @field_validator("outputs")
-        @classmethod
-        def _one_name_each(cls, outputs: dict[str, Output]) -> dict[str, Output]:
-            names: dict[str, str] = {}
-            for name, output in outputs.items():
-                first = names.setdefault(output.terminal.lower(), name)
-                if first != name:
-                    raise ValueError(f"{output.terminal} has two names, {first!r} and {name!r}: keep one")
-            return outputs
 
     def __init__(self, settings: Settings, sessions: Sessions) -> None:
         self._settings = settings
@@ -293,11 +250,6 @@ class NiDaq(Daq):
                     f"The waveform for {name!r} reaches {largest:g} V, and the output's range is "
                     f"+-{outputs[name].range:g} V."
                 )
-
-
-def device_of(terminal: str) -> str:
-    """The card of a terminal such as `Dev1/ai0`."""
-    return terminal.partition("/")[0]
 
 
 def _pieces(settings: NiDaq.Settings, numbers: Mapping[str, Collection[str]]) -> tuple[str, ...]:

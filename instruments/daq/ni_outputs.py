@@ -9,8 +9,8 @@ write to the outputs in between (-50103).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from contextlib import AbstractContextManager, suppress
+from typing import Any, Protocol
 
 import numpy as np
 from nidaqmx.constants import SampleTimingType, TaskMode
@@ -21,9 +21,7 @@ from ..arrays import FloatArray
 from ..clock import RealClock
 from ..errors import HaploopError, InstrumentError
 from .ni_sentences import refused
-
-if TYPE_CHECKING:
-    from .ni_daqmx import NiDaq, Output
+from .ni_settings import Output
 
 __all__ = ["NiOutputs"]
 
@@ -34,10 +32,23 @@ _PAUSE = 0.01
 """Time between them (s)."""
 
 
+class Cards(Protocol):
+    """What the outputs ask of the cards that they are on."""
+
+    def task(self, purpose: str) -> Any:
+        """Create a task, a context that clears it."""
+
+    def add_output(self, task: Any, output: Output) -> None:
+        """Give a task an output."""
+
+    def talking_to(self, device: str) -> AbstractContextManager[None]:
+        """Turn any error of NI's library into one sentence about `device`."""
+
+
 class NiOutputs:
     """The outputs of `home`, by name; errors are InstrumentErrors about it."""
 
-    def __init__(self, daq: NiDaq, home: str, outputs: Mapping[str, Output]) -> None:
+    def __init__(self, daq: Cards, home: str, outputs: Mapping[str, Output]) -> None:
         self._daq, self._home, self._outputs = daq, home, outputs
         self._task: Any = None
         self._plays = False

@@ -7,8 +7,8 @@ clock"), armed before it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from contextlib import AbstractContextManager, ExitStack
+from typing import Any, Protocol
 
 import numpy as np
 from nidaqmx.constants import AcquisitionType, TerminalConfiguration
@@ -17,12 +17,10 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader
 from ..arrays import FloatArray
 from ..errors import ConfigurationError, InstrumentError
 from .ni_cards import Plan, believed
+from .ni_outputs import NiOutputs
 from .ni_sentences import cut_off, zeroed
+from .ni_settings import NiSettings
 from .role import Block, Stream
-
-if TYPE_CHECKING:
-    from .ni_daqmx import NiDaq
-    from .ni_outputs import NiOutputs
 
 __all__ = ["NiStream"]
 
@@ -45,12 +43,38 @@ _APART = 0.5
 """Largest apparent lag between two cards on one clock (s): they transfer samples in chunks."""
 
 
+class Cards(Protocol):
+    """What a stream asks of the cards that it runs on."""
+
+    @property
+    def settings(self) -> NiSettings:
+        """Settings of the rig file."""
+
+    def task(self, purpose: str) -> Any:
+        """Create a task, a context that clears it."""
+
+    def talking_to(self, device: str) -> AbstractContextManager[None]:
+        """Turn any error of NI's library into one sentence about `device`."""
+
+    def outputs_at(self, home: str) -> NiOutputs:
+        """The outputs of a card or chassis."""
+
+    def done(self, outputs: NiOutputs) -> None:
+        """Free outputs whose play is over, unless they are held."""
+
+    def zero(self) -> None:
+        """Write zero volts to every output."""
+
+    def forget(self, stream: NiStream) -> None:
+        """Take note that a stream has released its tasks."""
+
+
 class NiStream(Stream):
     """See `Stream`."""
 
     def __init__(
         self,
-        daq: NiDaq,
+        daq: Cards,
         plan: Plan,
         channels: tuple[str, ...],
         rate_hz: float,

@@ -1,5 +1,6 @@
 """Function generators: the role, and its drivers."""
 
-from .role import Generator, Sweep
+from ..waveforms import Arbitrary, Burst, Sweep, Waveform
+from .role import Generator
 
-__all__ = ["Generator", "Sweep"]
+__all__ = ["Arbitrary", "Burst", "Generator", "Sweep", "Waveform"]

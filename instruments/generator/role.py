@@ -1,29 +1,30 @@
-"""The generator role: a separate source of a linear sine sweep, as in the paper."""
+"""The generator role: a separate source of a waveform, as the paper's source of its sweep."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from typing import final
 
+from ..errors import ConfigurationError
 from ..interlock import Interlocked
-from ..sweep import Sweep
+from ..waveforms import Waveform
 
-__all__ = ["Generator", "Sweep"]
+__all__ = ["Generator"]
 
 
 class Generator(Interlocked, ABC):
     """A function generator. Safe state: output off. Opening the driver changes nothing.
 
-    A sweep is configured with the output off, armed, triggered, and switched off after its duration:
-    until then the output goes on at the start frequency. The DAQ measures the drive at the patches;
+    A waveform is configured with the output off, armed, triggered, and switched off after its duration:
+    until then some go on (`Waveform.goes_on`). The DAQ measures the drive at the patches;
     no generator shares its clock. A driver implements `_configure` and `_trigger`, which only
-    `configure` and `trigger` call, once the rig's limiter has authorised the sweep.
+    `configure` and `trigger` call, once the rig's limiter has authorised the waveform.
     """
 
     identity: str
     output: str
     """Name of the amplifier input that its output is wired to."""
-    _configured: Sweep | None = None
+    _configured: Waveform | None = None
 
     @property
     @abstractmethod
@@ -44,37 +45,41 @@ class Generator(Interlocked, ABC):
         """True when the output is on, read back."""
 
     @final
-    def configure(self, sweep: Sweep) -> None:
-        """Switch the output off, set the sweep and the load, and read each back.
+    def configure(self, waveform: Waveform) -> None:
+        """Switch the output off, set the waveform and the load, and read each back.
 
-        Raises LimitError for more volts than the rig file allows, or a sweep that the rig's limiter
-        has not authorised (see `Rig.sweep`), InstrumentError with the instrument's own message when
+        Raises ConfigurationError for a kind of waveform that it does not play, LimitError for more
+        volts than the rig file allows, or a waveform that the rig's limiter has not authorised (see
+        `Rig.generate`), InstrumentError with the instrument's own message when
         it refuses a setting, or when another value reads back.
         """
-        self._interlock.authorise_sweep(self.output, sweep, starts=False)
-        self._configured = sweep
-        self._configure(sweep)
+        self._interlock.authorise_waveform(self.output, waveform, starts=False)
+        # One that is refused leaves the one before set, which is no longer authorised.
+        self._configured = None
+        self._configure(waveform)
+        self._configured = waveform
 
     @abstractmethod
-    def _configure(self, sweep: Sweep) -> None:
+    def _configure(self, waveform: Waveform) -> None:
         """Do the driver's part of `configure`."""
 
     @abstractmethod
     def arm(self) -> None:
-        """Make the configured sweep wait for `trigger`; the output stays off.
+        """Make the configured waveform wait for `trigger`; the output stays off.
 
         Raises ConfigurationError when none is configured, InstrumentError.
         """
 
     @final
     def trigger(self) -> None:
-        """Switch the output on and start the armed sweep, and return at once.
+        """Switch the output on and start the armed waveform, and return at once.
 
         Raises ConfigurationError when none is armed, LimitError when it is no longer authorised,
         InstrumentError (with the output off).
         """
-        if self._configured is not None:
-            self._interlock.authorise_sweep(self.output, self._configured, starts=True)
+        if self._configured is None:
+            raise ConfigurationError(f"{self.identity} has no waveform to play: configure one first.")
+        self._interlock.authorise_waveform(self.output, self._configured, starts=True)
         self._trigger()
 
     @abstractmethod

@@ -1,13 +1,13 @@
 """Taps: the blocks of a running recording or play, for a viewer that can never slow it down.
 
 A callback would run the viewer's code in the thread that reads or writes samples, so a tap is a bounded
-queue: publishing appends a reference and returns.
+inbox: publishing puts a reference in and returns.
 """
 
 from __future__ import annotations
 
+import math
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from types import TracebackType
@@ -16,14 +16,12 @@ from typing import Self, TypeVar
 from ..arrays import BoolArray, FloatArray
 from ..clock import Clock, RealClock
 from ..daq import Block
+from ..inbox import Inbox
 from ..sensors import Sensors
 
 __all__ = ["Feed", "LiveBlock", "Run", "Tap"]
 
 Array = TypeVar("Array", FloatArray, BoolArray)
-
-_POLL = 0.1
-"""Longest single wait (s): on Windows, Ctrl-C does not interrupt a wait without a time-out."""
 
 
 @dataclass(frozen=True)
@@ -76,31 +74,27 @@ class Tap:
     ) -> None:
         if capacity < 1:
             raise ValueError(f"A tap holds 1 block or more, not {capacity}.")
-        # No lock is shared with the viewer: an append to a full deque drops the oldest in one step.
-        self._queue: deque[LiveBlock] = deque(maxlen=capacity)
+        self._inbox: Inbox[LiveBlock] = Inbox(capacity)
         self._clock = clock or RealClock()
         self._on_close = on_close
-        self._available = threading.Event()
         self._offered = self._taken = 0
-        self._closed = False
         self._error: Exception | None = None
 
     @property
     def dropped(self) -> int:
         """Number of blocks that were replaced or skipped before they were taken."""
-        return max(0, self._offered - self._taken - len(self._queue))
+        return max(0, self._offered - self._taken - len(self._inbox))
 
     @property
     def closed(self) -> bool:
         """True when no further block will come; waiting ones can still be taken."""
-        return self._closed
+        return self._inbox.ended
 
     def offer(self, block: LiveBlock, missed: int = 0) -> None:
         """Add a block; `missed` others before it were dropped elsewhere. Never waits."""
-        # Counted after the append: for a moment, `dropped` may be one too low, but never too high.
-        self._queue.append(block)
+        # Counted after it is in: for a moment, `dropped` may be one too low, but never too high.
+        self._inbox.put(block)
         self._offered += 1 + missed
-        self._available.set()
 
     def take(self, timeout: float | None = None) -> LiveBlock | None:
         """Take the oldest waiting block; None after `timeout` seconds without one, or when the tap is closed.
@@ -109,33 +103,23 @@ class Tap:
         """
         until = None if timeout is None else self._clock.now() + timeout
         while True:
-            self._available.clear()
-            try:
-                block = self._queue.popleft()
-            except IndexError:
-                if self._closed:
-                    if self._error is not None:
-                        raise self._error from None
-                    return None
-            else:
+            left = math.inf if until is None else until - self._clock.now()
+            if self._inbox.wait(max(left, 0.0)):
                 self._taken += 1
-                return block
-            left = _POLL if until is None else min(_POLL, until - self._clock.now())
-            if left <= 0:
+                return self._inbox.take()
+            if self._inbox.ended and self._error is not None:
+                raise self._error
+            if self._inbox.ended or left <= 0:
                 return None
-            self._available.wait(left)
 
     def latest(self) -> LiveBlock | None:
         """Take the newest block without waiting, and drop older ones; None without a new block."""
         newest = None
-        for _ in range(len(self._queue)):
-            try:
-                newest = self._queue.popleft()
-            except IndexError:
-                break
+        for _ in range(len(self._inbox)):
+            newest = self._inbox.take()
         if newest is not None:
             self._taken += 1
-        elif self._closed and self._error is not None:
+        elif self._inbox.ended and self._error is not None:
             raise self._error
         return newest
 
@@ -146,10 +130,9 @@ class Tap:
 
     def close(self, error: Exception | None = None) -> None:
         """Accept no further blocks; `error` is raised to the viewer after it has taken the waiting ones."""
-        if not self._closed:
+        if not self._inbox.ended:
             self._error = error
-            self._closed = True
-            self._available.set()
+            self._inbox.end()
             self._on_close()
 
     def __enter__(self) -> Self:

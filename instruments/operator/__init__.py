@@ -14,6 +14,7 @@ from .role import (
     TakeTarget,
     Target,
     Touch,
+    UnansweredError,
 )
 from .unattended import Unattended
 
@@ -31,5 +32,6 @@ __all__ = [
     "TakeTarget",
     "Target",
     "Touch",
+    "UnansweredError",
     "Unattended",
 ]

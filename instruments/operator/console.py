@@ -10,8 +10,7 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict
 
 from ..clock import Clock
-from ..errors import InstrumentError
-from .role import Consent, Operator, Request
+from .role import Consent, Operator, Request, UnansweredError
 
 __all__ = ["Console"]
 
@@ -43,7 +42,7 @@ class Console(Operator):
         return "r" in _typed().strip().lower().split()
 
     def confirm(self, request: Request) -> bool:
-        """See `Operator.confirm`. Raises InstrumentError when standard input has ended.
+        """See `Operator.confirm`. Raises UnansweredError when standard input has ended.
 
         Enter alone is yes, but for consent, which is asked until somebody says yes or no.
         """
@@ -64,7 +63,7 @@ def _answer(request: Request, choice: str) -> str:
     print(_lines(f"{request} {choice}"), end=" ", file=sys.stderr, flush=True)
     answer = sys.stdin.readline()
     if not answer:
-        raise InstrumentError(f"Nobody is at the console to answer: {request}")
+        raise UnansweredError(f"Nobody is at the console to answer: {request}")
     return answer.strip().lower()
 
 

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ..errors import InstrumentError
+
 __all__ = [
     "Aim",
     "ConfirmSettings",
@@ -21,6 +23,7 @@ __all__ = [
     "TakeTarget",
     "Target",
     "Touch",
+    "UnansweredError",
 ]
 
 
@@ -160,6 +163,10 @@ class TakeTarget:
 Request = (
     Touch | Target | TakeTarget | Press | Rest | Consent | Ready | Aim | ConfirmSettings | Place | Remove
 )
+
+
+class UnansweredError(InstrumentError):
+    """Nobody is there to answer a request: neither yes nor no."""
 
 
 class Operator(ABC):

@@ -18,13 +18,13 @@ import scipy
 from pydantic import BaseModel, ConfigDict, Field
 
 from ..arrays import ComplexArray, FloatArray
+from ..bounded import Positive
 from ..clock import Clock
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from .role import Player
 
 __all__ = ["Audio", "AudioStream", "SoundCard", "at_rate"]
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _MEAN = 0.01
 """Largest mean over the peak: an AC-coupled output removes the mean, as a slow sag."""

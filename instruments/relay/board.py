@@ -14,13 +14,13 @@ from typing import Annotated, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from ..bounded import Positive
 from ..clock import Clock
 from ..errors import ConfigurationError, InstrumentError
 from .role import Relay
 
 __all__ = ["BoardSettings", "ChannelRelay", "ChannelState", "RelayBoard", "read_back"]
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _PATIENCE = 0.1
 """Time for a command to show in the read-back (s): ten times that of USB (docs/hardware.md,

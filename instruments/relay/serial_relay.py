@@ -20,6 +20,7 @@ from typing import Annotated, Self
 import serial
 from pydantic import Field
 
+from ..bounded import Timeout
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
@@ -58,7 +59,7 @@ class SerialRelay(ChannelRelay):
         """Serial port (`COM5`), or the URL of a remote one (`socket://HOST:PORT`)."""
         baud: Annotated[int, Field(gt=0)] = 19200
         """Baud rate; a board with its own USB port accepts any."""
-        timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
+        timeout: Timeout = 1.0
         """Time for the board to answer a command completely (s)."""
 
     @staticmethod

@@ -22,6 +22,7 @@ from urllib.parse import urlencode, urlsplit
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
+from ..bounded import Positive, Timeout
 from ..clock import Clock, RealClock
 from ..config import RatingSource, require_source, told
 from ..driver import one_name
@@ -65,14 +66,14 @@ class Yocto(ChannelRelay):
         hub: Annotated[str, AfterValidator(_address)] = f"http://127.0.0.1:{_PORT}"
         serial: Annotated[str, Field(pattern=_SERIAL)] | None = None
         """Serial number; without it, the only Yocto-MaxiCoupler that the hub has."""
-        rating: Annotated[float, Field(gt=0, allow_inf_nan=False)] = _RATING
+        rating: Positive = _RATING
         """DC rating of the V2 (V); its 30 V AC rms is not checked, and the V1's rating was not found
         (docs/hardware.md, "Relay box")."""
         dead_man: Annotated[float, Field(ge=0.1, le=60)] = 2.0
         """Time after which the box opens by itself unless renewed (s)."""
         longest: Annotated[float, Field(gt=0, le=3600)] = 120.0
         """Time after which the box opens a channel even when it is renewed (s)."""
-        timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
+        timeout: Timeout = 1.0
         """Time for the hub to answer a request completely (s)."""
 
         rating_source: RatingSource = None

@@ -15,6 +15,7 @@ from ..config import Device, RigFile, SimulationSettings, load_rig_file, validat
 from ..daq import Daq
 from ..driver import Driver, Mode, Simulation, hardware_of, settings_of
 from ..errors import ConfigurationError, HaploopError, InstrumentError
+from ..reported_scales import compare_scales
 from ..safety import hold
 from .rig import Rig
 
@@ -147,6 +148,7 @@ def _connect(rig: Rig) -> None:
                 f"{type(instrument).__name__}: ask the author of the driver, or of its twin."
             )
         rig.adopt(role, instrument)
+        compare_scales(role, instrument, rig.sensors, rig.name)
         if not rig.simulation and not _opened(instrument, role, device, driver, rig.name) <= rig.hardware:
             raise InstrumentError(
                 f"The {role} of the rig {rig.name!r} is another one than a moment ago, or answers only now: "

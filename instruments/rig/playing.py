@@ -1,4 +1,4 @@
-"""Play a drive on the DAQ's outputs or on a player, or a sweep on a generator.
+"""Play a drive on the DAQ's outputs or on a player, or a waveform on a generator.
 
 The order is always the same: the limiter authorises, stop signals are held back, the abort monitor is set
 up, the relay connects once the limiter knows every output to be at zero, the drive plays. The safe state
@@ -17,7 +17,7 @@ from ..arrays import FloatArray
 from ..clock import Clock
 from ..daq import Block, Capture, Stream
 from ..errors import ConfigurationError, InstrumentError
-from ..generator import Sweep
+from ..generator import Sweep, Waveform
 from ..limits import Limits
 from ..progress import Progress, silent
 from ..safety import Limiter, combined, exit_within
@@ -104,34 +104,32 @@ class Playing:
         self._prove_each(own, tuple(drives))
         return self._played(own, tuple(drives), channels, tail, progress)
 
-    def sweep(
+    def generate(
         self,
-        sweep: Sweep,
+        waveform: Waveform,
         patches: Collection[str],
         channels: Sequence[str],
         tail: float = 0.0,
         progress: Progress = silent,
     ) -> Capture:
-        """See `Rig.sweep`."""
+        """See `Rig.generate`."""
         rig = self._rig
         _refuse_tail(tail)
-        if not sweep.amplitude > 0:
-            raise ConfigurationError(f"A sweep needs an amplitude above 0 V, and this has {sweep.amplitude}.")
         if not rig.feeds_amplifier("generator"):
             raise ConfigurationError(
                 f"The generator of the rig {rig.name!r} is wired to {rig.generator.output!r}, and its "
                 f"amplifier's input is {rig.amplifier.input!r}: give both the same name in the rig file."
             )
-        self._limiter.check_sweep(sweep, _SLACK, self._ratings(len(frozenset(patches))))
+        self._limiter.check_waveform(waveform, _SLACK, rig.amplifier, self._ratings(len(frozenset(patches))))
         patch = min(patches, default="")
         self._prove(
             rig.generator.output,
             patch,
-            lambda level: self._swept(
+            lambda level: self._generated(
                 replace(_PROOF, amplitude=level), (patch,), (rig.monitor(patch),), 0.0, silent
             ),
         )
-        return self._swept(sweep, patches, channels, tail, progress)
+        return self._generated(waveform, patches, channels, tail, progress)
 
     def prove_gain(self, patch: str) -> None:
         """See `Rig.prove_gain`."""
@@ -237,40 +235,40 @@ class Playing:
         found = find(measured, drive, rate_hz, delay, self._rig.player.response)
         return _only(channels, align(capture, found, count), count)
 
-    def _swept(
+    def _generated(
         self,
-        sweep: Sweep,
+        waveform: Waveform,
         patches: Collection[str],
         channels: Sequence[str],
         tail: float,
         progress: Progress,
     ) -> Capture:
-        """Play a sweep, whose amplitude is V at the patch."""
-        permitted = self._limiter.permit_sweep(
+        """Play a waveform, in volts at the patch."""
+        permitted = self._limiter.permit_waveform(
             self._rig.generator.output,
-            sweep,
+            waveform,
             _SLACK,
             frozenset(patches),
             self._rig.amplifier,
             self._ratings,
         )
         with uninterrupted(), permitted as at_output:
-            return self._swept_at(at_output, patches, channels, tail, progress)
+            return self._generated_at(at_output, patches, channels, tail, progress)
 
-    def _swept_at(
+    def _generated_at(
         self,
-        sweep: Sweep,
+        waveform: Waveform,
         patches: Collection[str],
         channels: Sequence[str],
         tail: float,
         progress: Progress,
     ) -> Capture:
-        """Play a sweep, whose amplitude is V at the generator's output."""
+        """Play a waveform, in volts at the generator's output."""
         rig = self._rig
         triggered: list[float] = []
         ended = False
-        total = round((sweep.duration + tail + _SLACK) * rig.table.rate_hz)
-        rig.generator.configure(sweep)
+        total = round((waveform.duration + tail + _SLACK) * rig.table.rate_hz)
+        rig.generator.configure(waveform)
         with (
             self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
             self._connected(patches),
@@ -282,11 +280,11 @@ class Playing:
                 if not triggered:
                     rig.generator.trigger()
                     triggered.append(self._clock.now())
-                elif not ended and self._clock.now() >= triggered[0] + sweep.duration:
+                elif not ended and self._clock.now() >= triggered[0] + waveform.duration:
                     if not rig.generator.is_on:
                         raise InstrumentError(
-                            f"The {rig.generator.identity} was switched off while its sweep was played: what "
-                            "was measured is not used."
+                            f"The {rig.generator.identity} was switched off while its waveform was played: "
+                            "what was measured is not used."
                         )
                     rig.generator.off()
                     ended = True
@@ -296,8 +294,8 @@ class Playing:
                 capture = _only(channels, stream.capture(follow), total)
         if not ended:
             raise InstrumentError(
-                f"The sweep of the {rig.generator.identity} had not ended when recording ended: it was too "
-                "late to follow its trigger. Try again, and check its cable."
+                f"The waveform of the {rig.generator.identity} had not ended when recording ended: it was "
+                "too late to follow its trigger. Try again, and check its cable."
             )
         return capture
 

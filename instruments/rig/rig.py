@@ -16,7 +16,7 @@ from ..daq import Block, Capture
 from ..driver import Mode, Simulation
 from ..errors import ConfigurationError
 from ..frozen import Frozen
-from ..generator import Sweep
+from ..generator import Waveform
 from ..interlock import Interlocked
 from ..limits import Limits
 from ..live import Feed, Publisher, Run, Tap
@@ -210,25 +210,25 @@ class Rig(Instruments, InNotebook):
         """
         return self._collected(self._playing.excite_each(drives, channels, tail, progress))
 
-    def sweep(
+    def generate(
         self,
-        sweep: Sweep,
+        waveform: Waveform,
         patches: Collection[str],
         channels: Sequence[str],
         tail: float = 0.0,
         progress: Progress = silent,
     ) -> Capture:
-        """Play a sweep of the generator into patches, as in the paper, and record channels meanwhile.
+        """Play a waveform of the generator into patches, as in the paper, and record channels meanwhile.
 
-        `sweep.amplitude` is V peak at the patch, and is converted to the amplifier's input for the
-        generator. Recording begins before the sweep and goes on for `tail` seconds after it, with the
-        output off. No clock is shared and nothing is aligned: the drive monitor shows where the sweep
-        is in the capture. No generator fades its sweep out: the limits of the offset, of the ends, and
-        of the step at switch-off are not applied.
+        The waveform is in volts at the patch, and is converted to the amplifier's input for the
+        generator. Recording begins before it and goes on for `tail` seconds after it, with the
+        output off. No clock is shared and nothing is aligned: the drive monitor shows where the waveform
+        is in the capture. No generator fades a sweep out: to a waveform that goes on, the limits of the
+        offset, of the ends, and of the step at switch-off are not applied.
 
         Raises LimitError, ConfigurationError, InstrumentError.
         """
-        return self._collected(self._playing.sweep(sweep, patches, channels, tail, progress))
+        return self._collected(self._playing.generate(waveform, patches, channels, tail, progress))
 
     def prove_gain(self, patch: str) -> None:
         """Prove the amplifier's gain at a volt now, where the first play into this patch would do it.

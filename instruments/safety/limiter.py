@@ -23,7 +23,7 @@ from ..amplifier import Amplifier
 from ..arrays import FloatArray
 from ..clock import Clock
 from ..errors import DataError, InstrumentError, LimitError
-from ..generator import Sweep
+from ..generator import Waveform
 from ..limits import Limits, sounding
 from .audit import Audit
 from .deadline import DEADLINE
@@ -38,20 +38,19 @@ __all__ = ["Limiter", "Ratings", "combined"]
 Ratings = Mapping[str, Limits]
 """Limits by owner: the amplifier's, the relay's, a patch's, the rig file's own."""
 
+_ROUNDING = 1e-9
 Rendered = Callable[[FloatArray, float], tuple[FloatArray, float]]
 """See `Player.rendered`."""
-_FINE = 64
-"""Samples per period in the check of a sweep: finds its extremes to 0.2 %."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Permit:
-    """The drives authorised now. `volts` is (samples,) V at each output; `sweeps` are in V there too."""
+    """The drives authorised now. `volts` is (samples,) V at each output; `waveforms` are in V there too."""
 
     patches: frozenset[str]
     rate_hz: float
     volts: Mapping[str, FloatArray]
-    sweeps: Mapping[str, Sweep]
+    waveforms: Mapping[str, Waveform]
 
 
 def combined(ratings: Ratings) -> Limits:
@@ -173,31 +172,26 @@ class Limiter:
             yield volts
 
     @contextmanager
-    def permit_sweep(
+    def permit_waveform(
         self,
         output: str,
-        sweep: Sweep,
+        waveform: Waveform,
         rest: float,
         patches: Collection[str],
         amplifier: Amplifier,
         ratings: Callable[[int], Ratings],
-    ) -> Iterator[Sweep]:
-        """Permit a generator at `output` to sweep while the context lasts; `sweep` is V peak at the patch.
+    ) -> Iterator[Waveform]:
+        """Permit a generator at `output` to play a waveform (V at the patch) while the context lasts.
 
-        Yields the sweep in volts at that output. The generator is switched off within `rest` seconds
-        after the sweep. Raises LimitError before anything is set.
+        Yields it in volts at that output. The generator is switched off within `rest` seconds after its
+        end. Raises LimitError before anything is set.
         """
-        self.check_sweep(sweep, rest, ratings(len(patches)))
-        peak = float(amplifier.to_input(np.array([sweep.amplitude]))[0])
-        at_output = replace(sweep, amplitude=peak)
+        gain = 1 / float(amplifier.to_input(np.ones(1))[0])
+        at_output = waveform.scaled(1 / gain)
+        seconds = self.check_waveform(waveform, rest, amplifier, ratings(len(patches)))
         permit = _Permit(frozenset(patches), 0.0, {}, {output: at_output})
-        with self._lasting(
-            permit,
-            sweep.duration + rest,
-            output=output,
-            peak=sweep.amplitude,
-            sweep_hz=(sweep.start_hz, sweep.stop_hz),
-        ):
+        peak = gain * at_output.amplitude
+        with self._lasting(permit, seconds, output=output, peak=peak, waveform=str(at_output)):
             yield at_output
 
     def check(self, drive: FloatArray, rate_hz: float, ratings: Ratings) -> None:
@@ -205,19 +199,18 @@ class Limiter:
         with self.refusals_noted():
             self._check(drive, rate_hz, ratings)
 
-    def check_sweep(self, sweep: Sweep, rest: float, held_to: Ratings) -> None:
-        """Refuse a sweep (V peak at the patch) that `permit_sweep` would refuse. Raises LimitError."""
+    def check_waveform(
+        self, waveform: Waveform, rest: float, amplifier: Amplifier, held_to: Ratings
+    ) -> float:
+        """Refuse a waveform (V at the patch) that `permit_waveform` would refuse; return its seconds.
+
+        Raises LimitError.
+        """
+        gain = 1 / float(amplifier.to_input(np.ones(1))[0])
         with self.refusals_noted():
-            rate_hz = _FINE * sweep.stop_hz
-            t = np.arange(round(sweep.duration * rate_hz)) / rate_hz
-            pace = (sweep.stop_hz - sweep.start_hz) / sweep.duration
-            volts = sweep.amplitude * np.sin(2 * np.pi * (sweep.start_hz + pace * t / 2) * t)
-            # A generator cannot fade its sweep out, nor remove its mean: only the part up to its last
-            # whole half wave is checked.
-            crossed = np.flatnonzero(np.diff(np.signbit(volts)))
-            whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
-            self._check(whole, rate_hz, held_to, longer=rest, max_end=np.inf, max_offset=np.inf)
-            self._check_duty(sweep.duration + rest, held_to)
+            seconds = self._judge(waveform.scaled(1 / gain), gain, rest, held_to)
+            self._check_duty(seconds, held_to)
+        return seconds
 
     # Called by the instruments
 
@@ -237,9 +230,9 @@ class Limiter:
             self._known(Outputs.no_sweep)
         self._playing.add(output)
 
-    def authorise_sweep(self, output: str, sweep: Sweep, starts: bool) -> None:
-        """See `Interlock.authorise_sweep`: the permitted sweep, once, and no other."""
-        if self._current(output).sweeps.get(output) != sweep or output in self._playing:
+    def authorise_waveform(self, output: str, waveform: Waveform, starts: bool) -> None:
+        """See `Interlock.authorise_waveform`: the permitted waveform, once, and no other."""
+        if self._current(output).waveforms.get(output) != waveform or output in self._playing:
             raise self._not_authorised(output)
         if starts:
             self._playing.add(output)
@@ -306,12 +299,46 @@ class Limiter:
     def _not_authorised(self, output: str) -> LimitError:
         error = LimitError(
             f"Nothing was played on {output!r}: a rig plays only what its limiter has authorised, so play it "
-            "with rig.excite or rig.sweep."
+            "with rig.excite or rig.generate."
         )
         self._audit.note("refused", why=str(error))
         return error
 
     # Checks
+
+    def _judge(self, waveform: Waveform, gain: float, rest: float, ratings: Ratings) -> float:
+        """Check a waveform at an amplifier's input, and return for how long it sounds (s).
+
+        What is judged are its samples, and that they keep to what it states: the amplitude is what its
+        generator is set to.
+        """
+        try:
+            samples, rate_hz = waveform.sampled(rest)
+            volts = gain * np.asarray(samples, dtype=np.float64)
+            stated, longest = gain * waveform.amplitude, waveform.duration * waveform.duty
+            if waveform.goes_on:
+                longest += rest
+            first, stop = sounding(volts)
+            peak, seconds = float(np.abs(volts).max()), (stop - first) / rate_hz
+        except Exception as error:  # of another package's waveform
+            raise LimitError(
+                f"A {type(waveform).__name__} was refused, because it cannot be judged "
+                f"({type(error).__name__}: {error}): ask its author."
+            ) from error
+        if not (peak <= stated * (1 + _ROUNDING) and seconds <= longest + 2 / rate_hz):
+            raise LimitError(
+                f"A {waveform} was refused: it states {stated:.4g} V and {longest:.4g} s, and its samples "
+                f"reach {peak:.4g} V and {seconds:.4g} s. Ask the author of {type(waveform).__name__}."
+            )
+        if not waveform.goes_on:
+            self._check(volts, rate_hz, ratings)
+            return longest
+        # It cannot fade out, nor remove its mean: only the part up to its last whole half wave is checked.
+        crossed = np.flatnonzero(np.diff(np.signbit(volts)))
+        whole = volts[: int(crossed[-1]) + 1] if len(crossed) else volts
+        longer = longest - len(whole) / rate_hz
+        self._check(whole, rate_hz, ratings, longer=longer, max_end=np.inf, max_offset=np.inf)
+        return longest
 
     def _check(
         self, drive: FloatArray, rate_hz: float, ratings: Ratings, longer: float = 0.0, **waived: float

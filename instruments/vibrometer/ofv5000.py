@@ -12,6 +12,7 @@ from typing import Annotated, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ..bounded import Positive, Timeout
 from ..clock import Clock
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
@@ -29,7 +30,6 @@ from .role import Vibrometer
 
 __all__ = ["Ofv5000"]
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Value = TypeVar("Value")
 
 _NAME = "OFV-5000"
@@ -60,7 +60,7 @@ class Ofv5000(Vibrometer):
         bandwidth_hz: Positive | None = None
         """Bandwidth (Hz) for a decoder that reports none; otherwise the lower of both holds."""
         baud: Annotated[int, Field(gt=0)] = 115200
-        timeout: Annotated[float, Field(gt=0, le=60)] = 2.0
+        timeout: Timeout = 2.0
         """Time for a command to be answered completely (s)."""
         focus_timeout: Positive = 30.0
         """Time for a focus search (s)."""

@@ -15,7 +15,7 @@ from ...instruments.arrays import FloatArray
 from ...instruments.camera.opencv import OpenCvCamera
 from ...instruments.camera.role import Camera, Frame
 from ...instruments.errors import InstrumentError
-from ..plant import Plant
+from ..plant import OnCamera, Plant
 
 __all__ = ["PIXELS_PER_METRE", "CameraTwin"]
 
@@ -86,7 +86,7 @@ class CameraTwin(Camera):
         assert self._first is not None
         number, self._next = self._next, self._next + 1
         exposed = self._first + (number + 0.5) / self.rate_hz
-        lost = [fault.frame_lost(exposed) for fault in self._plant.faults]  # each is asked
+        lost = [fault.frame_lost(exposed) for fault in self._plant.faults.at(OnCamera)]  # each is asked
         return None if True in lost else Frame(self._image(exposed), number, exposed)
 
     def stop(self) -> None:
@@ -98,7 +98,7 @@ class CameraTwin(Camera):
         self.stop()
 
     def _image(self, time: float) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-        faults = self._plant.faults
+        faults = self._plant.faults.at(OnCamera)
         lamp, blur = _LAMP, _BLUR
         others = 0.0
         for fault in faults:

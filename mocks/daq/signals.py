@@ -14,12 +14,9 @@ import scipy
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ...instruments.errors import ConfigurationError
-from ..plant import Run, SamplesLost, Source
+from ..plant import Run, SamplesLost, Signal, Source
 
 __all__ = ["Put", "Signal", "Signals", "Wire", "signal_of"]
-
-Signal = Callable[[FloatArray], FloatArray]
-"""Volts (or 0 and 1 on a digital line) at times in s since the twin was made; both (samples,)."""
 
 _SETTLED = 20.0
 """Time constants of a low-pass after which what came before no longer shows (2e-9)."""

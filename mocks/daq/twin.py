@@ -9,8 +9,9 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ...instruments.daq import Block, Daq, Stream
-from ...instruments.daq.ni_daqmx import NiDaq, device_of
+from ...instruments.daq.ni_daqmx import NiDaq
 from ...instruments.daq.ni_sentences import cut_off, refused, zeroed
+from ...instruments.daq.ni_settings import device_of
 from ...instruments.errors import ConfigurationError, InstrumentError, LimitError
 from ..plant import Plant, PlayStopped, Run, SamplesLost
 from .converter import LOST, STOPPED, convert, noise_of, put_out

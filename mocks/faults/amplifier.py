@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ...instruments.arrays import FloatArray
-from ..plant import Fault, FaultSettings, Positive, Run, TimedFault
+from ...instruments.bounded import Positive
+from ..plant import FaultSettings, OnAmplifier, Run, TimedFault
 
 __all__ = ["AmplifierGain", "AmplifierTrip"]
 
 
-class AmplifierGain(Fault):
+class AmplifierGain(OnAmplifier):
     """The amplifier's gain differs from the rig file's."""
 
     class Settings(FaultSettings):
@@ -22,16 +23,16 @@ class AmplifierGain(Fault):
     settings: Settings
 
     def gain(self, gain: float, run: Run) -> float:
-        """See `Fault.gain`."""
+        """See `OnAmplifier.gain`."""
         if run.values.any():
             self.mark(run.start)
         return self.settings.gain
 
 
-class AmplifierTrip(TimedFault):
+class AmplifierTrip(TimedFault, OnAmplifier):
     """The amplifier's protection trips: its output falls to zero."""
 
     def output(self, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.output`."""
+        """See `OnAmplifier.output`."""
         # A trip at zero output has no effect, so it is not recorded as fired.
         return np.asarray(volts * ~self.active(times)) if volts.any() else volts

@@ -7,12 +7,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ..plant import Fault, FaultSettings, PerEventFault, Positive, TimedFault
+from ...instruments.bounded import Positive
+from ..plant import FaultSettings, OnCamera, PerEventFault, TimedFault
 
 __all__ = ["AmbientLight", "Defocus", "FramesLost", "SecondFinger"]
 
 
-class AmbientLight(TimedFault):
+class AmbientLight(TimedFault, OnCamera):
     """Daylight or a lamp adds to what the camera sees."""
 
     class Settings(TimedFault.Settings):
@@ -25,11 +26,11 @@ class AmbientLight(TimedFault):
     settings: Settings
 
     def lamp(self, level: float, time: float) -> float:
-        """See `Fault.lamp`."""
+        """See `OnCamera.lamp`."""
         return level + self.settings.light * bool(self.active(np.array([time]))[0])
 
 
-class Defocus(Fault):
+class Defocus(OnCamera):
     """The camera is out of focus."""
 
     class Settings(FaultSettings):
@@ -41,12 +42,12 @@ class Defocus(Fault):
     settings: Settings
 
     def blur(self, pixels: float, time: float) -> float:
-        """See `Fault.blur`."""
+        """See `OnCamera.blur`."""
         self.mark(time)
         return max(pixels, self.settings.blur)
 
 
-class SecondFinger(TimedFault):
+class SecondFinger(TimedFault, OnCamera):
     """Another finger, or the ball of the thumb, touches the surface."""
 
     class Settings(TimedFault.Settings):
@@ -59,13 +60,13 @@ class SecondFinger(TimedFault):
     settings: Settings
 
     def other_finger(self, time: float) -> float:
-        """See `Fault.other_finger`."""
+        """See `OnCamera.other_finger`."""
         return self.settings.area * bool(self.active(np.array([time]))[0])
 
 
-class FramesLost(PerEventFault):
+class FramesLost(PerEventFault, OnCamera):
     """Frames are lost between camera and program."""
 
     def frame_lost(self, time: float) -> bool:
-        """See `Fault.frame_lost`."""
+        """See `OnCamera.frame_lost`."""
         return self.fires(time)

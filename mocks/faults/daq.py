@@ -9,21 +9,21 @@ from pydantic import Field
 
 from ...instruments.arrays import FloatArray
 from ...instruments.config import RigFile
-from ..plant import Fault, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
+from ..plant import OnCards, PerEventFault, PlayStopped, SamplesLost, ScheduledFault
 
 __all__ = ["ClockDrift", "DaqOverflow", "DaqOverrun", "PlayCutOff", "RtsiMissing"]
 
 
-class RtsiMissing(Fault):
+class RtsiMissing(OnCards):
     """The RTSI cable between the cards is missing."""
 
     def rtsi(self, now: float) -> bool:
-        """See `Fault.rtsi`."""
+        """See `OnCards.rtsi`."""
         self.mark(now)
         return False
 
 
-class ClockDrift(ScheduledFault):
+class ClockDrift(ScheduledFault, OnCards):
     """One card samples on its own clock, which is slower than the other card's."""
 
     class Settings(ScheduledFault.Settings):
@@ -48,7 +48,7 @@ class ClockDrift(ScheduledFault):
         self._device = settings.device or next(without, None)
 
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
-        """See `Fault.lateness`."""
+        """See `OnCards.lateness`."""
         if device != self._device:
             return np.zeros(len(times))
         late = np.asarray(self.settings.drift * np.maximum(times - self.begin, 0.0))
@@ -57,7 +57,7 @@ class ClockDrift(ScheduledFault):
         return late
 
 
-class _OfCard(PerEventFault):
+class _OfCard(PerEventFault, OnCards):
     class Settings(PerEventFault.Settings):
         times: Annotated[int, Field(ge=1)] | None = 1
         device: str | None = None
@@ -73,7 +73,7 @@ class DaqOverrun(_OfCard):
     """The host reads too late, and its buffer overflows (NI's error -200279)."""
 
     def samples(self, device: str, now: float) -> None:
-        """See `Fault.samples`."""
+        """See `OnCards.samples`."""
         if self._strikes(device, now):
             raise SamplesLost(device, "overrun")
 
@@ -82,7 +82,7 @@ class DaqOverflow(_OfCard):
     """A card's own memory overflows (NI's error -200010)."""
 
     def samples(self, device: str, now: float) -> None:
-        """See `Fault.samples`."""
+        """See `OnCards.samples`."""
         if self._strikes(device, now):
             raise SamplesLost(device, "overflow")
 
@@ -100,6 +100,6 @@ class PlayCutOff(_OfCard):
     settings: Settings
 
     def plays(self, device: str, now: float) -> None:
-        """See `Fault.plays`."""
+        """See `OnCards.plays`."""
         if self._strikes(device, now):
             raise PlayStopped(device, self.settings.how)

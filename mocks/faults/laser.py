@@ -8,13 +8,14 @@ import numpy as np
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import Positive
 from ...instruments.config import RigFile
-from ..plant import Fault, FaultSettings, LaserHead, Positive, ScheduledFault, TimedFault
+from ..plant import FaultSettings, LaserHead, OnLaser, ScheduledFault, TimedFault
 
 __all__ = ["LaserBlocked", "LaserDropout", "LaserSpikes", "VibrometerRange"]
 
 
-class VibrometerRange(Fault):
+class VibrometerRange(OnLaser):
     """The vibrometer's range differs from the rig file's."""
 
     class Settings(FaultSettings):
@@ -26,16 +27,16 @@ class VibrometerRange(Fault):
     settings: Settings
 
     def head(self, head: LaserHead) -> None:
-        """See `Fault.head`."""
+        """See `OnLaser.head`."""
         head.scale *= self.settings.range / head.range
         head.range = self.settings.range
 
     def inspected(self, now: float) -> None:
-        """See `Fault.inspected`."""
+        """See `OnLaser.inspected`."""
         self.mark(now)
 
 
-class LaserDropout(TimedFault):
+class LaserDropout(TimedFault, OnLaser):
     """Too little light returns for a short time, and the output jumps between both ends of its range."""
 
     class Settings(TimedFault.Settings):
@@ -46,13 +47,13 @@ class LaserDropout(TimedFault):
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
     ) -> FloatArray:
-        """See `Fault.velocity`."""
+        """See `OnLaser.velocity`."""
         lost = self.active(times)
         velocity[lost] = 1.2 * full_scale * rng.choice([-1.0, 1.0], int(lost.sum()))
         return velocity
 
 
-class LaserSpikes(ScheduledFault):
+class LaserSpikes(ScheduledFault, OnLaser):
     """Speckle makes the output spike for a moment, at random times, mostly far below the end of its range."""
 
     class Settings(ScheduledFault.Settings):
@@ -74,7 +75,7 @@ class LaserSpikes(ScheduledFault):
     def velocity(
         self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
     ) -> FloatArray:
-        """See `Fault.velocity`."""
+        """See `OnLaser.velocity`."""
         # Each second has its own spikes, so that they do not depend on the blocks in which it is read.
         for second in range(int(times[0] - self.settings.width), int(times[-1]) + 1):
             for at, height in self._of(second):
@@ -94,10 +95,10 @@ class LaserSpikes(ScheduledFault):
         return list(zip((second + rng.uniform(size=count)).tolist(), heights.tolist(), strict=True))
 
 
-class LaserBlocked(TimedFault):
+class LaserBlocked(TimedFault, OnLaser):
     """The laser beam is blocked: the velocity is lost, and the noise is ten times as large."""
 
     def light(self, level: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.light`."""
+        """See `OnLaser.light`."""
         level[self.active(times)] = 0.0
         return level

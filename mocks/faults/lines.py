@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..plant import PerEventFault
+from ..plant import OnLine, PerEventFault
 from ..transport import ReplyFault
 
 __all__ = ["Reply"]
 
 
-class Reply(PerEventFault):
+class Reply(PerEventFault, OnLine):
     """An instrument's answers are disturbed on the line. For wires only, because a twin has no line."""
 
     class Settings(PerEventFault.Settings):
@@ -30,11 +30,11 @@ class Reply(PerEventFault):
 
     @property
     def line(self) -> str | None:
-        """See `Fault.line`."""
+        """See `OnLine.line`."""
         return self.settings.instrument
 
     def answer(self, request: str, now: float) -> ReplyFault | None:
-        """See `Fault.answer`."""
+        """See `OnLine.answer`."""
         if self.settings.asked not in request or not self.fires(now):
             return None
         return ReplyFault(self.settings.how, delay=self.settings.delay)

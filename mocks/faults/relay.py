@@ -6,12 +6,12 @@ from typing import ClassVar
 
 from pydantic import field_validator
 
-from ..plant import Fault, FaultSettings, PerEventFault, RelayFailure
+from ..plant import FaultSettings, OnRelay, PerEventFault, RelayFailure
 
 __all__ = ["RelayLost", "RelayStuck", "RelaySwapped", "RelayWelded"]
 
 
-class RelaySwapped(Fault):
+class RelaySwapped(OnRelay):
     """The wires of two patches are swapped at the relay's output."""
 
     class Settings(FaultSettings):
@@ -29,7 +29,7 @@ class RelaySwapped(Fault):
     settings: Settings
 
     def contact(self, patch: str, at: float) -> str:
-        """See `Fault.contact`."""
+        """See `OnRelay.contact`."""
         one, other = self.settings.patches
         if patch not in (one, other):
             return patch
@@ -37,7 +37,7 @@ class RelaySwapped(Fault):
         return other if patch == one else one
 
 
-class _OfRelay(PerEventFault):
+class _OfRelay(PerEventFault, OnRelay):
     class Settings(PerEventFault.Settings):
         patch: str = "A"
 
@@ -45,7 +45,7 @@ class _OfRelay(PerEventFault):
     how: ClassVar[RelayFailure]
 
     def relay(self, how: RelayFailure, patch: str, now: float) -> bool:
-        """See `Fault.relay`."""
+        """See `OnRelay.relay`."""
         return (how, patch) == (self.how, self.settings.patch) and self.fires(now)
 
 

@@ -9,8 +9,9 @@ import scipy
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import Fault, FaultSettings, NotNegative, Positive, TimedFault
+from ..plant import FaultSettings, OnCards, OnSensors, TimedFault
 
 __all__ = [
     "AccelerometerInverted",
@@ -26,7 +27,7 @@ RAIL = 15.0
 "Limits and loss of the host")."""
 
 
-class ForceCalibration(Fault):
+class ForceCalibration(OnSensors, OnCards):
     """The force sensor does not match the calibration matrix of the rig file."""
 
     class Settings(FaultSettings):
@@ -44,19 +45,19 @@ class ForceCalibration(Fault):
         self._channels = file.sensors.force.channels if file.sensors.force else ()
 
     def gauges(self, gauges: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """See `Fault.gauges`."""
+        """See `OnSensors.gauges`."""
         mixing = self.settings.crosstalk * rng.standard_normal((6, 6))
         np.fill_diagonal(mixing, self.settings.gain)
         return np.asarray(mixing @ gauges)
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         if node in self._channels:
             self.mark(float(times[-1]))
         return volts
 
 
-class AccelerometerInverted(Fault):
+class AccelerometerInverted(OnSensors, OnCards):
     """The accelerometer is mounted upside down: turned about its x axis."""
 
     def __init__(self, settings: FaultSettings, file: RigFile, rng: np.random.Generator) -> None:
@@ -64,17 +65,17 @@ class AccelerometerInverted(Fault):
         self._channels = file.sensors.acceleration.channels if file.sensors.acceleration else ()
 
     def tilt(self, tilt: FloatArray) -> FloatArray:
-        """See `Fault.tilt`."""
+        """See `OnSensors.tilt`."""
         return np.asarray(tilt * np.array([1.0, -1.0, -1.0]))
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         if node in self._channels:
             self.mark(float(times[-1]))
         return volts
 
 
-class SensorDisconnected(Fault):
+class SensorDisconnected(OnCards):
     """A channel of the DAQ is not connected and reads 0 V."""
 
     class Settings(FaultSettings):
@@ -85,14 +86,14 @@ class SensorDisconnected(Fault):
     settings: Settings
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         if node != self.settings.channel:
             return volts
         self.mark(float(times[-1]))
         return np.zeros(len(times))
 
 
-class SensorSaturated(TimedFault):
+class SensorSaturated(TimedFault, OnCards):
     """A channel of the DAQ is driven beyond every input range."""
 
     class Settings(TimedFault.Settings):
@@ -103,13 +104,13 @@ class SensorSaturated(TimedFault):
     settings: Settings
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         if node != self.settings.channel:
             return volts
         return np.where(self.active(times), RAIL, volts)
 
 
-class MainsHum(TimedFault):
+class MainsHum(TimedFault, OnCards):
     """The mains couple into channels of the DAQ: the laser's, the gauges'."""
 
     class Settings(TimedFault.Settings):
@@ -130,7 +131,7 @@ class MainsHum(TimedFault):
         self._phases = rng.uniform(0, 2 * np.pi, len(settings.harmonics) + 1)
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         s = self.settings
         if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
             return volts
@@ -140,7 +141,7 @@ class MainsHum(TimedFault):
         return np.asarray(volts + s.volts * self.active(times) * hum)
 
 
-class SensorCreep(Fault):
+class SensorCreep(OnCards):
     """A sensor creeps: after a load it goes on rising for a while, and after its end it comes back as late.
 
     To each channel, the mean of five low-passes of its own signal, whose time constants lie evenly on a
@@ -166,7 +167,7 @@ class SensorCreep(Fault):
         """Of each channel: volts at rest; time, volts and states at the last sample."""
 
     def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """See `Fault.channel`."""
+        """See `OnCards.channel`."""
         s = self.settings
         if node not in ((s.channel,) if isinstance(s.channel, str) else s.channel):
             return volts

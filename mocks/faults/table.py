@@ -10,18 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import (
-    BoucWen,
-    Fault,
-    FaultSettings,
-    Hysteresis,
-    Modes,
-    NotNegative,
-    PatchLaw,
-    Positive,
-    ScheduledFault,
-)
+from ..plant import BoucWen, Fault, FaultSettings, Hysteresis, Modes, OnSurface, PatchLaw, ScheduledFault
 
 __all__ = ["FrequencyDrift", "ModeDrift", "PatchDead", "PatchHysteresis"]
 
@@ -33,7 +24,7 @@ class _Dead:
         return np.zeros(len(volts))
 
 
-class PatchDead(Fault):
+class PatchDead(OnSurface):
     """A cracked or detached patch: it takes its voltage but moves nothing."""
 
     class Settings(FaultSettings):
@@ -44,17 +35,17 @@ class PatchDead(Fault):
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `Fault.law`."""
+        """See `OnSurface.law`."""
         return _Dead() if patch == self.settings.patch else law
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `Fault.patches`."""
+        """See `OnSurface.patches`."""
         if volts[self.settings.patch].any():
             self.mark(start)
         return volts
 
 
-class ModeDrift(Fault):
+class ModeDrift(OnSurface):
     """The modes of the surface have moved, each by its own amount, as boundaries, weights and glue change."""
 
     class Settings(FaultSettings):
@@ -78,7 +69,7 @@ class ModeDrift(Fault):
         self._drawn = rng.integers(2**63)
 
     def modes(self, modes: Modes, time: float) -> Modes:
-        """See `Fault.modes`."""
+        """See `OnSurface.modes`."""
         s, count = self.settings, len(modes.natural_hz)
         moved = np.ones(count)
         if s.near is not None:
@@ -94,11 +85,11 @@ class ModeDrift(Fault):
         )
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `Fault.patches`."""
+        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 
-class FrequencyDrift(ScheduledFault):
+class FrequencyDrift(ScheduledFault, OnSurface):
     """The frequencies of all modes drift while measurements run, as in a room that warms."""
 
     class Settings(ScheduledFault.Settings):
@@ -117,17 +108,17 @@ class FrequencyDrift(ScheduledFault):
         self.every = max(1e-5 / max(abs(settings.rate), 1e-9), 0.05)
 
     def modes(self, modes: Modes, time: float) -> Modes:
-        """See `Fault.modes`."""
+        """See `OnSurface.modes`."""
         shift = self.settings.rate * max(time - self.begin, 0.0)
         limit = self.settings.limit
         return replace(modes, natural_hz=modes.natural_hz * (1 + min(max(shift, -limit), limit)))
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `Fault.patches`."""
+        """See `OnSurface.patches`."""
         return _noted(self, volts, start) if start >= self.begin else volts
 
 
-class PatchHysteresis(Fault):
+class PatchHysteresis(OnSurface):
     """Patches follow another law than the rig file's `hysteresis`."""
 
     class Settings(FaultSettings):
@@ -143,14 +134,14 @@ class PatchHysteresis(Fault):
     settings: Settings
 
     def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """See `Fault.law`."""
+        """See `OnSurface.law`."""
         s = self.settings
         if s.patches is not None and patch not in s.patches:
             return law
         return BoucWen(s.width) if s.law == "bouc-wen" else Hysteresis(s.width)
 
     def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """See `Fault.patches`."""
+        """See `OnSurface.patches`."""
         return _noted(self, volts, start)
 
 

@@ -14,7 +14,7 @@ from ...instruments.clock import Clock
 from ..plant import Source
 from .products import Product
 from .scpi import Entry, ScpiDevice, ScpiError, number_of, word_of
-from .waveform import SHAPES, Playing, Waveform
+from .waveform import SHAPES, Output, Playing
 
 __all__ = ["Box", "Input"]
 
@@ -45,6 +45,7 @@ _NUMBERS = {
     "[:SOURce#]:FUNCtion:ARBitrary:SRATe": (40e3, 1e-6, 250e6),
     "[:SOURce#]:BURSt:INTernal:PERiod": (10e-3, 1e-6, 8e3),
     "[:SOURce#]:BURSt:NCYCles": (1, 1, 1e8),
+    "[:SOURce#]:BURSt:PHASe": (0, -360, 360),
 }
 _BOOLEANS = {
     "[:SOURce#]:BURSt:STATe": False,
@@ -59,6 +60,7 @@ _WORDS: dict[str, tuple[str, ...]] = {
     "[:SOURce#]:VOLTage:UNIT": ("VPP", "VRMS", "DBM"),
     "[:SOURce#]:SWEep:SPACing": ("LINear", "LOGarithmic"),
     "[:SOURce#]:BURSt:MODE": ("TRIGgered", "GATed"),
+    "[:SOURce#]:BURSt:IDLE": ("FPT", "TOP", "CENTER", "BOTTOM"),
     "[:SOURce#]:FUNCtion:PULSe:HOLD": ("WIDTh", "DCYCle"),
     "[:SOURce#]:FUNCtion:ARBitrary:ADVance": ("SRATe", "TRIGger"),
     "[:SOURce#]:FUNCtion:ARBitrary:FILTer": ("NORMal", "STEP", "OFF"),
@@ -66,8 +68,11 @@ _WORDS: dict[str, tuple[str, ...]] = {
 }
 _TRIGGERS: dict[bool, dict[str, tuple[str, ...]]] = {
     True: {":TRIGger#:SOURce": ("IMMediate", "EXTernal", "TIMer", "BUS")},
-    False: {"[:SOURce#]:SWEep:TRIGger:SOURce": ("INTernal", "EXTernal", "MANual")},
+    False: {
+        f"[:SOURce#]:{mode}:TRIGger:SOURce": ("INTernal", "EXTernal", "MANual") for mode in ("SWEep", "BURSt")
+    },
 }
+"""Sources of the trigger: of a sweep first, and of a burst last."""
 
 _FREQUENCY, _START, _STOP = list(_NUMBERS)[:3]
 _TIME = "[:SOURce#]:SWEep:TIME"
@@ -103,7 +108,7 @@ class Box:
     def __init__(self, product: Product, plant: Input, node: str) -> None:
         self._product = product
         self._clock = plant.clock
-        self._trigger = next(iter(_TRIGGERS[product.by_mode]))
+        self._triggers = tuple(_TRIGGERS[product.by_mode])
         self._words = _WORDS | _TRIGGERS[product.by_mode]
         self._numbers = _NUMBERS | product.sweep
         self.playing = Playing(plant.clock)
@@ -163,7 +168,10 @@ class Box:
             entries["[:SOURce#]:FREQuency:MODE"] = Entry(self._get_mode, self._put_mode)
             entries[":TRIGger#[:IMMediate]"] = Entry(put=lambda n, _: self._fire(n))
         else:
-            entries["[:SOURce#]:SWEep:TRIGger[:IMMediate]"] = Entry(put=lambda n, _: self._fire(n))
+            entries |= {
+                f"[:SOURce#]:{mode}:TRIGger[:IMMediate]": Entry(put=lambda n, _: self._fire(n))
+                for mode in ("SWEep", "BURSt")
+            }
         return entries
 
     # Settings
@@ -290,16 +298,20 @@ class Box:
     def _software_trigger(self) -> None:
         if not self._product.by_mode:
             raise ScpiError(-113, "Undefined header")
-        waiting = [n for n, c in self._channels.items() if c.words[self._trigger] == "BUS"]
+        waiting = [n for n, c in self._channels.items() if self._trigger(c) == "BUS"]
         for n in waiting:
             self._fire(n)
         if not waiting:
             raise ScpiError(-211, "Trigger ignored")
 
+    def _trigger(self, channel: _Channel) -> str:
+        """Return the source of the trigger of what is on, sweep or burst."""
+        return channel.words[self._triggers[-1 if channel.values[_BURST] else 0]]
+
     def _fire(self, n: int) -> None:
         channel = self._channel(n)
         wanted = "BUS" if self._product.by_mode else "MAN"
-        if not (channel.values[_SWEEP] or channel.values[_BURST]) or channel.words[self._trigger] != wanted:
+        if not (channel.values[_SWEEP] or channel.values[_BURST]) or self._trigger(channel) != wanted:
             raise ScpiError(-211, "Trigger ignored")
         if n == 1:
             self._advance(self._clock.now())
@@ -313,7 +325,7 @@ class Box:
         values, words = channel.values, channel.words
         self._advance(self._clock.now())
         self.playing.set(
-            Waveform(
+            Output(
                 on=bool(values[_ON]),
                 shape=words[_SHAPE],
                 amplitude=channel.peak_to_peak / 2 * (-1 if words[":OUTPut#:POLarity"] == "INV" else 1),
@@ -326,7 +338,7 @@ class Box:
                 sweep=(values[_START], values[_STOP], values[_TIME]) if values[_SWEEP] else None,
                 burst=(values[_CYCLES], values[_BURST_PERIOD]) if values[_BURST] else None,
                 logarithmic=words[_SPACING] == "LOG",
-                repeats=words[self._trigger] in ("IMM", "INT"),
+                repeats=self._trigger(channel) in ("IMM", "INT"),
             )
         )
 

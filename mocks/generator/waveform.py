@@ -12,7 +12,7 @@ from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ..plant import Run
 
-__all__ = ["SHAPES", "Playing", "Waveform"]
+__all__ = ["SHAPES", "Output", "Playing"]
 
 SHAPES = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARBitrary", "DC")
 _PERIOD = 20e-6
@@ -20,7 +20,7 @@ _PERIOD = 20e-6
 
 
 @dataclass(frozen=True)
-class Waveform:
+class Output:
     """Settings of a channel, in volts at an open input. For PULSe, PRBS and NOISe only the offset is
     simulated, because nothing here uses them.
     """
@@ -45,9 +45,6 @@ class Waveform:
 
     def volts(self, times: FloatArray, fired: bool) -> FloatArray:
         """Return (times,) V at `times` (s) since the waveform was set or, if it has `fired`, triggered."""
-        if self.shape == "ARB" and self.points:
-            index = (times * self.rate_hz).astype(np.int64) % len(self.points)
-            return np.asarray(self.offset + self.amplitude * np.asarray(self.points)[index])
         if self.burst is not None:
             return self._bursts(times, fired)
         return np.asarray(self.offset + self.amplitude * self._unit(self._cycles(times, fired)))
@@ -55,13 +52,13 @@ class Waveform:
     def _bursts(self, times: FloatArray, fired: bool) -> FloatArray:
         assert self.burst is not None
         count, period = self.burst
-        cycles = (np.mod(times, period) if self.repeats else times) * self.frequency
+        cycles = (np.mod(times, period) if self.repeats else times) * self._cycles_hz
         lasting = (cycles < count) & (fired or self.repeats)
         return np.asarray(self.offset + np.where(lasting, self.amplitude * self._unit(cycles), 0.0))
 
     def _cycles(self, times: FloatArray, fired: bool) -> FloatArray:
         if self.sweep is None:
-            return np.asarray(times * self.frequency)
+            return np.asarray(times * self._cycles_hz)
         start, stop, duration = self.sweep
         if not (fired or self.repeats):
             return np.asarray(times * start)
@@ -74,11 +71,19 @@ class Waveform:
             swept = along * (start + (stop - start) * along / (2 * duration))
         return np.asarray(swept + (since - along) * start)
 
+    @property
+    def _cycles_hz(self) -> float:
+        return self.rate_hz / len(self.points) if self.shape == "ARB" and self.points else self.frequency
+
     def _unit(self, cycles: FloatArray) -> FloatArray:
         phase = np.mod(cycles, 1.0)
         match self.shape:
             case "SIN":
                 return np.asarray(np.sin(2 * np.pi * phase))
+            case "ARB" if self.points:
+                # A step of the output that falls on a point's beginning takes it, in spite of rounding.
+                index = (phase * len(self.points) + 1e-6).astype(np.int64) % len(self.points)
+                return np.asarray(self.points)[index]
             case "SQU":
                 return np.where(phase < self.duty, 1.0, -1.0)
             case "TRI" | "RAMP":
@@ -96,12 +101,12 @@ class Playing:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._guard = threading.Lock()
-        self._waveform = Waveform()
+        self._waveform = Output()
         self._since = clock.now()
         self._fired = False
         self._next = 0
 
-    def set(self, waveform: Waveform) -> None:
+    def set(self, waveform: Output) -> None:
         """Put out `waveform` from now on."""
         with self._guard:
             if waveform == self._waveform:

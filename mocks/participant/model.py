@@ -7,11 +7,11 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ...instruments.bounded import Proportion, Seed
 from ...instruments.config import load_model
 
 __all__ = ["ParticipantModel", "load_participant_model"]
 
-Fraction = Annotated[float, Field(gt=0, lt=1)]
 Spread = Annotated[float, Field(ge=0, le=10)]
 
 
@@ -22,15 +22,15 @@ class _Section(BaseModel):
 class IdentificationModel(_Section):
     """Naming what was presented."""
 
-    correct: dict[str, Fraction] = {"latch": 0.78, "toggle": 0.66, "push": 0.66}
+    correct: dict[str, Proportion] = {"latch": 0.78, "toggle": 0.66, "push": 0.66}
     """Probability of a right answer, of the mean participant, by what was presented."""
-    otherwise: Fraction = 0.7
+    otherwise: Proportion = 0.7
     """The same for anything else that is presented."""
     shift: dict[str, dict[str, float]] = {"confirmation": {"given": 0.8}}
     """Shift of its logit by a level of a factor."""
     confused_with: dict[str, str] = {"toggle": "push", "push": "toggle"}
     """Answer that most errors give."""
-    confusion: Fraction = 0.7
+    confusion: Proportion = 0.7
     """Fraction of errors that give it."""
     spread: Spread = 0.4
     """Standard deviation of the logit between participants."""
@@ -64,7 +64,7 @@ class ComparisonModel(_Section):
 class ParticipantModel(_Section):
     """Parameters of simulated participants. The defaults are near the results of the paper."""
 
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     identification: IdentificationModel = IdentificationModel()
     rating: RatingModel = RatingModel()
     comparison: ComparisonModel = ComparisonModel()

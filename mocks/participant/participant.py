@@ -14,6 +14,10 @@ from .model import ParticipantModel
 __all__ = ["SimulatedParticipant"]
 
 
+_PER_SCALE = 2.0
+"""s from one scale to the next: an estimate."""
+
+
 class _Step(Protocol):
     """What is read of a step (`haploop.experiments.Step`), which stands above this room."""
 
@@ -78,16 +82,18 @@ class SimulatedParticipant:
         rest = [name for name in wrong if name != near] or wrong
         return rest[int(rng.integers(len(rest)))]
 
-    def _rate(self, step: _Step, rng: np.random.Generator) -> dict[str, float]:
+    def _rate(self, step: _Step, rng: np.random.Generator) -> dict[str, Any]:
+        """Touch each scale once, one after the other."""
         model, (low, high) = self._model.rating, step.values
         ratings = {}
-        for pair in step.choices:
+        for number, pair in enumerate(step.choices, 1):
             shift = sum(
                 model.shift.get(name, {}).get(level, {}).get(pair, 0.0)
                 for name, level in step.stimulus.items()
             )
             factor = math.exp(shift + model.spread * self._scale + model.noise * float(rng.normal()))
-            ratings[pair] = float(np.clip(round((low + high) / 2 * factor), low, high))
+            value = float(np.clip(round((low + high) / 2 * factor), low, high))
+            ratings[pair] = {"value": value, "touched": [_PER_SCALE * number]}
         return ratings
 
     def _compare(self, step: _Step, rng: np.random.Generator) -> int:

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ...instruments.config import RigFile
-from .fault import Fault
 from .nodes import Run
+from .places import OnAmplifier
 
 __all__ = ["AMPLIFIER_GAIN_ERROR", "Amplifier"]
 
@@ -30,13 +30,12 @@ class Amplifier:
         else:
             self.inputs = dict.fromkeys(patches, str(named)) if named else {}
 
-    def output(self, run: Run, faults: Sequence[Fault]) -> FloatArray:
+    def output(self, run: Run, faults: Sequence[OnAmplifier]) -> FloatArray:
         """Return the output (steps,) V for a run of an input."""
         gain = AMPLIFIER_GAIN
         for fault in faults:
             gain = fault.gain(gain, run)
         volts = np.clip(run.values * (gain * self._tolerance), AMPLIFIER_LOW, AMPLIFIER_HIGH)
-        if faults:
-            for fault in faults:
-                volts = fault.output(volts, run.times)
+        for fault in faults:
+            volts = fault.output(volts, run.times)
         return np.asarray(volts)

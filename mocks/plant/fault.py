@@ -1,48 +1,35 @@
-"""A fault: a seeded schedule of misbehaviour that acts on the simulated world through the plant's hooks.
+"""A fault: a seeded schedule of misbehaviour that acts on the simulated world at a place.
 
 A rig file lists faults in `[[simulation.faults]]`. There are three sorts. A permanent fault is a miswired
 or misset rig, wrong from the beginning. A timed fault is active for a while, once or several times. A
 per-event fault affects single events: a command to the relay, a read of the DAQ, a reply on a line. Times
 are seconds of the plant's clock since the rig was opened; with `within`, the seed chooses the time.
 
-A kind of fault is a subclass of `Fault`, `TimedFault` or `PerEventFault` that overrides the hooks of the
-place where it acts. The plant calls each hook of all its faults, in the order of the rig file. A kind is
-found by its entry point, so that other packages can add kinds (see docs/reference/faults.md).
+A kind of fault is a subclass of `Fault`, `TimedFault` or `PerEventFault`, which say when it acts, and of
+the places where it sits (`places.py`), whose hooks it overrides. The plant calls the hooks of all faults at
+a place, in the order of the rig file. A kind is found by its entry point, so that other packages can add
+kinds (see docs/reference/faults.md).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from ...instruments.arrays import BoolArray, FloatArray
+from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..transport import ReplyFault
-from .hysteresis import PatchLaw
-from .modal import Modes
-from .nodes import LaserHead, Run
 
 __all__ = [
     "Fault",
     "FaultSettings",
-    "NotNegative",
     "PerEventFault",
-    "Positive",
-    "RelayFailure",
     "ScheduledFault",
     "TimedFault",
 ]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-
-RelayFailure = Literal["lost", "stuck", "welded"]
-"""lost: a command never reaches the box. stuck: a channel does not switch, and reports its real state.
-welded: a contact does not switch, but the box reports the commanded state."""
 
 
 class FaultSettings(BaseModel):
@@ -54,11 +41,10 @@ class FaultSettings(BaseModel):
 
 
 class Fault:
-    """One fault of a simulated rig: its settings, when it fired, and the hooks through which it acts.
+    """One fault of a simulated rig: its settings, and when it fired.
 
-    This base class is a permanent fault without any effect. A hook gets the plant's value, as the earlier
-    faults of the rig file have changed it, and returns the value for the plant to use. A hook that has an
-    effect records it by `mark`, `active` or `fires`.
+    This base class is a permanent fault, at no place. A hook that has an effect records it by `mark`,
+    `active` or `fires`.
     """
 
     Settings: ClassVar[type[FaultSettings]] = FaultSettings
@@ -93,126 +79,6 @@ class Fault:
 
     def __repr__(self) -> str:
         return f"<fault {self.kind}, fired {self.fired} times>"
-
-    # Hooks: the surface and its patches
-
-    every: float = math.inf
-    """Interval at which `modes` is asked anew (s)."""
-
-    def modes(self, modes: Modes, time: float) -> Modes:
-        """Return the surface's modes at a time (s), as many as there were.
-
-        A plant whose surface has no modes is refused with a kind that overrides this.
-        """
-        return modes
-
-    def law(self, patch: str, law: PatchLaw) -> PatchLaw:
-        """Return the law of a patch, when the plant is created."""
-        return law
-
-    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
-        """Return the volts at each patch, (steps,), from `start` (s) on."""
-        return volts
-
-    # Hooks: the amplifier
-
-    def gain(self, gain: float, run: Run) -> float:
-        """Return the amplifier's gain (V per V, before the tolerance) for a run of its input."""
-        return gain
-
-    def output(self, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """Return the volts at the amplifier's output, (times,)."""
-        return volts
-
-    # Hooks: the relay
-
-    def contact(self, patch: str, at: float) -> str:
-        """Return the patch that the contact for `patch` really switches, at `at` (s)."""
-        return patch
-
-    def relay(self, how: RelayFailure, patch: str, now: float) -> bool:
-        """Return True when the box's channel of a patch fails in this way now; called at each such event."""
-        return False
-
-    # Hooks: the cards of the DAQ
-
-    def rtsi(self, now: float) -> bool:
-        """Return True when a cable joins the cards' clocks."""
-        return True
-
-    def samples(self, device: str, now: float) -> None:
-        """Called when a card is read. Raises SamplesLost when the card has lost samples."""
-
-    def plays(self, device: str, now: float) -> None:
-        """Called when a card is asked how far its play is. Raises PlayStopped when that has ended."""
-
-    def lateness(self, device: str, times: FloatArray) -> FloatArray:
-        """Return the delay that this fault adds to a card's clock, (times,) s."""
-        return np.zeros(len(times))
-
-    def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
-        """Return the volts of a node at the card's terminal, (times,)."""
-        return volts
-
-    # Hooks: the sensors
-
-    def gauges(self, gauges: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Return the real force sensor's sensitivity, (6, 6) V per N and N m. `rng` is the sensor's own."""
-        return gauges
-
-    def tilt(self, tilt: FloatArray) -> FloatArray:
-        """Return the fraction of a vertical acceleration on each axis of the accelerometer, (3,)."""
-        return tilt
-
-    # Hooks: the laser
-
-    def head(self, head: LaserHead) -> None:
-        """Called when a vibrometer's head is installed; change `head` in place to its real state."""
-
-    def inspected(self, now: float) -> None:
-        """Called when a person inspects the settings of the vibrometers."""
-
-    def light(self, level: FloatArray, times: FloatArray) -> FloatArray:
-        """Return the fraction of the laser's light that returns, (times,)."""
-        return level
-
-    def velocity(
-        self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
-    ) -> FloatArray:
-        """Return the velocity at the vibrometer's output, (times,) m/s; its full scale is +- `full_scale`.
-
-        `rng` is the generator of its noise.
-        """
-        return velocity
-
-    # Hooks: the camera under the surface
-
-    def lamp(self, level: float, time: float) -> float:
-        """Return the light that reaches the camera without a finger, in grey levels at the image's centre."""
-        return level
-
-    def blur(self, pixels: float, time: float) -> float:
-        """Return the standard deviation of the camera's blur (pixels)."""
-        return pixels
-
-    def other_finger(self, time: float) -> float:
-        """Return the contact area of another finger on the surface (m^2); 0 for none."""
-        return 0.0
-
-    def frame_lost(self, time: float) -> bool:
-        """Return True when the frame of this time is lost; called for each frame."""
-        return False
-
-    # Hooks: the lines to instruments
-
-    @property
-    def line(self) -> str | None:
-        """Role of the instrument whose line it disturbs; a rig without such a line is refused."""
-        return None
-
-    def answer(self, request: str, now: float) -> ReplyFault | None:
-        """Return the fault of the answer to a request on that line; None leaves the answer intact."""
-        return None
 
 
 class ScheduledFault(Fault):

@@ -7,7 +7,7 @@ only when a rig file names it, so that a broken package does not affect other ri
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 
@@ -15,8 +15,11 @@ from ...instruments import entry_points
 from ...instruments.config import RigFile, roles, validate_kind
 from ...instruments.errors import ConfigurationError
 from .fault import Fault, FaultSettings
+from .places import PLACES
 
 __all__ = ["KINDS", "FaultKinds", "Faults", "fault_class"]
+
+Place = TypeVar("Place", bound=Fault)
 
 
 class FaultKinds(Mapping[str, type[FaultSettings]]):
@@ -56,6 +59,13 @@ def fault_class(kind: str) -> type[Fault]:
             f"{entry_points.named(entry_points.FAULTS, kind)} is not a fault: its entry point must name a "
             "subclass of haploop.mocks.plant.Fault, whose Settings are a FaultSettings."
         )
+    for place in PLACES:
+        idle = [name for name in vars(place) if name[0] != "_" and hasattr(loaded, name)]
+        if idle and not issubclass(loaded, place):
+            raise ConfigurationError(
+                f"{entry_points.named(entry_points.FAULTS, kind)} has the hook {idle[0]!r}, and nobody "
+                f"calls it: derive {loaded.__name__} from haploop.mocks.plant.{place.__name__} too."
+            )
     return loaded
 
 
@@ -64,6 +74,9 @@ class Faults(Sequence[Fault]):
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._faults = tuple(faults)
+        self._at: dict[type[Fault], tuple[Any, ...]] = {
+            place: tuple(fault for fault in faults if isinstance(fault, place)) for place in PLACES
+        }
 
     @classmethod
     def of_file(cls, file: RigFile) -> Faults:
@@ -75,6 +88,10 @@ class Faults(Sequence[Fault]):
             rng = np.random.default_rng([file.simulation.seed, 0xFA017, index])
             faults.append(fault_class(settings.kind)(settings, file, rng))
         return cls(faults)
+
+    def at(self, place: type[Place]) -> tuple[Place, ...]:
+        """Return the faults that sit at a place (`OnRelay`), in the order of the rig file."""
+        return self._at[place]
 
     @overload
     def __getitem__(self, index: int) -> Fault: ...

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import Finite, Positive, Proportion
 from ...instruments.config import RigFile
 from ...instruments.errors import ConfigurationError
 from .modal import ModalSurface, Modes
@@ -18,7 +19,6 @@ from .surface import PlantSettings, place_of, table_of
 
 __all__ = ["Modal", "random_modal"]
 
-Real = Annotated[float, Field(allow_inf_nan=False)]
 _PEAK = 1e-4
 """Largest response of a random plant's first patch at the button, 60 to 600 Hz (m/s per V): the table's."""
 
@@ -26,18 +26,18 @@ _PEAK = 1e-4
 class Modal(PlantSettings):
     """Modes, one by one: q'' + 2 damping w q' + w^2 q = coupling x linear volts, with unit modal mass."""
 
-    natural_hz: tuple[Annotated[float, Field(gt=0, allow_inf_nan=False)], ...]
+    natural_hz: tuple[Positive, ...]
     """Natural frequency of each mode (Hz)."""
-    damping: tuple[Annotated[float, Field(gt=0, lt=1)], ...]
+    damping: tuple[Proportion, ...]
     """Damping ratio of each mode."""
-    coupling: dict[str, tuple[Real, ...]]
+    coupling: dict[str, tuple[Finite, ...]]
     """Modal force of each patch (m/s^2 per V), a number for each mode."""
-    shapes: dict[str, tuple[Real, ...]]
+    shapes: dict[str, tuple[Finite, ...]]
     """Mode shapes at each point, "button" or a point's number: a number for each mode."""
 
     softening: Annotated[float, Field(ge=0, lt=0.2)] = 0.0
     """Relative fall of a mode's frequency when its coordinate is `soft_at`."""
-    soft_at: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 3e-6
+    soft_at: Positive = 3e-6
     """Amplitude of a mode's coordinate (m) at which `softening` is meant."""
 
     @model_validator(mode="after")

@@ -19,10 +19,12 @@ import numpy as np
 from ...instruments.arrays import FloatArray
 from ...instruments.clock import Clock
 from ...instruments.config import RigFile
+from ...instruments.errors import ConfigurationError
 from .amplifier import Amplifier
 from .nodes import LaserHead, Run, Source, Switches
+from .places import OnAmplifier, OnCards, OnRelay, OnSurface
 from .scene import AmplifierOutput, Scene
-from .sensed import Output, Quantity, laser, wired
+from .sensed import Output, Quantity, Signal, laser, signalled, wired
 from .surface import PlantSource
 from .truth import Truth
 
@@ -86,19 +88,38 @@ class Plant(Scene):
     def install(self, node: str, head: LaserHead) -> None:
         """Install a vibrometer with the rig file's `head`, and wire its output to `node`."""
         self._put_up(head)
-        self._nodes[node] = Output(partial(laser, head=head))
-        self._noise[node] = self.rng(f"noise of {node}")
-        self._read.clear()
+        self._show(node, partial(laser, head=head))
+
+    def connect(self, node: str, signal: Signal) -> None:
+        """Connect an instrument's output to a channel of the DAQ, in place of what was wired to it.
+
+        `signal` returns the volts of the output, see `Signal`. It may ask the plant: `force` is the finger's,
+        `seen` the surface's velocity where the laser is aimed, and `rng(name)` a generator of noise.
+        Raises ConfigurationError for a channel that [daq.channels] does not have.
+        """
+        channels = self.file.daq.settings.get("channels")
+        if isinstance(channels, dict) and node not in channels:
+            raise ConfigurationError(
+                f"A twin puts a signal on the channel {node!r}, and [daq.channels] of {self.file.name} has "
+                f"{', '.join(channels)}: name one of them."
+            )
+        self._show(node, partial(signalled, signal=signal))
+
+    def _show(self, node: str, quantity: Quantity) -> None:
+        with self._lock:
+            self._nodes[node] = Output(quantity)
+            self._noise[node] = self.rng(f"noise of {node}")
+            self._read.clear()
 
     def has_rtsi(self) -> bool:
         """Return True when a cable joins the cards' clocks."""
-        there = [fault.rtsi(self.clock.now()) for fault in self.faults]
+        there = [fault.rtsi(self.clock.now()) for fault in self.faults.at(OnCards)]
         return all(there)
 
     def switch(self, patch: str, closed: bool, at: float) -> None:
         """Switch a relay contact at `at` (s), or at the plant's present time if that is later."""
         with self._lock:
-            for fault in self.faults:
+            for fault in self.faults.at(OnRelay):
                 patch = fault.contact(patch, at)
             insort(self._switched, (max(at, self._now), len(self._switched), patch, closed))
 
@@ -126,14 +147,14 @@ class Plant(Scene):
             if not times.size:
                 return volts
             self.advance(float(times[:, -1].max()))
-            if self.faults:
+            if self.faults.at(OnCards):
                 times = self._clocked(nodes, times)
             together = self._read.get(tuple(nodes))
             if together is None:
                 together = self._read[tuple(nodes)] = self._readings(nodes)
             for rows, quantity, outputs, noise in together:
                 volts[rows] = quantity(self, times[rows], outputs, noise)
-            for fault in self.faults:
+            for fault in self.faults.at(OnCards):
                 for row, node in enumerate(nodes):
                     volts[row] = fault.channel(node, volts[row], times[row])
             return volts
@@ -157,20 +178,20 @@ class Plant(Scene):
         for row, node in enumerate(nodes):
             card = self._cards.get(node)
             if card:
-                for fault in self.faults:
+                for fault in self.faults.at(OnCards):
                     fault.samples(card, float(times[row, -1]))
                 clocked[row] -= self.lateness(card, times[row])
         return clocked
 
     def plays(self, device: str) -> None:
         """See `haploop.mocks.plant.Nodes.plays`."""
-        for fault in self.faults:
+        for fault in self.faults.at(OnCards):
             fault.plays(device, self.clock.now())
 
     def lateness(self, device: str, times: FloatArray) -> FloatArray:
         """Return the delay of a card's clock against the rig's, (times,) s."""
         late = np.zeros(len(times))
-        for fault in self.faults:
+        for fault in self.faults.at(OnCards):
             late += fault.lateness(device, times)
         return late
 
@@ -218,7 +239,7 @@ class Plant(Scene):
             own = [place for place in self._last if place[0] == node]
             added = sum(group.played.get(place, np.full(count, self._last[place])) for place in own)
             run = Run(group.start, group.period, np.asarray(added))
-            outputs[node] = self._amplifier.output(run, self.faults)
+            outputs[node] = self._amplifier.output(run, self.faults.at(OnAmplifier))
         self._apply(group.start, group.period, outputs)
 
     def _apply(self, start: float, period: float, outputs: Mapping[str, FloatArray]) -> None:
@@ -231,7 +252,7 @@ class Plant(Scene):
             p: outputs.get(input_of.get(p, ""), rest) if p in self.closed else rest
             for p in self.surface.patches
         }
-        for fault in self.faults:
+        for fault in self.faults.at(OnSurface):
             at = fault.patches(at, start)
         if steps:
             self.step(start, period, at)

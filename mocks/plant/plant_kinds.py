@@ -14,9 +14,9 @@ import numpy as np
 from ...instruments import entry_points
 from ...instruments.config import RigFile, validate
 from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError
-from .fault import Fault
 from .hysteresis import PatchLaw
 from .modal import ModalSurface
+from .places import OnSurface
 from .surface import PlantSettings, PlantSource, Surface, table_of
 
 __all__ = ["asked", "plant_source", "surface_and_laws"]
@@ -39,7 +39,7 @@ def plant_source(file: RigFile) -> PlantSource:
 
 
 def surface_and_laws(
-    file: RigFile, source: PlantSource, faults: Sequence[Fault], rng: np.random.Generator
+    file: RigFile, source: PlantSource, faults: Sequence[OnSurface], rng: np.random.Generator
 ) -> tuple[Surface, dict[str, PatchLaw]]:
     """Make a plant's surface, and the law of each of its patches, with the faults that act on them.
 
@@ -61,7 +61,7 @@ def surface_and_laws(
             f"{file.name} also names {', '.join(missing)}: name those that it has."
         )
     for fault in faults:
-        if type(fault).modes is Fault.modes:
+        if type(fault).modes is OnSurface.modes:
             continue
         if not isinstance(surface, ModalSurface):
             raise ConfigurationError(

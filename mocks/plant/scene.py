@@ -18,6 +18,7 @@ from .buttons import FLAWS, Finger, Flaw, Presses, button_named, press_button
 from .fault_kinds import Faults
 from .nodes import LaserHead
 from .patches import Patches
+from .places import OnLaser, OnSurface
 from .plant_kinds import asked, plant_source, surface_and_laws
 from .surface import PlantSource, place_of, table_of
 from .touches import SimulatedTouch, skin_of, touch_surface
@@ -69,7 +70,7 @@ class Scene(ABC):
         self._lock = threading.RLock()
         self._heads: list[tuple[LaserHead, LaserHead]] = []
         source = source or plant_source(file)
-        self.surface, laws = surface_and_laws(file, source, self.faults, self.rng("table"))
+        self.surface, laws = surface_and_laws(file, source, self.faults.at(OnSurface), self.rng("table"))
         self.patches = Patches(laws)
 
     @abstractmethod
@@ -99,6 +100,14 @@ class Scene(ABC):
                     f"for {len(times)} times, a velocity of shape {velocity.shape}, or not finite"
                 )
         return velocity
+
+    def force(self, times: FloatArray) -> FloatArray:
+        """Return the force of the finger on the button (N) at `times` (s), an array of any shape."""
+        total = np.zeros(times.shape)
+        if times.size:
+            for press in self.presses.between(float(times.min()), float(times.max()), 0.0):
+                total += press.force(times)
+        return total
 
     # Actions of people
 
@@ -156,13 +165,13 @@ class Scene(ABC):
     def _put_up(self, head: LaserHead) -> None:
         """Install a vibrometer's `head`, given as the rig file describes it."""
         self._heads.append((head, replace(head)))
-        for fault in self.faults:
+        for fault in self.faults.at(OnLaser):
             fault.head(head)
         self.surface.laser_pole_hz = head.bandwidth_hz
 
     @property
     def set_as_filed(self) -> bool:
         """True when every vibrometer has the rig file's settings: the simulated operator's answer."""
-        for fault in self.faults:
+        for fault in self.faults.at(OnLaser):
             fault.inspected(self.clock.now())
         return all((head.range, head.scale) == (filed.range, filed.scale) for head, filed in self._heads)

@@ -13,12 +13,14 @@ from functools import partial
 import numpy as np
 
 from ...instruments.arrays import FloatArray
+from ...instruments.errors import HaploopError, InstrumentError
 from ...instruments.sensors import low_pass
 from .buttons import SimulatedPress
 from .nodes import LaserHead
+from .places import OnLaser, OnSensors
 from .scene import GRAVITY, Scene
 
-__all__ = ["Output", "Quantity", "laser", "wired"]
+__all__ = ["Output", "Quantity", "Signal", "laser", "signalled", "wired"]
 
 FORCE_NOISE = 0.03
 """Standard deviation of Fz (N), measured on a real Mini40 (found; docs/hardware.md, "Force sensor")."""
@@ -53,6 +55,11 @@ Quantity = Callable[[Scene, FloatArray, Sequence[int], Sequence[np.random.Genera
 quarter of the time that they take one by one: a block is short, and a call of numpy is not."""
 
 
+Signal = Callable[[FloatArray], FloatArray]
+"""Function that returns the volts of an instrument's output, (times,) V before any converter, at rising
+times, (times,) s of the plant's clock. It may be asked for the same times again, and for 30 s before them."""
+
+
 @dataclass(frozen=True)
 class Output:
     """An output of a sensor: what it measures, and its number among the sensor's outputs."""
@@ -80,7 +87,7 @@ def wired(scene: Scene) -> dict[str, Output]:
         wire(sensors.force.channels, partial(_gauges, gauges=gauges, rest=rest, noise=noise))
     if sensors.acceleration:
         tilt = np.array([0.04, -0.03, 1.0])
-        for fault in scene.faults:
+        for fault in scene.faults.at(OnSensors):
             tilt = fault.tilt(tilt)
         zero = scene.rng("accelerometer").normal(0, 0.03, 3) * GRAVITY
         wire(sensors.acceleration.channels, partial(_axes, tilt=tilt, zero=zero))
@@ -97,7 +104,7 @@ def wired(scene: Scene) -> dict[str, Output]:
 
 def _loaded_gauges(scene: Scene, gauges: FloatArray) -> FloatArray:
     """Return the real sensor's sensitivity, (6, 6) V per N and N m, from that of the file's matrix."""
-    for fault in scene.faults:
+    for fault in scene.faults.at(OnSensors):
         gauges = fault.gauges(gauges, scene.rng("force sensor"))
     return gauges
 
@@ -122,8 +129,7 @@ def _gauges(
         rng.standard_normal(out=volts[row])
     volts *= noise
     volts += rest[list(outputs), np.newaxis] + own[:, 2, np.newaxis] * weight
-    for press in scene.presses.between(times[:, 0].min(), times[:, -1].max(), 0.0):
-        volts += (own @ _PRESSED)[:, np.newaxis] * press.force(times)
+    volts += (own @ _PRESSED)[:, np.newaxis] * scene.force(times)
     return volts
 
 
@@ -213,9 +219,38 @@ def laser(
     return np.array([_seen(scene, own, rng, head) for own, rng in zip(times, rngs, strict=True)])
 
 
+def signalled(
+    scene: Scene,
+    times: FloatArray,
+    outputs: Sequence[int],
+    rngs: Sequence[np.random.Generator],
+    *,
+    signal: Signal,
+) -> FloatArray:
+    """Return the output of an instrument that `Plant.connect` connected: see `Quantity`."""
+    volts = np.empty(times.shape)
+    for row, own in zip(volts, times, strict=True):
+        try:
+            row[:] = _shown(signal(own), len(own))
+        except HaploopError:
+            raise
+        except (Exception, SystemExit) as error:
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            name = getattr(signal, "__qualname__", type(signal).__qualname__)
+            raise InstrumentError(f"The signal {name} of a twin failed ({told}): ask its author.") from error
+    return volts
+
+
+def _shown(volts: FloatArray, count: int) -> FloatArray:
+    volts = np.asarray(volts, dtype=np.float64)
+    if volts.shape != (count,) or not np.isfinite(volts).all():
+        raise ValueError(f"for {count} times, volts of shape {volts.shape}, or not finite")
+    return volts
+
+
 def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: LaserHead) -> FloatArray:
     level = np.full(len(times), head.level)
-    for fault in scene.faults:
+    for fault in scene.faults.at(OnLaser):
         level = fault.light(level, times)
     velocity = scene.seen(np.asarray(times - head.delay)) * (level > 0)
     rate_hz = 1 / (times[1] - times[0]) if len(times) > 1 else 2 * head.bandwidth_hz
@@ -225,6 +260,6 @@ def _seen(scene: Scene, times: FloatArray, rng: np.random.Generator, head: Laser
     density = density / np.sqrt(np.maximum(level, 0.01))
     velocity += density * np.sqrt(rate_hz / 2) * rng.standard_normal(len(times))
     velocity = np.clip(velocity, -head.range, head.range)
-    for fault in scene.faults:
+    for fault in scene.faults.at(OnLaser):
         velocity = fault.velocity(velocity, times, head.range, rng)
     return np.asarray(velocity / head.scale)

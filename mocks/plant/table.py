@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from ...instruments.arrays import FloatArray
+from ...instruments.bounded import Positive
 from ...instruments.config import RigFile
 from .modal import ModalSurface, Modes
 from .softening import SofteningSurface
@@ -61,7 +62,7 @@ class TouchTable(PlantSettings):
     """Relative shift of every mode's frequency."""
     daily_drift: Annotated[float, Field(ge=0, lt=0.1)] = 0.0
     """Relative amplitude of the daily drift of every mode's frequency, caused by temperature."""
-    damping_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    damping_scale: Positive = 1.0
     collocated: bool = False
     """Put patch A under the button point, so that the response has no right-half-plane zeros."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,7 +13,7 @@ import numpy as np
 from ...instruments.clock import Clock
 from ...instruments.relay import ChannelRelay, ChannelState
 from ...instruments.relay.yocto import Yocto
-from ..plant import Fault, RelayFailure, Switched, Switches
+from ..plant import Faults, OnRelay, RelayFailure, Switched, Switches
 
 __all__ = ["BoxAdapter", "BoxFault", "Contacts", "RelayTwin", "SimulatedBox", "box_in"]
 
@@ -35,8 +35,8 @@ class Contacts(Protocol):
         """Return the plant's seeded random generator for one of its parts."""
 
     @property
-    def faults(self) -> Sequence[Fault]:
-        """The plant's faults; the box calls their `Fault.relay`."""
+    def faults(self) -> Faults:
+        """The plant's faults; the box calls `OnRelay.relay` of those at the relay."""
 
     def wire(self, box: Switches) -> None:
         """Connect a box's contacts to the patches; each step to `until` first calls `box.take(until)`."""
@@ -70,7 +70,7 @@ class BoxFault:
 class _PlantFault:
     """Adapter of a plant's fault, which acts on patches, to the box, which has channels."""
 
-    fault: Fault
+    fault: OnRelay
     patches: Mapping[int, str]
     clock: Clock
 
@@ -235,7 +235,7 @@ def box_in(plant: Contacts, patches: Mapping[str, int], numbers: Iterable[int] =
     """Create a box wired to a plant, with each patch on its channel."""
     wiring = {channel: patch for patch, channel in patches.items()}
     box = SimulatedBox(wiring, plant.clock, plant.rng("relay"), numbers)
-    box.faults.extend(_PlantFault(fault, wiring, plant.clock) for fault in plant.faults)
+    box.faults.extend(_PlantFault(fault, wiring, plant.clock) for fault in plant.faults.at(OnRelay))
     plant.wire(box)
     return box
 

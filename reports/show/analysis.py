@@ -17,6 +17,7 @@ from ...experiments import (
     MultivariateEffect,
     Power,
     Ratings,
+    Rows,
     Threshold,
 )
 from ...terminal.progress import print_json, print_line, print_table
@@ -112,10 +113,8 @@ def show_power(found: Sequence[Power], as_json: bool) -> None:
     print_line(f"{found[0].runs} simulated experiments each, with answers as the plan assumes them.")
 
 
-def show_thresholds(
-    found: Sequence[Threshold], columns: Sequence[str], simulated: bool, as_json: bool
-) -> None:
-    """Show thresholds; `columns` name what tells them apart."""
+def show_thresholds(found: Sequence[Threshold], columns: Sequence[str], rows: Rows, as_json: bool) -> None:
+    """Show thresholds; `columns` name what tells them apart in the `rows` that they were fitted to."""
     if as_json:
         values = [
             {
@@ -130,7 +129,7 @@ def show_thresholds(
             }
             for one in found
         ]
-        print_json({"simulated": simulated, "thresholds": values})
+        print_json({"simulated": rows.simulated, "thresholds": values, "notes": list(rows.remarks)})
         return
     title = "Thresholds (75 % right, but for lapses)"
     table = _table(title, *columns, "Threshold", "95 %", "Difference", "Width", "Lapse", "Trials")
@@ -143,7 +142,9 @@ def show_thresholds(
     print_table(table)
     if any(one.standard is not None for one in found):
         print_line("Difference: from the standard to the threshold, the just noticeable difference.")
-    if simulated:
+    for note in rows.remarks:
+        print_line(note)
+    if rows.simulated:
         print_line(ANSWERS_SIMULATED)
 
 

@@ -14,6 +14,7 @@ from haploop.calibration.examination.camera_check import check_camera
 from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
 from haploop.instruments.config import RigFile
 from haploop.instruments.driver import Mode
+from haploop.instruments.operator import UnansweredError
 from haploop.mocks.plant import PlantSource, Surface, random_modal
 from tests.command_line import Run
 from tests.conftest import OpenRig
@@ -177,3 +178,21 @@ def test_a_camera_that_loses_frames_or_sees_a_lamp(fault: dict[str, Any], says: 
     with open_rig(file.model_copy(update={"simulation": simulation})) as rig:
         found = list(check_camera(rig))
     assert says in " ".join(one.sentence for one in found if one.status != "green")
+
+
+def test_what_nobody_could_be_asked_is_not_tested_and_not_red(open: OpenRig) -> None:
+    """Without a terminal the console's questions have no answer, which is no difference of the settings."""
+    rig = open("haptable")
+
+    def nobody(request: object) -> bool:
+        raise UnansweredError(f"Nobody is at the console to answer: {request}")
+
+    rig.operator.confirm = nobody  # type: ignore[method-assign, assignment]
+    findings = examine(rig)
+    assert not of_status(findings, "red")
+    settings = next(one for one in findings if one.name == "Settings" and one.instrument == "vibrometer")
+    assert settings.status == "yellow" and settings.sentence.startswith("Not tested: nobody was there")
+    rig.operator.confirm = lambda request: False  # type: ignore[method-assign, assignment]
+    said = [one.sentence for one in of_status(examine(rig), "red")]
+    assert any("The settings differ from the rig file" in sentence for sentence in said)
+    assert_safe(rig)

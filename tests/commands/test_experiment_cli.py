@@ -6,6 +6,7 @@ import io
 import json
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -108,7 +109,15 @@ def test_a_wrong_request_is_one_sentence(
 def test_a_rating_that_is_no_number_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
     step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
     monkeypatch.setattr("sys.stdin", io.StringIO("nan\n51\n7.5\n"))
-    assert _AtTerminal(None).answer(step) == {"soft": 7.5}
+    said = _AtTerminal(None).answer(step)["soft"]
+    assert said["value"] == 7.5 and len(said["touched"]) == 1
+
+
+def test_enter_is_no_rating(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Step("rating", "trials", 1, 1, False, False, "How was it?", choices=("soft",), values=(-50, 50))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\n"))
+    with pytest.raises(click.Abort):
+        _AtTerminal(None).answer(step)
 
 
 def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
@@ -121,3 +130,33 @@ def test_a_design_that_is_not_filled_is_said(run: Run, tmp_path: Path) -> None:
         assert ("not balanced with 3 participants" in words and "at a multiple of 6." in words) is said
     values = json.loads(run("experiment", "status", "matching", "--data", tmp_path / "a", "--json").stdout)
     assert values["design"] == {"groups": {"I": 3, "II": 3}, "balanced": True, "multiple_of": 6}
+
+
+def test_a_log_that_was_cut_short_is_said_by_every_command_and_stops_no_other_person(
+    run: Run, tmp_path: Path
+) -> None:
+    data = tmp_path / "answers"
+    common = ("--data", data)
+    assert run("experiment", "simulate", "rating", "-n", 2, *common).exit_code == 0
+    assert run("verify", data).exit_code == 0
+    log = data / "P01" / "session-1.jsonl"
+    raw = log.read_bytes()
+    log.write_bytes(b"".join(raw.splitlines(keepends=True)[:8]))
+    said = "session-1.jsonl has 8 of the 14 lines that it had: restore the file from a copy."
+    for command, code in (
+        (("experiment", "status", "rating", *common), 2),
+        (("experiment", "status", "rating", *common, "--json"), 2),
+        (("experiment", "export", "rating", tmp_path / "out.csv", *common), 2),
+        (("experiment", "run", "rating", "-p", "P01", "--simulated", *common), 2),
+        (("verify", data), 2),
+        (("experiment", "run", "rating", "-p", "P03", "--simulated", *common), 0),
+    ):
+        result = run(*command)
+        assert result.exit_code == code, command
+        assert said in " ".join((result.stdout + result.stderr).split()), command
+    assert not (tmp_path / "out.csv").exists()
+    values = json.loads(run("experiment", "status", "rating", *common, "--json").stdout)
+    assert [one["participant"] for one in values["sessions"]] == ["P02", "P03"]
+    log.write_bytes(raw)
+    assert run("experiment", "export", "rating", tmp_path / "out.csv", *common).exit_code == 0
+    assert run("verify", data).exit_code == 0

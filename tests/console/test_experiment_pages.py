@@ -251,9 +251,14 @@ def test_ratings_are_complete_numbers_on_the_scale(console):
     console.present()
     assert (console.asked["low"], console.asked["high"]) == (1, 101)
     pairs = [name for name, *_ in console.asked["pairs"]]
-    for wrong in ({}, {pairs[0]: 3}, dict.fromkeys(pairs, 102), dict.fromkeys(pairs, "3"), "done", [1], None):
+    touched = {"value": 51, "touched": [0.5]}
+    first = {pairs[0]: touched}
+    several = ({"value": 102, "touched": [1]}, {"value": "3", "touched": [1]}, 51, None)
+    for wrong in ({}, first, *(dict.fromkeys(pairs, one) for one in several), "done", [1], None):
         assert "a number from 1 to 101" in console.answer(wrong)["error"]
-    assert console.answer(dict.fromkeys(pairs, 51)) == DONE
+    untouched = console.answer(first | {pairs[1]: {"value": 51, "touched": []}})["error"]
+    assert f"for {pairs[1]} (a scale has no value until it is touched)" in untouched
+    assert console.answer(dict.fromkeys(pairs, touched)) == DONE
 
 
 @pytest.mark.parametrize(

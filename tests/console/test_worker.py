@@ -196,7 +196,7 @@ def test_a_job_that_was_asked_for_before_stop_does_not_begin_after_it(tmp_path, 
 
     stopping = threading.Thread(target=stop)
     stopping.start()
-    until(lambda: worker._jobs.qsize() == 2)
+    until(lambda: len(worker._jobs) == 2)
     with pages(worker, stopping.join):
         assert not begun
 

@@ -21,6 +21,7 @@ from haploop.experiments.protocol import (
     Step,
     group_of_slot,
     load_experiment,
+    valid,
 )
 from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
 
@@ -87,11 +88,11 @@ def simulated(experiment: Experiment, model: ParticipantModel) -> list[str]:
             course, who = Course(file, assignment), SimulatedParticipant(model, name, session)
             answers: list[tuple[Step, Answer]] = []
             while (step := course.due(answers)) is not None:
-                answers.append((step, who.answer(step)))
+                answers.append((step, valid(step, who.answer(step))))
             for step, answer in answers:
                 if isinstance(answer, dict):
                     cell = f"{name},{step.stimulus['category']},{step.stimulus['button']}"
-                    lines += [f"{cell},{pair},{value}" for pair, value in answer.items()]
+                    lines += [f"{cell},{pair},{one.value}" for pair, one in answer.items()]
                 elif step.presented and not step.practice:
                     confirmation = step.stimulus["confirmation"]
                     lines.append(f"{name},{assignment.group},{confirmation},{step.presented},{answer}")

@@ -26,7 +26,7 @@ from haploop.instruments.conformance import (
     VibrometerConformance,
 )
 from haploop.instruments.daq.ni_daqmx import NiDaq
-from haploop.instruments.generator.role import Generator
+from haploop.instruments.generator import Arbitrary, Generator
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from haploop.instruments.operator.console import Console
 from haploop.instruments.relay.serial_relay import SerialRelay
@@ -352,6 +352,7 @@ class FamilyConformance(GeneratorConformance):
 
 
 class TestKeysight33500(FamilyConformance):
+    waveforms = (*FamilyConformance.waveforms, Arbitrary([0, 0.1, 0.3, 0, -0.3, -0.2, -0.1, 0], 5000))
     driver = Keysight33500
     product = KEYSIGHT_33500
 

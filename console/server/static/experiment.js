@@ -21,6 +21,7 @@ async function show(anew) {
   let found;
   try { found = await ask(`/api/experiment?experiment=${encodeURIComponent(name)}`); } catch (error) { $("about").textContent = ""; fill($("entries")); say(error.message, "error"); return; }
   if (!found) return;
+  if (found.problems.length) say(found.problems.join(" "), "error");
   const { groups, balanced, multiple_of } = found.design;
   const sizes = Object.entries(groups).map(([name, count]) => (found.groups.length > 1 ? `${name} ${count}` : count)).join(", ");
   $("about").textContent = `${found.title} (days: ${found.days}; participants so far: ${sizes}${balanced ? "" : `, not balanced: that is at a multiple of ${multiple_of}`})`;
@@ -28,7 +29,7 @@ async function show(anew) {
   $("consent-label").classList.toggle("hidden", !found.consent);
   if (anew) fill($("day"), el("option", { value: "" }, "the one that is due"), ...Array.from({ length: found.days }, (_, n) => el("option", { value: n + 1 }, n + 1)));
   fill($("entries"), ...found.sessions.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", {}, one.group), el("td", {}, one.session), el("td", {}, one.answers),
-    el("td", {}, one.complete ? "complete" : `due: ${one.due.block} ${one.due.trial}`), el("td", {}, one.resumed || ""))),
+    el("td", {}, one.complete ? "complete" : one.due ? `due: ${one.due.block} ${one.due.trial}` : "to be sealed"), el("td", {}, one.resumed || ""))),
   ...found.withdrawn.map((one) => el("tr", {}, el("td", {}, one.participant), el("td", { colspan: "5" }, "withdrew"))));
 }
 
@@ -90,4 +91,4 @@ on("state", (all) => {
   const mark = JSON.stringify([now && now.participant, now && now.session, now && now.last]);
   if (mark !== known) { known = mark; show(false); }
 });
-const said = (answer) => (typeof answer === "object" && answer ? Object.entries(answer).map(([name, value]) => `${name} ${Math.round(value)}`).join(", ") : String(answer));
+const said = (answer) => (typeof answer === "object" && answer ? Object.entries(answer).map(([name, value]) => `${name} ${Math.round(value.value)}`).join(", ") : String(answer));

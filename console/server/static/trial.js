@@ -12,7 +12,10 @@ async function answer(value) {
   able(true); // after an error; after an answer they go
 }
 
-const able = (yes) => { for (const one of $("answers").querySelectorAll("button, input")) one.disabled = !yes; };
+function able(yes) {
+  for (const one of $("answers").querySelectorAll("button, input")) one.disabled = !yes;
+  if (yes) missing();
+}
 
 export function trial(now) {
   const experiment = now.experiment, press = now.request;
@@ -29,30 +32,68 @@ export function trial(now) {
   $("answers").classList.toggle("hidden", paused || !ask);
   if ((ask ? ask.turn : "") === turn) return;
   turn = ask ? ask.turn : "";
+  scales = [];
   fill($("answers"), ...(ask ? content(ask) : []));
+  missing();
 }
 
 function content(ask) {
   if (ask.choices) return [el("div", { class: "choices" }, ...ask.choices.map(([value, name], n) =>
     el("button", { type: "button", onclick: () => answer(value), "aria-keyshortcuts": n + 1 }, name, el("kbd", {}, n + 1))))];
-  return [...(ask.pairs ? sliders(ask) : []), el("p", {}, el("button", { type: "submit", class: "finish" }, "Done"))];
+  return [...(ask.pairs ? sliders(ask) : []), el("p", {}, el("button", { type: "submit", class: "finish" }, "Done"), el("span", { id: "missing", class: "count", role: "status" }))];
 }
 
-// Sliders start in the middle; a reload of the page keeps where they are in this trial, and in no other.
+// Sliders stand in the middle, and have no value until they are touched. A reload of the page keeps where they are and
+// when they were touched in this trial, and in no other.
+let scales = [];
 function sliders({ turn: mine, pairs, low, high }) {
-  const kept = JSON.parse(sessionStorage.getItem("haploop-sliders") || "{}");
-  const values = kept.turn === mine ? kept.values : {};
+  const before = JSON.parse(sessionStorage.getItem("haploop-sliders") || "{}");
+  const kept = before.turn === mine ? before : { turn: mine, appeared: now(), set: {} };
+  const keep = () => sessionStorage.setItem("haploop-sliders", JSON.stringify(kept));
+  keep();
   return pairs.map(([name, left, right]) => {
-    const one = el("input", { type: "range", min: low, max: high, step: (high - low) / 100, value: values[name] ?? (low + high) / 2, "data-pair": name, "aria-label": `${left} to ${right}` });
-    one.addEventListener("input", () => sessionStorage.setItem("haploop-sliders", JSON.stringify({ turn: mine, values: ratings() })));
+    const set = kept.set[name], touched = set ? set.touched : [];
+    const one = el("input", { type: "range", min: low, max: high, step: (high - low) / 100, value: set ? set.value : (low + high) / 2, "aria-label": `${left} to ${right}` });
+    const show = () => {
+      one.classList.toggle("untouched", !touched.length);
+      if (touched.length) one.removeAttribute("aria-valuetext"); else one.setAttribute("aria-valuetext", "not set yet");
+    };
+    touches(one, (at) => { touched.push(Math.max(0, Math.round(at - kept.appeared) / 1000)); show(); missing(); }, () => {
+      if (touched.length) { kept.set[name] = { value: Number(one.value), touched }; keep(); }
+    });
+    show();
+    scales.push({ name, one, touched });
     return el("label", { class: "rate" }, el("span", { class: "pair-ends" }, left), one, el("span", { class: "pair-ends" }, right));
   });
 }
 
-const ratings = () => Object.fromEntries([...$("answers").querySelectorAll("input")].map((one) => [one.dataset.pair, Number(one.value)]));
+const now = () => performance.timeOrigin + performance.now();
+
+// One touch lasts from where a finger, a mouse or a key goes down to where it comes up. A finger that scrolls the page
+// touches nothing; one that taps a slider where it stands does, and so does the space bar.
+function touches(one, touch, changed) {
+  let down = 0, counted = false;
+  const count = () => { if (!counted) touch(down || now()); counted = true; changed(); };
+  const up = () => { down = 0; counted = false; };
+  one.addEventListener("pointerdown", () => { down = now(); counted = false; });
+  one.addEventListener("keydown", (event) => { if (!event.repeat) { down = now(); counted = false; } if (event.key === " ") { event.preventDefault(); count(); } });
+  one.addEventListener("input", count);
+  one.addEventListener("pointerup", () => { if (down) count(); up(); });
+  for (const name of ["pointercancel", "keyup", "blur"]) one.addEventListener(name, up);
+  one.addEventListener("change", () => { if (!down) up(); });
+}
+
+function missing() {
+  const left = scales.filter(({ touched }) => !touched.length).length, done = $("answers").querySelector(".finish");
+  if (!done) return;
+  done.disabled = left > 0;
+  $("missing").textContent = left ? `Set each scale: ${left} of ${scales.length} are left.` : "";
+}
+
+const ratings = () => Object.fromEntries(scales.map(({ name, one, touched }) => [name, { value: Number(one.value), touched }]));
 
 $("trial").addEventListener("submit", (event) => {
   event.preventDefault();
-  if (!event.target.querySelector(".choices")) answer($("answers").querySelector("input") ? ratings() : "done");
+  if (!event.target.querySelector(".choices")) answer(scales.length ? ratings() : "done");
 });
 for (let n = 1; n <= 9; n++) key(String(n), () => { const one = $("answers").querySelectorAll(".choices button")[n - 1]; if (one) one.click(); });

@@ -1,4 +1,4 @@
-"""The role thermometer, and the ACME T1, which answers each of the lines `ID` and `T` with one line."""
+"""The role thermometer, and the ACME T1: it answers the lines `ID`, `T` and `H` (% per V of an output)."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from haploop.instruments import Clock, InstrumentError, Reading
+from haploop.instruments import Clock, InstrumentError, Reading, Scale
 from haploop.instruments.transport import Line, SerialLine
 
 
@@ -41,14 +41,16 @@ class AcmeT1(Thermometer):
         model_config = ConfigDict(frozen=True, extra="forbid")
 
         port: str
+        humidity: str = ""  # DAQ channel that its analog output is wired to
         timeout: Annotated[float, Field(gt=0, le=60)] = 1.0
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, settings: Settings, line: Line) -> None:
         self._line = line
         self.identity = self._ask("ID")
         if not self.identity.startswith("ACME T1"):
             line.close()
             raise InstrumentError(f"{self.identity!r} is not an ACME T1: check 'port' in [thermometer].")
+        self.scales = {settings.humidity: Scale(self._number("H"), "%")} if settings.humidity else {}
 
     @staticmethod
     def hardware(settings: Settings) -> tuple[str, ...]:
@@ -56,17 +58,22 @@ class AcmeT1(Thermometer):
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
-        return cls(SerialLine("ACME T1", settings.port, 9600, settings.timeout))
+        return cls(settings, SerialLine("ACME T1", settings.port, 9600, settings.timeout))
 
     def temperature(self) -> float:
-        answer = self._ask("T")
-        try:
-            return float(answer)
-        except ValueError:
-            raise InstrumentError(f"The ACME T1 answered 'T' with {answer!r}: check its cable.") from None
+        return self._number("T")
 
     def close(self) -> None:
         self._line.close()
+
+    def _number(self, command: str) -> float:
+        answer = self._ask(command)
+        try:
+            return float(answer)
+        except ValueError:
+            raise InstrumentError(
+                f"The ACME T1 answered {command!r} with {answer!r}: check its cable."
+            ) from None
 
     def _ask(self, command: str) -> str:
         self._line.send(command)

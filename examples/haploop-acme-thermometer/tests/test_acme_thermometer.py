@@ -20,6 +20,9 @@ from haploop.instruments import InstrumentError, RecordedAlong, Rig
 from haploop.instruments.rig import rig_schema
 from haploop.mocks.transport.line_server import DirectLine
 
+SETTINGS = AcmeT1.Settings(port="COM6")
+RIG = Path(__file__).parents[1] / "acme.toml"
+
 
 @pytest.mark.requires("thermometer", "microscope")
 def test_the_rig_has_both_and_they_are_typed(rig: Rig) -> None:
@@ -42,7 +45,7 @@ def test_both_are_recorded_along(rig: Rig, tmp_path: Path) -> None:
         assert frame.startswith(b"P5 8 8 255\n")
         assert hashlib.sha256(frame).hexdigest() == file.sha256
     assert verify(recording.path) == ()
-    assert recording.extra["humidity"].mean() == pytest.approx(-20, abs=0.5)  # nothing is wired: 0 V
+    assert recording.extra["humidity"].mean() == pytest.approx(55, abs=0.5)
     assert haploop.find_presses(recording)
 
     (tmp_path / files[0].file).write_bytes(b"another frame")
@@ -105,11 +108,25 @@ def test_the_schema_knows_both() -> None:
 
 @pytest.mark.parametrize("simulate", ["twin", "wire"])
 def test_doctor_says_that_they_are_there(simulate: str) -> None:
-    rig = Path(__file__).parents[1] / "acme.toml"
-    findings = told("doctor", "--rig", str(rig), "--simulate", simulate)["findings"]
+    findings = told("doctor", "--rig", str(RIG), "--simulate", simulate)["findings"]
     sentences = {finding["instrument"]: finding["sentence"] for finding in findings}
     assert sentences["thermometer"] == "ACME T1 (twin) responds."
     assert sentences["microscope"] == "ACME C1 responds."
+
+
+@pytest.mark.parametrize("simulate", ["twin", "wire"])
+def test_a_scale_unlike_the_rig_files_is_one_sentence(simulate: str, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(f"base = '{RIG}'\n[sensors.extra.humidity]\nchannel = 'humidity'\nscale = 4\nunit = '%'\n")
+    expected = (
+        "The thermometer of the rig 'acme' reports 40 % per V on the channel 'humidity', and "
+        "[sensors.extra.humidity] says 4 % per V: set the instrument, or correct the rig file."
+    )
+    with pytest.raises(haploop.instruments.ConfigurationError) as raised:
+        haploop.open_rig(rig, simulate=simulate)
+    assert str(raised.value) == expected
+    findings = told("doctor", "--rig", str(rig), "--simulate", simulate)["findings"]
+    assert [f["sentence"] for f in findings if f["status"] == "red"] == [expected]
 
 
 @pytest.mark.parametrize("answer", ["", "warm"])
@@ -118,9 +135,9 @@ def test_no_answer_is_taken_for_a_temperature_that_is_none(answer: str) -> None:
         return ["ACME T1" if asked == "ID" else answer]
 
     with pytest.raises(InstrumentError, match="'T'"):
-        AcmeT1(DirectLine(line)).temperature()
+        AcmeT1(SETTINGS, DirectLine(line)).temperature()
 
 
 def test_another_product_is_refused() -> None:
     with pytest.raises(InstrumentError, match="RB-8"):
-        AcmeT1(DirectLine(lambda _asked: ["ACME RB-8"]))
+        AcmeT1(SETTINGS, DirectLine(lambda _asked: ["ACME RB-8"]))

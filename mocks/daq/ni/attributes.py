@@ -20,9 +20,9 @@ from .defaults import default_value
 from .errors import DaqmxError, DAQmxErrors
 from .facts import CHANNEL_FACTS, DEVICE_FACTS, SYSTEM_FACTS
 from .keeping import read_kept, write_kept
+from .putting import space
 from .system import NiSystem
 from .tasks import Channel, Task
-from .writing import space
 
 __all__ = ["ATTRIBUTE_CALL", "serve"]
 

@@ -19,10 +19,9 @@ from nidaqmx.utils import unflatten_channel_string
 from .channels import CREATES, field
 from .errors import DaqmxError, DAQmxErrors, error_string
 from .keeping import KEEPING
-from .reading import READS
 from .system import NiSystem
 from .tasks import Task
-from .writing import WRITES
+from .transfers import TRANSFERS
 
 __all__ = ["CALLS"]
 
@@ -281,8 +280,7 @@ def _known_device(system: NiSystem, request: Any, alive: Alive) -> None:
 CALLS: dict[str, Call] = {
     **_CONFIGURES,
     **{name: _creating(create) for name, create in CREATES.items()},
-    **READS,
-    **WRITES,
+    **TRANSFERS,
     **KEEPING,
     "CfgChangeDetectionTiming": _change_detection,
     "ExportSignal": _export_signal,

@@ -7,11 +7,13 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from collections import namedtuple
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -106,6 +108,44 @@ def test_eight_megabytes_are_synced_before_it_is_time(
                 break
             time.sleep(0.01)
         assert writer.committed
+
+
+def test_what_comes_while_the_disk_syncs_is_not_called_safe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("haploop.acquisition.recording.writer._COMMIT_PERIOD", 0.01)
+    syncing, go_on = threading.Event(), threading.Event()
+
+    def slowly(_file: int) -> None:
+        syncing.set()
+        assert go_on.wait(10)
+
+    monkeypatch.setattr(os, "fdatasync", slowly, raising=False)
+    with Writer(tmp_path / "P01-push.h5", header(), 250, 4) as writer:
+        writer.write(block_of(0), 0.0)
+        assert syncing.wait(10)
+        writer.write(block_of(250), 0.0)
+        monkeypatch.setattr(os, "fdatasync", lambda _file: time.sleep(1.0), raising=False)
+        go_on.set()
+        until = time.monotonic() + 10
+        while not writer.committed and time.monotonic() < until:
+            pass
+        assert writer.committed == 250
+        until = time.monotonic() + 10
+        while writer.committed < 500 and time.monotonic() < until:
+            time.sleep(0.01)
+        assert writer.committed == 500, "the next sync"
+
+
+def test_behind_a_short_block_stand_no_samples_of_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "P01-push.h5"
+    with Writer(path, header(), 250, 4) as writer:
+        writer.write(block_of(0), 0.0)
+        writer.write(block_of(250, 100), 0.0)
+    with h5py.File(path) as file:
+        rows = file["blocks"][:2]
+    assert np.any(rows["samples"][0][:, 100:]) and np.any(rows["samples"][1][:, :100])
+    assert not np.any(rows["samples"][1][:, 100:])
 
 
 def test_a_file_of_somebody_else_is_not_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

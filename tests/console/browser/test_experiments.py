@@ -139,7 +139,7 @@ def test_matching_by_touch_and_keyboard_and_a_server_killed_in_between(browser, 
     assert [event.kind for event in found.events].count("resumed") == 1
 
 
-def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
+def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):  # noqa: PLR0915  one session
     page = visit(tab, console, "experiment")
     shown = participants_tab(browser, page, console)
     begin(page, "rating", "P01")
@@ -148,7 +148,11 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
         present(page)
         sliders = shown.locator("#answers input")
         expect(sliders).to_have_count(7, timeout=WAIT)
-        assert [float(sliders.nth(n).input_value()) for n in range(7)] == [51] * 7, "they start in the middle"
+        assert [float(sliders.nth(n).input_value()) for n in range(7)] == [51] * 7, "they stand in the middle"
+        done = shown.get_by_role("button", name="Done")
+        expect(done).to_be_disabled()
+        expect(shown.locator("#missing")).to_have_text("Set each scale: 7 of 7 are left.")
+        assert shown.locator(".untouched[aria-valuetext='not set yet']").count() == 7
         expect(shown.get_by_role("button", name="Done")).to_be_in_viewport(ratio=1)
         if number == 1:
             shown.set_viewport_size({"width": 640, "height": 450})  # as at 200 % on a screen of 1280
@@ -161,6 +165,14 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
         sliders.nth(6).focus()
         shown.keyboard.press("End")
         shown.keyboard.press("ArrowLeft")
+        expect(shown.locator("#missing")).to_have_text("Set each scale: 6 of 7 are left.")
+        sliders.nth(5).focus()
+        shown.keyboard.press("Tab")  # passing by touches nothing
+        shown.keyboard.press("Enter")  # nor is it an answer
+        expect(shown.locator("#missing")).to_have_text("Set each scale: 6 of 7 are left.")
+        for place in range(6):
+            sliders.nth(place).focus()
+            shown.keyboard.press(" ")  # it stays in the middle, because somebody wants it there
         if number == 2:
             page.keyboard.press("p")
             expect(shown.locator("#question")).to_have_text("Pause. Please wait.", timeout=WAIT)
@@ -171,7 +183,9 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
             page.locator("#pause").click()
             expect(sliders).to_have_count(7, timeout=WAIT)
             assert float(sliders.nth(6).input_value()) == 100, "a reload keeps where they are"
-        shown.get_by_role("button", name="Done").focus()
+            assert shown.locator(".untouched").count() == 0, "and that they were touched"
+        expect(done).to_be_enabled()
+        done.focus()
         shown.keyboard.press("Enter")
     expect(shown.locator("#question")).to_contain_text("complete", timeout=WAIT)
     assert shown.locator("a, #stop").count() == 0, "STOP is the operator's"
@@ -180,7 +194,56 @@ def test_ratings_by_keyboard_with_a_pause_and_a_reload(browser, tab, console):
     page.get_by_role("button", name="End here").click()
     expect(page.locator("#where")).to_have_text("No session runs.", timeout=WAIT)
     answers = [answer for _, answer, _ in stored(console.data, "rating").answers]
-    assert answers == [{**dict.fromkeys(answers[0], 51), "Rough-Smooth": 100}] * 6
+    assert len(answers) == 6
+    for answer in answers:
+        last = answer.pop("Rough-Smooth")
+        assert last.value == 100 and len(last.touched) == 2
+        assert all(one.value == 51 and len(one.touched) == 1 for one in answer.values())
+        times = [last.touched[0], *(one.touched[0] for one in answer.values())]
+        assert times == sorted(times) and times[0] > 0 and times[-1] < 300
+    shown.context.close()
+
+
+def test_ratings_by_touch_and_mouse_count_each_touch(browser, tab, console):
+    page = visit(tab, console, "experiment")
+    shown = participants_tab(browser, page, console)
+    begin(page, "rating", "P02")
+    present(page)
+    sliders = shown.locator("#answers input")
+    expect(sliders).to_have_count(7, timeout=WAIT)
+    shown.screenshot(path=console.data / "rating-before.png")
+    box = sliders.nth(0).bounding_box()
+    middle = box["y"] + box["height"] / 2
+    shown.mouse.move(box["x"] + box["width"] / 2, middle)
+    shown.mouse.down()  # one touch, however often it moves
+    for share in (0.6, 0.7, 0.8):
+        shown.mouse.move(box["x"] + box["width"] * share, middle)
+    shown.mouse.up()
+    shown.mouse.click(box["x"] + box["width"] * 0.9, middle)
+    sliders.nth(1).tap()  # in the middle, where it stands
+    sliders.nth(2).tap(position={"x": 5, "y": 5})
+    expect(shown.locator("#missing")).to_have_text("Set each scale: 4 of 7 are left.")
+    # A finger that scrolls the page: its pointer is taken away.
+    for name in ("pointerdown", "pointercancel"):
+        sliders.nth(3).dispatch_event(name)
+    expect(shown.locator("#missing")).to_have_text("Set each scale: 4 of 7 are left.")
+    shown.screenshot(path=console.data / "rating-some.png")
+    sliders.nth(3).focus()
+    shown.keyboard.down("ArrowRight")
+    for _ in range(5):
+        shown.keyboard.down("ArrowRight")  # repeated by the keyboard
+    shown.keyboard.up("ArrowRight")
+    for place in (4, 5, 6):
+        sliders.nth(place).tap()
+    shown.get_by_role("button", name="Done").tap()
+    expect(shown.locator("#where")).to_have_text("ratings, 2 of 6", timeout=WAIT)
+    page.get_by_role("button", name="End here").click()
+    expect(page.locator("#where")).to_have_text("No session runs.", timeout=WAIT)
+    store = Store(load_experiment(console.data / "rating"), console.data / "rating" / "answers")
+    _, answer, _ = store.session("P02", 1).answers[0]
+    found = [(len(one.touched), one.value) for one in answer.values()]
+    assert [count for count, _ in found] == [2, 1, 1, 1, 1, 1, 1]
+    assert found[0][1] > 80 and found[1][1] == 51 and found[2][1] < 10 and found[3][1] == 57
     shown.context.close()
 
 

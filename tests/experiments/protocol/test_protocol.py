@@ -12,6 +12,7 @@ from haploop.experiments.protocol import (
     Assignment,
     Course,
     Experiment,
+    Rated,
     Step,
     balance_of,
     example_names,
@@ -19,6 +20,7 @@ from haploop.experiments.protocol import (
     load_experiment,
     right_answer,
     session_levels,
+    timing_of,
     valid,
 )
 from haploop.instruments import ConfigurationError, DataError
@@ -211,9 +213,48 @@ def test_an_answer_that_is_none_is_refused(answer: object) -> None:
 @pytest.mark.parametrize("value", [0.99, 101.1, float("nan"), "50", True, None])
 def test_a_rating_beyond_the_scale_is_refused(value: object) -> None:
     step = steps_of(load_experiment("rating"))[0]
-    middle: dict[str, object] = dict.fromkeys(step.choices, 51.0)
-    assert valid(step, middle) == middle
+    middle: dict[str, object] = {pair: {"value": 51.0, "touched": [1.0, 1.5]} for pair in step.choices}
+    assert valid(step, middle) == dict.fromkeys(step.choices, Rated(51.0, (1.0, 1.5)))
+    with pytest.raises(DataError, match=r"from 1 to 101, and when .* for Delayed-Quick "):
+        valid(step, middle | {"Delayed-Quick": {"value": value, "touched": [1.0]}})
     with pytest.raises(DataError, match="from 1 to 101"):
-        valid(step, middle | {"Delayed-Quick": value})
-    with pytest.raises(DataError, match="from 1 to 101"):
-        valid(step, {"Delayed-Quick": 51.0})
+        valid(step, {"Delayed-Quick": {"value": 51.0, "touched": [1.0]}})
+
+
+@pytest.mark.parametrize(
+    "one",
+    [
+        51.0,
+        {"value": 51.0},
+        {"value": 51.0, "touched": []},
+        {"value": 51.0, "touched": None},
+        {"value": 51.0, "touched": "1"},
+        {"value": 51.0, "touched": [-0.1]},
+        {"value": 51.0, "touched": [float("nan")]},
+        {"value": 51.0, "touched": [2.0, 1.0]},
+        {"value": 51.0, "touched": [True]},
+    ],
+)
+def test_a_scale_that_was_not_touched_has_no_value(one: object) -> None:
+    step = steps_of(load_experiment("rating"))[0]
+    all_touched: dict[str, object] = {pair: {"value": 51.0, "touched": [1.0]} for pair in step.choices}
+    with pytest.raises(DataError, match=r"Delayed-Quick .a scale has no value until it is touched"):
+        valid(step, all_touched | {"Delayed-Quick": one})
+
+
+@pytest.mark.parametrize(
+    ("touches", "duration", "timing"),
+    [
+        ((), 0.099, "too fast"),
+        ((), 0.1, "possible"),
+        ((), 600.0, "possible"),
+        ((), 600.1, "too slow"),
+        ((), None, "n/a"),
+        ((0.1, 0.2), 1.0, "possible"),
+        ((0.1, 0.19), 1.0, "too fast"),  # however long the stimulus was waited for
+        ((0.1, 0.9), 0.15, "too fast"),
+    ],
+)
+def test_what_a_person_can_do(touches: tuple[float, ...], duration: float | None, timing: str) -> None:
+    answer = {str(n): Rated(1.0, (one, 50.0)) for n, one in enumerate(touches)} or "latch"
+    assert timing_of(answer, duration) == timing

@@ -16,22 +16,19 @@ from haploop.instruments.conformance import CameraConformance, Fired
 from haploop.mocks.camera import CameraTwin
 from haploop.mocks.camera.stream import wire
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.plant import Faults, Plant
+from haploop.mocks.plant import Faults, OnCamera, Plant
 
 SETTINGS = OpenCvCamera.Settings(source=0, rows=48, columns=64)
 
 
-class Lost:
+class Lost(OnCamera):
     """Loses two frames, or more."""
 
     def __init__(self, frames: int = 2) -> None:
-        self.fired, self._frames = 0, frames
+        self.at, self._frames = [], frames
 
-    def __getattr__(self, name: str) -> Any:
-        return {"lamp": lambda level, _: level, "blur": lambda p, _: p, "other_finger": lambda _: 0.0}[name]
-
-    def frame_lost(self, _time: float) -> bool:
-        self.fired += 1
+    def frame_lost(self, time: float) -> bool:
+        self.at.append(time)
         return self.fired <= self._frames
 
 
@@ -50,7 +47,7 @@ class TestTwin(CameraConformance):
         @contextmanager
         def put() -> Iterator[Fired]:
             fault = Lost()
-            self.plant.faults = Faults([fault])  # type: ignore[list-item]
+            self.plant.faults = Faults([fault])
             yield fault
 
         return put()
@@ -96,7 +93,7 @@ class TestWire(CameraConformance):
         @contextmanager
         def put() -> Iterator[Fired]:
             fault = Lost(2 if kind == "lost" else 10**9)
-            self.plant.faults = Faults([fault])  # type: ignore[list-item]
+            self.plant.faults = Faults([fault])
             yield fault
 
         return put()

@@ -11,10 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from haploop.instruments import ConfigurationError, InstrumentError, LimitError, load_rig_file
+from haploop.instruments import (
+    Arbitrary,
+    Burst,
+    ConfigurationError,
+    InstrumentError,
+    LimitError,
+    Sweep,
+    Waveform,
+    load_rig_file,
+)
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.conformance import bypass_interlock
-from haploop.instruments.generator.role import Sweep
 from haploop.instruments.generator.scpi_generator import Dg1000z, Keysight33500, ScpiGenerator
 from haploop.mocks.clock import VirtualClock
 from haploop.mocks.generator import DG1000Z, KEYSIGHT_33500, Box, Product
@@ -157,6 +165,63 @@ def test_an_untriggered_or_finished_sweep_stands_at_its_start_frequency(setup: S
     assert np.count_nonzero((after[:-1] < 0) & (after[1:] >= 0)) == pytest.approx(20, abs=1)
 
 
+PULSES = Arbitrary([0, 0, 0.2, 0.8, 0.4, 0, -0.4, -0.8, -0.2, 0], 5000)
+
+
+@pytest.mark.parametrize("waveform", [Burst(263.5, 20, 0.8), Burst(50, 1, 0.3), PULSES], ids=str)
+def test_a_waveform_is_played_once_with_its_trigger_and_then_rests(setup: Setup, waveform: Waveform) -> None:
+    generator = setup.open()
+    if isinstance(generator, Dg1000z) and isinstance(waveform, Arbitrary):
+        with pytest.raises(ConfigurationError, match=r"DG1062Z .* does not play Arbitrary: .* Sweep, Burst"):
+            generator.configure(waveform)
+        return
+    for _ in range(2):  # The second play differs in nothing from the first.
+        generator.configure(waveform)
+        assert generator.amplitude == pytest.approx(waveform.amplitude)
+        generator.arm()
+        begin = setup.bench.clock.now()
+        setup.bench.clock.sleep(0.5)
+        assert not generator.is_on
+        start = setup.bench.clock.now()
+        generator.trigger()
+        setup.bench.clock.sleep(waveform.duration + 0.3)
+        assert generator.is_on
+        generator.off()
+        assert not setup.bench.volts(begin, start).any()
+        samples, rate_hz = waveform.sampled(0)
+        times = np.arange(0, waveform.duration, 20e-6)
+        expected = (
+            samples[np.floor(times * rate_hz + 1e-6).astype(int)]
+            if isinstance(waveform, Arbitrary)
+            else np.interp(times, np.arange(len(samples)) / rate_hz, samples)
+        )
+        played = setup.bench.volts(start, start + waveform.duration)[: len(times)]
+        np.testing.assert_allclose(played, expected, atol=2e-3 * waveform.amplitude)
+        after = setup.bench.volts(start + waveform.duration + 40e-6, setup.bench.clock.now())
+        assert len(after) and not after.any()
+    assert generator.errors() == ()
+
+
+def test_kinds_of_waveform_follow_each_other_in_any_order(setup: Setup) -> None:
+    """Nothing of the waveform before is left: each is what it is alone."""
+    generator = setup.open()
+    burst = Burst(100, 3, 0.5)
+    kinds: list[Waveform] = [SWEEP, burst, SWEEP, burst]
+    if isinstance(generator, Keysight33500):
+        kinds += [PULSES, SWEEP, PULSES, burst, PULSES]
+    for waveform in kinds:
+        generator.configure(waveform)
+        generator.arm()
+        start = setup.bench.clock.now()
+        generator.trigger()
+        setup.bench.clock.sleep(waveform.duration)
+        generator.off()
+        played = setup.bench.volts(start, start + waveform.duration)
+        samples, _ = waveform.sampled(0)
+        assert np.sqrt(np.mean(played**2)) == pytest.approx(np.sqrt(np.mean(samples**2)), rel=0.02)
+        assert np.abs(played).max() == pytest.approx(waveform.amplitude, rel=2e-3)
+
+
 def test_the_load_halves_or_doubles_the_volts(setup: Setup) -> None:
     generator = setup.open(load=50)
     generator.configure(SWEEP)
@@ -192,7 +257,7 @@ def test_the_instruments_own_words_for_what_it_refuses(setup: Setup) -> None:
         InstrumentError, match=r"refused a setting: -222 Data out of range; value clipped to upper"
     ):
         generator.configure(Sweep(1, 625, 2, 20))
-    with pytest.raises(ConfigurationError, match="no sweep to arm"):
+    with pytest.raises(ConfigurationError, match="no waveform to arm"):
         generator.arm()
     with pytest.raises(InstrumentError, match="-222"):
         generator.configure(Sweep(1, 625, 1000, 0.5))
@@ -209,13 +274,13 @@ def test_errors_of_somebody_else_are_not_blamed_on_the_sweep(setup: Setup) -> No
 
 def test_no_trigger_without_arming(setup: Setup) -> None:
     generator = setup.open()
-    with pytest.raises(ConfigurationError, match="not armed"):
+    with pytest.raises(ConfigurationError, match=r"not armed|no waveform to play"):
         generator.trigger()
     generator.configure(SWEEP)
     generator.arm()
     generator.off()
     generator.off()
-    with pytest.raises(ConfigurationError, match="not armed"):
+    with pytest.raises(ConfigurationError, match=r"not armed|no waveform to play"):
         generator.trigger()
     assert not generator.is_on
 
@@ -225,7 +290,7 @@ def test_a_trigger_that_is_ignored_leaves_the_output_off(setup: Setup) -> None:
     generator.configure(SWEEP)
     generator.arm()
     tell(setup, "SWE:STAT OFF")
-    with pytest.raises(InstrumentError, match="did not start the sweep: -211 Trigger ignored"):
+    with pytest.raises(InstrumentError, match="did not start its waveform: -211 Trigger ignored"):
         generator.trigger()
     assert not generator.is_on
 
@@ -338,6 +403,60 @@ def test_an_unknown_host_is_one_sentence() -> None:
 def test_a_sweep_that_no_generator_can_play(sweep: tuple[float, float, float, float]) -> None:
     with pytest.raises(ConfigurationError, match="cannot be played"):
         Sweep(*sweep)
+
+
+@pytest.mark.parametrize(
+    "burst", [(0, 5, 1), (math.inf, 5, 1), (100, 0, 1), (100, 2.5, 1), (100, 5, 0), (100, math.nan, 1)]
+)
+def test_a_burst_that_no_generator_can_play(burst: tuple[float, int, float]) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be played"):
+        Burst(*burst)
+
+
+@pytest.mark.parametrize(
+    ("volts", "rate_hz", "told"),
+    [
+        ([], 1000, "three samples"),
+        ([0, 1], 1000, "three samples"),
+        ([[0, 1, 0]], 1000, "one row"),
+        ([0, math.nan, 0], 1000, "finite"),
+        ([0, 0, 0], 1000, "not all 0 V"),
+        ([0, 1, 0], 0, "0 samples/s"),
+        ([0, 1, 0], math.nan, "nan samples/s"),
+        ([1, 0, 0], 1000, "this one at 1 and 0 V"),
+        ([0, 1, -1], 1000, "this one at 0 and -1 V"),
+    ],
+)
+def test_an_arbitrary_waveform_that_no_generator_can_play(
+    volts: list[float], rate_hz: float, told: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=told):
+        Arbitrary(volts, rate_hz)
+
+
+@pytest.mark.parametrize(
+    "endless",
+    [
+        lambda: Burst(1e7, 10**8, 1.0),
+        lambda: Sweep(1.0, 1e9, 1.0, 1.0),
+        lambda: Arbitrary([0, 1, 0], 1e-6),
+    ],
+)
+def test_a_waveform_that_would_fill_the_memory_is_refused_at_once(endless: Callable[[], Waveform]) -> None:
+    with pytest.raises(ConfigurationError, match="too long to be judged"):
+        endless()
+
+
+def test_a_waveform_states_its_volts_duration_and_duty() -> None:
+    assert (SWEEP.amplitude, SWEEP.duration, SWEEP.duty) == (0.8, 2, 1)
+    burst = Burst(200, 10, 3)
+    assert (burst.amplitude, burst.duration, burst.duty) == (3, 0.05, 1)
+    assert (PULSES.amplitude, PULSES.duration, PULSES.duty) == (0.8, 0.002, 0.7)
+    volts = np.array([0.0, -2.0, 1.0, 0.0])
+    kept = Arbitrary(volts, 10)
+    volts[:] = 400
+    assert kept.amplitude == 2 and kept == Arbitrary((0, -2, 1, 0), 10)
+    assert kept.scaled(3) == Arbitrary((0, -6, 3, 0), 10)
 
 
 @pytest.mark.parametrize("kind", ["twin", "wire"])

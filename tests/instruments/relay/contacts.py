@@ -7,13 +7,13 @@ from collections.abc import Iterable
 import numpy as np
 
 from haploop.mocks.clock import VirtualClock
-from haploop.mocks.plant import Fault, Switches
+from haploop.mocks.plant import Faults, Switches
 
 
 class Contacts:
     def __init__(self, patches: Iterable[str]) -> None:
         self.clock = VirtualClock()
-        self.faults: tuple[Fault, ...] = ()
+        self.faults = Faults()
         self.events: list[tuple[float, str, bool]] = []
         self._patches = tuple(patches)
         self._boxes: list[Switches] = []

@@ -20,7 +20,7 @@ def excite(rig: Rig) -> Any:
 
 
 def sweep(rig: Rig) -> Any:
-    return rig.sweep(Sweep(10, 300, 0.3, 20), ["A"], ["drive"])
+    return rig.generate(Sweep(10, 300, 0.3, 20), ["A"], ["drive"])
 
 
 SOURCES = pytest.mark.parametrize(

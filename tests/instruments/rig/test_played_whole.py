@@ -47,13 +47,13 @@ def test_a_play_that_is_cut_short_is_an_error(mode: Any, way: str) -> None:
 @pytest.mark.parametrize(
     ("act", "says"),
     [
-        (lambda rig: rig.generator.off(), "was switched off while its sweep was played"),
+        (lambda rig: rig.generator.off(), "was switched off while its waveform was played"),
         (lambda rig: rig.relay.connect([]), "disconnected patch A"),
     ],
 )
 def test_so_is_a_sweep(act: Callable[[Rig], object], says: str) -> None:
     with open_rig(generator_rig()) as rig, pytest.raises(InstrumentError, match=says):
-        rig.sweep(Sweep(10, 300, 0.5, 20), ["A"], ["drive"], progress=at_block(3, act, rig))
+        rig.generate(Sweep(10, 300, 0.5, 20), ["A"], ["drive"], progress=at_block(3, act, rig))
 
 
 def test_and_what_a_player_plays() -> None:

@@ -11,9 +11,18 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import record
-from haploop.instruments import ConfigurationError, InstrumentError, LimitError, Rig, open_rig
+from haploop.instruments import (
+    Arbitrary,
+    Burst,
+    ConfigurationError,
+    InstrumentError,
+    LimitError,
+    Rig,
+    Sweep,
+    Waveform,
+    open_rig,
+)
 from haploop.instruments.conformance import bypass_interlock
-from haploop.instruments.generator.role import Sweep
 from haploop.instruments.signals import uninterrupted
 from tests.conftest import OpenRig
 
@@ -162,7 +171,7 @@ def swept(open: OpenRig, tmp_path: Path) -> Rig:
 
 @pytest.mark.requires("simulation")
 def test_a_generator_sweeps_a_patch_while_the_daq_records(swept: Rig) -> None:
-    capture = swept.sweep(SWEEP, ["A"], ["drive", "laser"], tail=0.2)
+    capture = swept.generate(SWEEP, ["A"], ["drive", "laser"], tail=0.2)
     assert capture.volts.shape == (2, round(1.7 * swept.table.rate_hz))
     drive = capture.volts[0] * 100
     assert np.abs(drive).max() == pytest.approx(40, rel=0.02)
@@ -175,6 +184,25 @@ def test_a_generator_sweeps_a_patch_while_the_daq_records(swept: Rig) -> None:
     assert_safe(swept)
 
 
+@pytest.mark.usefixtures("unproved")
+@pytest.mark.requires("simulation")
+@pytest.mark.parametrize(
+    "waveform",
+    [Burst(263.5, 40, 30), Arbitrary(30 * np.sin(np.arange(2001) * np.pi / 50) * np.hanning(2001), 20_000)],
+    ids=str,
+)
+def test_a_generator_plays_other_waveforms_too(swept: Rig, waveform: Waveform) -> None:
+    record = swept.simulation.truth.record()
+    capture = swept.generate(waveform, ["A"], ["drive", "laser"], tail=0.1)
+    assert np.abs(capture.volts[0] * 100).max() == pytest.approx(30, rel=0.02)
+    assert np.abs(capture.volts[1]).max() > 0.05
+    at_patch = np.concatenate([run.volts for run in record if run.closed])
+    assert swept.simulation.truth.peak == pytest.approx(30, rel=0.02)
+    sounding = np.flatnonzero(np.abs(at_patch) > 0.3)
+    assert np.ptp(sounding) * 20e-6 == pytest.approx(waveform.duration, rel=0.1)
+    assert_safe(swept)
+
+
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_an_interrupted_sweep_leaves_the_rig_safe(swept: Rig, error: type[BaseException]) -> None:
@@ -184,7 +212,7 @@ def test_an_interrupted_sweep_leaves_the_rig_safe(swept: Rig, error: type[BaseEx
             raise error
 
     with pytest.raises(error):
-        swept.sweep(SWEEP, ["A"], ["drive"], progress=interrupt)
+        swept.generate(SWEEP, ["A"], ["drive"], progress=interrupt)
     assert not swept.generator.is_on
     assert_safe(swept)
 
@@ -192,9 +220,9 @@ def test_an_interrupted_sweep_leaves_the_rig_safe(swept: Rig, error: type[BaseEx
 @pytest.mark.requires("simulation")
 def test_a_sweep_beyond_a_limit_is_refused_before_anything_is_set(swept: Rig) -> None:
     with pytest.raises(LimitError, match="falls to -60"):
-        swept.sweep(replace(SWEEP, amplitude=60), ["A"], ["drive"])
+        swept.generate(replace(SWEEP, amplitude=60), ["A"], ["drive"])
     with pytest.raises(LimitError, match="slews at"):
-        swept.sweep(replace(SWEEP, stop_hz=10_000), ["A", "B", "C", "D"], ["drive"])
+        swept.generate(replace(SWEEP, stop_hz=10_000), ["A", "B", "C", "D"], ["drive"])
     assert swept.simulation.truth.peak == 0 and not swept.generator.is_on
 
 
@@ -226,14 +254,14 @@ def test_the_generator_is_off_before_the_relay_opens_whatever_else_fails(
 @pytest.mark.requires("simulation")
 def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open: OpenRig, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"no \[generator\]"):
-        open().sweep(SWEEP, ["A"], ["drive"])
+        open().generate(SWEEP, ["A"], ["drive"])
     (tmp_path / "apart.toml").write_text(
         'base = "simulated"\n[generator]\ndriver = "rigol-dg1000z"\n'
         'resource = "TCPIP::127.0.0.1::5555::SOCKET"\noutput = "elsewhere"\n'
     )
     rig = open(str(tmp_path / "apart.toml"))
     with pytest.raises(ConfigurationError, match="wired to 'elsewhere', and its amplifier's input is"):
-        rig.sweep(SWEEP, ["A"], ["drive"])
+        rig.generate(SWEEP, ["A"], ["drive"])
     # What is wired to the amplifier is the DAQ, and plays.
     assert np.abs(rig.excite(tone(rig), ["A"], ["drive"]).volts).max() == pytest.approx(0.4, rel=0.02)
 

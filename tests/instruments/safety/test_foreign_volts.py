@@ -85,7 +85,7 @@ def on(rig: Rig) -> None:
     "way",
     [
         lambda rig: rig.relay.connect(["A"]),
-        lambda rig: rig.sweep(Sweep(10, 300, 0.1, 20), ["A"], ["drive"]),
+        lambda rig: rig.generate(Sweep(10, 300, 0.1, 20), ["A"], ["drive"]),
     ],
 )
 def test_a_generator_that_was_left_on_keeps_the_contacts_open(way: Callable[[Rig], object]) -> None:
@@ -95,7 +95,7 @@ def test_a_generator_that_was_left_on_keeps_the_contacts_open(way: Callable[[Rig
             way(rig)
         assert reached(rig) == 0
         rig.make_safe()
-        rig.sweep(Sweep(10, 300, 0.1, 20), ["A"], ["drive"])
+        rig.generate(Sweep(10, 300, 0.1, 20), ["A"], ["drive"])
         assert reached(rig) == pytest.approx(20, rel=0.05)
 
 

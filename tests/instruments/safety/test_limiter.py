@@ -70,7 +70,7 @@ def test_an_instrument_of_a_rig_plays_nothing_by_itself(file: Any, way: Callable
 
 def test_a_generator_is_not_started_again_after_its_sweep() -> None:
     with open_rig(generator_rig()) as rig:
-        rig.sweep(Sweep(10, 300, 0.5, 20), ["A"], ["drive"])
+        rig.generate(Sweep(10, 300, 0.5, 20), ["A"], ["drive"])
         rig.generator.arm()
         with pytest.raises(LimitError):
             rig.generator.trigger()
@@ -245,13 +245,13 @@ def test_a_duty_counts_what_was_played_before() -> None:
 
 def test_a_sweep_that_is_no_wave_is_held_to_its_limits_all_the_same() -> None:
     with open_rig(generator_rig()) as rig, pytest.raises(LimitError, match="rises to"):
-        rig.sweep(Sweep(1, 2, 0.3, 60), ["A"], ["drive"])
+        rig.generate(Sweep(1, 2, 0.3, 60), ["A"], ["drive"])
 
 
 def test_what_a_sweep_leaves_moving_counts_as_part_of_it() -> None:
     file = generator_rig().model_copy(update={"limits": DriveLimits(max_duration=0.5)})
     with open_rig(file) as rig, pytest.raises(LimitError, match=r"of the rig file's \[limits\]\.$"):
-        rig.sweep(Sweep(10, 300, 0.5, 20), ["A"], ["drive"])
+        rig.generate(Sweep(10, 300, 0.5, 20), ["A"], ["drive"])
 
 
 def test_what_a_player_makes_of_a_drive_is_held_to_the_limits() -> None:

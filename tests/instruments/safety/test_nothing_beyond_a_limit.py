@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -14,15 +14,18 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from haploop.instruments import (
+    Arbitrary,
     HaploopError,
     InstrumentError,
     LimitError,
     Rig,
     RigFile,
     Sweep,
+    Waveform,
     load_rig_file,
     open_rig,
 )
+from haploop.instruments import Burst as SineBurst
 from haploop.instruments.arrays import FloatArray
 from haploop.instruments.config.rig_file import Device, DriveLimits
 from haploop.mocks.plant import AMPLIFIER_GAIN_ERROR
@@ -175,13 +178,13 @@ class Attempt:
     way: str
     wave: Callable[[float], FloatArray]
     patches: tuple[str, ...]
-    sweep: Sweep
+    waveform: Waveform
     pause: float
 
     def at(self, rig: Rig) -> None:
         rate_hz = rig.table.rate_hz
         drive = rig.limits.peak * self.wave(rate_hz)
-        sweep = replace(self.sweep, amplitude=rig.limits.peak * self.sweep.amplitude)
+        waveform = self.waveform.scaled(rig.limits.peak)
         volts = drive / 50
         match self.way:
             case "excite":
@@ -191,8 +194,8 @@ class Attempt:
                 shares = np.linspace(1, -0.5, len(self.patches))[::-1]
                 of = dict(zip(sorted(self.patches), shares, strict=True))
                 rig.excite_each({patch: of[patch] * drive for patch in self.patches}, ["drive"])
-            case "sweep":
-                rig.sweep(sweep, self.patches, ["drive"])
+            case "generate":
+                rig.generate(waveform, self.patches, ["drive"])
             case "stream":
                 rig.relay.connect(self.patches)
                 with rig.daq.stream(["drive"], rate_hz, 500, 3000, {"amplifier": volts}) as stream:
@@ -200,7 +203,7 @@ class Attempt:
             case "generator":
                 rig.relay.connect(self.patches)
                 with suppress(HaploopError):
-                    rig.generator.configure(sweep)
+                    rig.generator.configure(waveform)
                 with suppress(HaploopError):
                     rig.generator.arm()
                 with suppress(HaploopError):
@@ -229,19 +232,35 @@ class Attempt:
 
 
 @st.composite
+def waveforms(draw: Callable[..., Any]) -> Waveform:
+    """A generator's waveform, in shares of the largest that is allowed."""
+    size, hertz = draw(SIZES), draw(st.floats(1, 300))
+    match draw(st.sampled_from(("sweep", "sweep", "burst", "arbitrary"))):
+        case "burst":
+            return SineBurst(hertz, draw(st.integers(1, 40)), size)
+        case "arbitrary":
+            rate_hz, count = draw(st.sampled_from((500, 5000, 49_000, 120_000))), draw(st.integers(8, 4000))
+            shape = faded(np.sin(2 * np.pi * hertz * np.arange(count) / rate_hz))
+            steps = draw(st.booleans()) * np.random.default_rng(count).uniform(-0.1, 0.1, count)
+            steps[[0, -1]] = 0
+            # No generator plays less than a millivolt.
+            return Arbitrary(size * (shape + steps) / np.abs(shape + steps).max(), rate_hz)
+    return Sweep(hertz, hertz + draw(st.floats(5, 2000)), draw(st.floats(0.05, 0.6)), size)
+
+
+@st.composite
 def attempts(draw: Callable[..., Any], source: str) -> Attempt:
     ways = {
         "daq": ("excite", "excite", "excite", "excite", "stream", "meddle"),
         "each": ("each", "each", "each", "each", "excite", "stream", "meddle"),
-        "generator": ("sweep", "sweep", "sweep", "generator", "stream"),
+        "generator": ("generate", "generate", "generate", "generator", "stream"),
         "player": ("excite", "excite", "excite", "player", "stream", "meddle"),
     }
-    start = draw(st.floats(1, 300))
     return Attempt(
         way=draw(st.sampled_from(ways[source])),
         wave=draw(waves()),
         patches=draw(st.sampled_from((("A",), ("B",), ("A", "C"), ("D", "A"), ("A", "B", "C", "D")))),
-        sweep=Sweep(start, start + draw(st.floats(5, 2000)), draw(st.floats(0.05, 0.6)), draw(SIZES)),
+        waveform=draw(waveforms()),
         pause=draw(st.sampled_from((0.0, 0.0, 3.0, 30.0))),
     )
 
@@ -270,7 +289,7 @@ def test_nothing_beyond_a_limit_reaches_a_patch(source: str, full: bool) -> None
             for attempt in tries:
                 try:
                     attempt.at(rig)
-                    outcomes["played"] += attempt.way in ("excite", "each", "sweep", "meddle")
+                    outcomes["played"] += attempt.way in ("excite", "each", "generate", "meddle")
                 except InstrumentError as error:
                     # A player's odd waveform is not found again in what was measured of it.
                     assert source == "player" and "was stopped" not in str(error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haploop.instruments import InstrumentError, LimitError, Limits, Sweep, load_rig_file
+from haploop.instruments import (
+    Arbitrary,
+    Burst,
+    InstrumentError,
+    LimitError,
+    Limits,
+    Sweep,
+    Waveform,
+    load_rig_file,
+)
 from haploop.instruments.amplifier.e413 import E413
 from haploop.instruments.interlock import Interlocked
 from haploop.instruments.safety import Audit, Limiter, Outputs, entries
@@ -50,8 +59,8 @@ class World:
         drives = {"one": DRIVE} if drives is None else drives
         return self.limiter.permit(drives, RATE, patches, self.amplifier, rated(limits))
 
-    def permit_sweep(self, sweep: Sweep = SWEEP, limits: Limits = LIMITS, rest: float = 0.25) -> Any:
-        return self.limiter.permit_sweep("one", sweep, rest, ("A",), self.amplifier, rated(limits))
+    def permit_waveform(self, sweep: Waveform = SWEEP, limits: Limits = LIMITS, rest: float = 0.25) -> Any:
+        return self.limiter.permit_waveform("one", sweep, rest, ("A",), self.amplifier, rated(limits))
 
     @property
     def kinds(self) -> list[str]:
@@ -79,7 +88,7 @@ def test_a_permitted_drive_starts_once_and_no_other(world: World) -> None:
             with pytest.raises(LimitError, match="has authorised"):
                 world.limiter.authorise(output, at_output, rate_hz)
         with pytest.raises(LimitError, match="has authorised"):
-            world.limiter.authorise_sweep("one", SWEEP, False)
+            world.limiter.authorise_waveform("one", SWEEP, False)
         world.limiter.authorise("one", padded, RATE)
         with pytest.raises(LimitError, match="has authorised"):  # a restart would cut it off
             world.limiter.authorise("one", padded, RATE)
@@ -134,19 +143,19 @@ def test_the_relay_closes_for_a_permit_s_patches_until_it_plays(world: World) ->
 
 
 def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world: World) -> None:
-    with world.permit_sweep() as at_output:
+    with world.permit_waveform() as at_output:
         assert at_output == replace(SWEEP, amplitude=0.2)
         with pytest.raises(LimitError, match="has authorised"):
-            world.limiter.authorise_sweep("one", SWEEP, False)
+            world.limiter.authorise_waveform("one", SWEEP, False)
         world.generator.is_on = True
         with pytest.raises(InstrumentError, match="is on"):
-            world.limiter.authorise_sweep("one", at_output, False)
+            world.limiter.authorise_waveform("one", at_output, False)
         world.generator.is_on = False
         for starts in (False, False, True):
-            world.limiter.authorise_sweep("one", at_output, starts)
+            world.limiter.authorise_waveform("one", at_output, starts)
         for starts in (False, True):
             with pytest.raises(LimitError, match="has authorised"):
-                world.limiter.authorise_sweep("one", at_output, starts)
+                world.limiter.authorise_waveform("one", at_output, starts)
         with pytest.raises(LimitError, match="the relay only opens"):
             world.limiter.authorise_patches(frozenset({"A"}))
         with pytest.raises(LimitError, match="has authorised"):
@@ -155,7 +164,7 @@ def test_a_sweep_starts_once_and_is_set_as_often_as_needed(world: World) -> None
 
 def test_one_permit_at_a_time(world: World) -> None:
     with world.permit():
-        for second in (world.permit(), world.permit_sweep()):
+        for second in (world.permit(), world.permit_waveform()):
             with pytest.raises(LimitError, match="A drive is being played: wait"), second:
                 pass
     with world.permit():
@@ -184,13 +193,106 @@ FASTEST = 2 * np.pi * 100.0 * 10.0
 )
 def test_a_sweep_is_held_to_its_limits(world: World, limits: Limits, allowed: bool) -> None:
     if allowed:
-        with world.permit_sweep(limits=limits):
+        with world.permit_waveform(limits=limits):
             pass
         assert world.kinds == ["played"]
     else:
-        with pytest.raises(LimitError), world.permit_sweep(limits=limits):
+        with pytest.raises(LimitError), world.permit_waveform(limits=limits):
             pass
         assert world.kinds == ["refused"]
+
+
+BURST = Burst(100.0, 20, 10.0)
+STAIRS = Arbitrary(np.array([0.0, 0.0, 2.0, 6.0, 10.0, 5.0, -3.0, -8.0, 0.0, 0.0]), 100.0)  # 0.1 s
+
+
+@pytest.mark.parametrize(
+    ("waveform", "limits", "told"),
+    [
+        (
+            BURST,
+            Limits(slew=1.01 * FASTEST, max_duration=0.2, duty=0.2001 / 60, max_end=0, max_offset=1e-9),
+            "",
+        ),
+        (BURST, Limits(slew=0.98 * FASTEST), "slews"),
+        (BURST, Limits(max=9.97), "rises to"),
+        (BURST, Limits(min=-9.97), "falls to"),
+        (BURST, Limits(peak_to_peak=19.9), "peak-to-peak"),
+        (BURST, Limits(max_duration=0.199), "lasts"),
+        (BURST, Limits(duty=0.199 / 60), "of a minute"),
+        (
+            STAIRS,
+            Limits(max=10, min=-8, max_end=0, max_duration=0.06, duty=0.0601 / 60, slew=8.001 * 5e4),
+            "",
+        ),
+        (STAIRS, Limits(max=9.99), "rises to"),
+        (STAIRS, Limits(min=-7.99), "falls to"),
+        (STAIRS, Limits(slew=7.99 * 5e4), "slews"),
+        (STAIRS, Limits(max_offset=1.9), "offset"),
+        (STAIRS, Limits(max_duration=0.059), "lasts"),
+        (STAIRS, Limits(duty=0.059 / 60), "of a minute"),
+        # It goes on at its start frequency after its end, until it is switched off.
+        (Sweep(1.0, 2.0, 0.1, 80.0), Limits(max=79.8), "rises to"),
+    ],
+    ids=str,
+)
+def test_any_waveform_is_held_to_its_limits(
+    world: World, waveform: Waveform, limits: Limits, told: str
+) -> None:
+    if not told:
+        with world.permit_waveform(waveform, limits=limits) as at_output:
+            assert at_output.amplitude == pytest.approx(0.2)
+            assert world.limiter.authorise_waveform("one", at_output, True) is None
+        assert world.kinds == ["played"]
+    else:
+        with pytest.raises(LimitError, match=told), world.permit_waveform(waveform, limits=limits):
+            pass
+        assert world.kinds == ["refused"]
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """A waveform of another package: half a sine, and whatever it states."""
+
+    amplitude: float = 10.0
+    duration: float = 0.1
+    duty: float = 1.0
+    goes_on: bool = False
+    truly: float = 1.0
+
+    def sampled(self, rest: float) -> tuple[Any, float]:
+        return self.truly * self.amplitude * np.sin(np.linspace(0, np.pi, 101) % np.pi), 1000.0
+
+    def scaled(self, factor: float) -> Foreign:
+        return replace(self, amplitude=factor * self.amplitude)
+
+
+def test_a_waveform_of_another_package_is_judged_too(world: World) -> None:
+    with world.permit_waveform(Foreign()) as at_output:
+        world.limiter.authorise_waveform("one", at_output, True)
+    with pytest.raises(LimitError, match="rises to 10 V"), world.permit_waveform(Foreign(), Limits(max=9.9)):
+        pass
+
+
+@pytest.mark.parametrize(
+    "lying", [Foreign(truly=1.1), Foreign(duration=0.05), Foreign(duty=0.5), Foreign(truly=np.nan)]
+)
+def test_a_waveform_that_states_less_than_it_plays_is_refused(world: World, lying: Foreign) -> None:
+    refused = pytest.raises(LimitError, match=r"it states .* Ask the author of Foreign")
+    with refused, world.permit_waveform(lying):
+        pass
+    assert world.kinds == ["refused"]
+
+
+@pytest.mark.parametrize("samples", [(np.zeros(0), 1000.0), (np.ones(5), 0.0), (["volts"], 1.0), None])
+def test_a_waveform_that_cannot_be_judged_is_one_sentence(
+    world: World, samples: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Foreign, "sampled", lambda *_: samples)
+    refused = pytest.raises(LimitError, match=r"A Foreign was refused, because it cannot be judged \(")
+    with refused, world.permit_waveform(Foreign()):
+        pass
+    assert world.kinds == ["refused"]
 
 
 def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) -> None:
@@ -264,8 +366,8 @@ def test_without_a_rig_nothing_is_authorised_but_to_open() -> None:
     nobody = Interlocked._interlock
     for ask in (
         lambda: nobody.authorise("one", DRIVE, RATE),
-        lambda: nobody.authorise_sweep("one", SWEEP, False),
-        lambda: nobody.authorise_sweep("one", SWEEP, True),
+        lambda: nobody.authorise_waveform("one", SWEEP, False),
+        lambda: nobody.authorise_waveform("one", SWEEP, True),
     ):
         with pytest.raises(LimitError, match="Nothing is played on 'one' without a rig's limits"):
             ask()

@@ -152,7 +152,7 @@ class Student(RuleBasedStateMachine):
                 case "excite":
                     rig.excite(tone(volts, seconds), patches, ["drive"])
                 case "sweep":
-                    rig.sweep(Sweep(50, 400, min(seconds, 0.1), volts / 2), patches, ["drive"])
+                    rig.generate(Sweep(50, 400, min(seconds, 0.1), volts / 2), patches, ["drive"])
                 case "sweep_past_it":
                     rig.generator.configure(Sweep(50, 400, seconds, volts / 50))
                     rig.generator.arm()

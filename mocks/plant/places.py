@@ -1,0 +1,187 @@
+"""Places at which a fault sits: each is a class of hooks, and a kind of fault derives from one or more.
+
+A permanent fault derives from its places alone, another also from a class that says when it acts. A hook
+gets the plant's value, as the earlier faults of the rig file have changed it, and returns the value for the
+plant to use; here each leaves it as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+
+from ...instruments.arrays import FloatArray
+from ..transport import ReplyFault
+from .fault import Fault
+from .hysteresis import PatchLaw
+from .modal import Modes
+from .nodes import LaserHead, Run
+
+__all__ = [
+    "PLACES",
+    "OnAmplifier",
+    "OnCamera",
+    "OnCards",
+    "OnLaser",
+    "OnLine",
+    "OnRelay",
+    "OnSensors",
+    "OnSurface",
+    "RelayFailure",
+]
+
+RelayFailure = Literal["lost", "stuck", "welded"]
+"""lost: a command never reaches the box. stuck: a channel does not switch, and reports its real state.
+welded: a contact does not switch, but the box reports the commanded state."""
+
+
+class OnSurface(Fault):
+    """Hooks at the surface and its patches."""
+
+    every: float = math.inf
+    """Interval at which `modes` is asked anew (s)."""
+
+    def modes(self, modes: Modes, time: float) -> Modes:
+        """Return the surface's modes at a time (s), as many as there were.
+
+        A plant whose surface has no modes is refused with a kind that overrides this.
+        """
+        return modes
+
+    def law(self, patch: str, law: PatchLaw) -> PatchLaw:
+        """Return the law of a patch, when the plant is created."""
+        return law
+
+    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
+        """Return the volts at each patch, (steps,), from `start` (s) on."""
+        return volts
+
+
+class OnAmplifier(Fault):
+    """Hooks at the amplifier."""
+
+    def gain(self, gain: float, run: Run) -> float:
+        """Return the amplifier's gain (V per V, before the tolerance) for a run of its input."""
+        return gain
+
+    def output(self, volts: FloatArray, times: FloatArray) -> FloatArray:
+        """Return the volts at the amplifier's output, (times,)."""
+        return volts
+
+
+class OnRelay(Fault):
+    """Hooks at the relay."""
+
+    def contact(self, patch: str, at: float) -> str:
+        """Return the patch that the contact for `patch` really switches, at `at` (s)."""
+        return patch
+
+    def relay(self, how: RelayFailure, patch: str, now: float) -> bool:
+        """Return True when the box's channel of a patch fails in this way now; called at each such event."""
+        return False
+
+
+class OnCards(Fault):
+    """Hooks at the cards of the DAQ."""
+
+    def rtsi(self, now: float) -> bool:
+        """Return True when a cable joins the cards' clocks."""
+        return True
+
+    def samples(self, device: str, now: float) -> None:
+        """Called when a card is read. Raises SamplesLost when the card has lost samples."""
+
+    def plays(self, device: str, now: float) -> None:
+        """Called when a card is asked how far its play is. Raises PlayStopped when that has ended."""
+
+    def lateness(self, device: str, times: FloatArray) -> FloatArray:
+        """Return the delay that this fault adds to a card's clock, (times,) s."""
+        return np.zeros(len(times))
+
+    def channel(self, node: str, volts: FloatArray, times: FloatArray) -> FloatArray:
+        """Return the volts of a node at the card's terminal, (times,)."""
+        return volts
+
+
+class OnSensors(Fault):
+    """Hooks at the sensors."""
+
+    def gauges(self, gauges: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Return the real force sensor's sensitivity, (6, 6) V per N and N m. `rng` is the sensor's own."""
+        return gauges
+
+    def tilt(self, tilt: FloatArray) -> FloatArray:
+        """Return the fraction of a vertical acceleration on each axis of the accelerometer, (3,)."""
+        return tilt
+
+
+class OnLaser(Fault):
+    """Hooks at the laser."""
+
+    def head(self, head: LaserHead) -> None:
+        """Called when a vibrometer's head is installed; change `head` in place to its real state."""
+
+    def inspected(self, now: float) -> None:
+        """Called when a person inspects the settings of the vibrometers."""
+
+    def light(self, level: FloatArray, times: FloatArray) -> FloatArray:
+        """Return the fraction of the laser's light that returns, (times,)."""
+        return level
+
+    def velocity(
+        self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
+    ) -> FloatArray:
+        """Return the velocity at the vibrometer's output, (times,) m/s; its full scale is +- `full_scale`.
+
+        `rng` is the generator of its noise.
+        """
+        return velocity
+
+
+class OnCamera(Fault):
+    """Hooks at the camera under the surface."""
+
+    def lamp(self, level: float, time: float) -> float:
+        """Return the light that reaches the camera without a finger, in grey levels at the image's centre."""
+        return level
+
+    def blur(self, pixels: float, time: float) -> float:
+        """Return the standard deviation of the camera's blur (pixels)."""
+        return pixels
+
+    def other_finger(self, time: float) -> float:
+        """Return the contact area of another finger on the surface (m^2); 0 for none."""
+        return 0.0
+
+    def frame_lost(self, time: float) -> bool:
+        """Return True when the frame of this time is lost; called for each frame."""
+        return False
+
+
+class OnLine(Fault):
+    """Hooks at the lines to instruments."""
+
+    @property
+    def line(self) -> str | None:
+        """Role of the instrument whose line it disturbs; a rig without such a line is refused."""
+        return None
+
+    def answer(self, request: str, now: float) -> ReplyFault | None:
+        """Return the fault of the answer to a request on that line; None leaves the answer intact."""
+        return None
+
+
+PLACES: tuple[type[Fault], ...] = (
+    OnSurface,
+    OnAmplifier,
+    OnRelay,
+    OnCards,
+    OnSensors,
+    OnLaser,
+    OnCamera,
+    OnLine,
+)
+"""Every place."""

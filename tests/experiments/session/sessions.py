@@ -1,0 +1,52 @@
+"""Sessions of simulated participants, also interrupted and killed ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from haploop.acquisition.line_files import Mark, read_lines, read_marks, write_marks
+from haploop.experiments.protocol import load_experiment
+from haploop.experiments.session import Store, open_session, run_session
+from haploop.mocks.clock import VirtualClock
+from haploop.mocks.participant import ParticipantModel, SimulatedParticipant
+
+__all__ = ["Stops", "answers", "killed", "run", "store"]
+
+
+class Stops:
+    """A participant whose session is interrupted at a step."""
+
+    def __init__(self, who: SimulatedParticipant, after: int) -> None:
+        self._who, self._left = who, after
+        self.told = who.told
+
+    def answer(self, step: object) -> object:
+        if not self._left:
+            raise KeyboardInterrupt
+        self._left -= 1
+        return self._who.answer(step)  # type: ignore[arg-type]
+
+
+def store(folder: Path, name: str = "matching") -> Store:
+    return Store(load_experiment(name), folder / "answers")
+
+
+def run(
+    where: Store, participant: str, after: int | None = None, model: ParticipantModel | None = None
+) -> None:
+    with open_session(where, participant, VirtualClock(), simulated=True) as session:
+        who = SimulatedParticipant(model or ParticipantModel(), participant, session.assignment.session)
+        run_session(session, who if after is None else Stops(who, after))
+
+
+def killed(where: Store, participant: str) -> None:
+    """Put a participant's mark back to where a program that is killed leaves it."""
+    path = where.path_of(participant, 1)
+    mark = Mark.of(read_lines(path, only_first=True))
+    write_marks(where.folder, {**read_marks(where.folder), f"{participant}/{path.name}": mark})
+
+
+def answers(where: Store, participant: str, session: int = 1) -> list[object]:
+    stored = where.session(participant, session)
+    assert stored is not None
+    return [(step.block, step.number, step.presented, answer) for step, answer, _ in stored.answers]
