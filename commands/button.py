@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from ..calibration import sizes
+from ..instruments.files import reserved
 from ..reports import outputs
 from ..reports import show as display
 from ..terminal.exits import CommandState
@@ -99,6 +101,7 @@ def make(
     loaded = haploop.Calibration.load(calibration)
     press = haploop.load_press(presses, press_method)
     with (
+        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
@@ -106,7 +109,7 @@ def make(
         made = haploop.build_button(
             opened, press, loaded, method=method, iterations=iterations, progress=steps
         )
-    made.save(out)
+        made.save(out)
     display.show_file(out, as_json)
     return 0 if made.passed else 1
 
@@ -146,11 +149,12 @@ def check(
     else:
         outputs.check_new_file(out)
     with (
+        reserved(out, size=sizes.CHECK + plays * sizes.PLAY),
         alone(rig, simulate) as rig_file,
         opened_rig(state, rig_file, simulate) as opened,
         Steps() as steps,
     ):
         result = haploop.play_button(opened, loaded, plays=plays, progress=steps)
-    result.save(out)
+        result.save(out)
     display.show_check(result, as_json, loaded.press, out)
     return 0 if result.passed else 1

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..calibration import sizes
+from ..instruments.files import reserved
 from ..reports import outputs
 from ..reports import show as display
 from ..terminal.exits import CommandState
@@ -70,20 +72,21 @@ def calibrate(
     as_json: bool,
 ) -> int:
     """Measure the table's response and fit a model."""
-    outputs.check_new_file(out)
     measured = haploop.Waveforms.beside(out)
-    if waveforms:
-        outputs.check_new_file(measured)
+    files = (out, measured) if waveforms else (out,)
+    for path in files:
+        outputs.check_new_file(path)
     with (
+        reserved(*files, size=sizes.CALIBRATION + waveforms * sizes.WAVEFORMS),
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
         calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
-    calibration.save(out)
-    if waveforms:
-        kept.save(measured)
+        calibration.save(out)
+        if waveforms:
+            kept.save(measured)
     display.show_file(out, as_json)
     return 0
 
@@ -132,12 +135,10 @@ def check(
     """
     loaded = haploop.Calibration.load(calibration)
     press = haploop.load_press(presses, press_method)
-    if out is not None:
-        outputs.claim_check(out, press.button)
-        kept = None
-    else:
-        kept = outputs.dated_check(press.button)
+    kept = outputs.dated_check(press.button) if out is None else None
+    files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
     with (
+        reserved(*files, size=sizes.CHECK + plays * sizes.PLAY),
         alone(rig, simulate) as file,
         opened_rig(state, file, simulate) as opened,
         Steps() as steps,
@@ -149,11 +150,11 @@ def check(
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
         result = haploop.check(opened, drive, plays=plays, progress=steps)
-    if kept is not None:
-        result.save(kept)
+        if out is not None:
+            outputs.save_check(out, press, result)
+        else:
+            result.save(files[0])
     display.show_check(result, as_json, press, kept)
-    if out is not None:
-        outputs.save_check(out, press, result)
     return 0 if result.passed else 1
 
 

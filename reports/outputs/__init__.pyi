@@ -1,4 +1,4 @@
-from .check_files import claim_check as claim_check
+from .check_files import check_files as check_files
 from .check_files import dated_check as dated_check
 from .check_files import save_check as save_check
 from .new_files import check_destination as check_destination

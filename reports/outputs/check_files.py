@@ -11,18 +11,12 @@ from ...instruments.files import check_destination
 from ..figures import comparison
 from .pictures import save_picture
 
-__all__ = ["claim_check", "dated_check", "save_check"]
-
-
-def claim_check(out: Path, button: str) -> None:
-    """Raise ConfigurationError, before anything is played, if `save_check` cannot write there."""
-    for path in _names(out, button):
-        check_destination(path)
+__all__ = ["check_files", "dated_check", "save_check"]
 
 
 def save_check(out: Path, press: Representative, result: Check) -> None:
     """Save the inputs and results of a check in a folder. Raises ConfigurationError and DataError."""
-    press_file, drive_file, check_file, picture = _names(out, press.button)
+    press_file, drive_file, check_file, picture = check_files(out, press.button)
     press.save(press_file)
     result.drive.save(drive_file)
     result.save(check_file)
@@ -39,7 +33,8 @@ def dated_check(name: str) -> Path:
     return path
 
 
-def _names(out: Path, button: str) -> tuple[Path, Path, Path, Path]:
+def check_files(out: Path, button: str) -> tuple[Path, Path, Path, Path]:
+    """Press, drive, check and picture that `save_check` writes."""
     names = (f"{button}-press.h5", f"{button}-drive.h5", f"{button}-check.h5", f"{button}-check.png")
     press, drive, check, picture = (out / name for name in names)
     return press, drive, check, picture
