@@ -36,7 +36,8 @@ from .cutting import Activated, common_opening, cut_out
 from .protocol import Protocol
 from .quality import accepted_presses, is_of
 from .registration import WarpModel
-from .segmentation import Segmentation, segmentation_for
+from .segmentation import ButtonPress, Segmentation, segmentation_for
+from .sensor_faults import axis_fault, signal_fault, upside_down
 from .spool import Spool
 
 __all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
@@ -44,6 +45,7 @@ __all__ = ["Representative", "Window", "high_pass", "load_press", "representativ
 _LARGEST = 1e9
 """Samples/s, N and m/s^2 that no press reaches."""
 _KIND = "representative"
+_TURNED = "the accelerometer was upside down, as gravity shows; the sign of its acceleration was changed"
 _RIPPLE = 1e-4
 """Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
 low."""
@@ -107,6 +109,8 @@ class Representative(InNotebook):
     simulated: bool
     reason: str = ""
     """Reason for the method, as a clause."""
+    corrected: tuple[str, ...] = ()
+    """What was wrong with recorded signals and was corrected, each with its participant."""
     scores: Mapping[str, float] = field(default_factory=dict)
     """Relative error of each method compared on held-out presses (`averaging.average`); smaller is better.
     Empty for a method that was asked for by name."""
@@ -203,6 +207,9 @@ def representative(
     out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz. The
     correction fades out over a third of an octave beyond the band. It amplifies noise by `noise_gain`.
 
+    The sign of an accelerometer that was upside down is corrected. Presses with hum, spikes or a sensor that
+    does not follow are left out and listed (`sensor_faults.py`).
+
     Presses that were rejected, saturated a sensor, did not activate the button, were held for less than half
     the median time, or differ from the participant's other presses are left out and listed, as are
     participants whose presses differ from the others'. Raises DataError when no press is left,
@@ -217,10 +224,14 @@ def representative(
             f"{rate_hz / 2:g} Hz, its lower edge first."
         )
     left_out: list[str] = []
+    corrected: list[str] = []
     usable, signals = [], Spool()
     for recording in recordings:
         if presses := _usable(recording, left_out):
             vertical = recording.acceleration[2]
+            if upside_down(recording, recording.rest):
+                vertical = -vertical
+                corrected.append(f"{recording.participant}: {_TURNED}")
             if undo_low_pass is not None:
                 vertical = _undone(recording, vertical, undo_low_pass)
             signals.append(np.stack([high_pass(vertical, rate_hz, w.high_pass_hz), recording.force]))
@@ -230,7 +241,7 @@ def representative(
     if not every:
         raise DataError(
             f"The recordings hold no usable press of the {first.button} button "
-            f"({'; '.join(left_out) or 'none was found'}): record more presses."
+            f"({_few(left_out) or 'none was found'}): record more presses."
         )
     opening, least = common_opening([p.opened - at for p, at in every if p.opened is not None])
     after = max(w.after, opening / rate_hz + w.ring)
@@ -269,6 +280,7 @@ def representative(
         bandwidth_hz=_bandwidth(first),
         sources=tuple((r.path.name, r.content_hash) for r in recordings),
         left_out=tuple(left_out),
+        corrected=tuple(corrected),
         method=found.method,
         reason=found.reason,
         simulated=any(r.simulated for r in recordings),
@@ -324,6 +336,7 @@ def _usable(recording: Recording, left_out: list[str]) -> list[Activated]:
             left_out.append(f"{recording.participant}, press {number}: the contact did not change")
         else:
             good.append((press, press.activation))
+    good = [one for one in good if _sound(recording, one[0], left_out)]
     left_out += [
         f"{recording.participant}, press {verdict.number}, attempt {verdict.attempt}: it is not found with "
         "the recording's segmentation"
@@ -331,6 +344,22 @@ def _usable(recording: Recording, left_out: list[str]) -> list[Activated]:
         if not any(is_of(verdict, press) for press in accepted)
     ]
     return good
+
+
+def _sound(recording: Recording, press: ButtonPress, left_out: list[str]) -> bool:
+    """True for a press whose signals are right, or can be corrected; another is added to `left_out`."""
+    rest = recording.rest
+    wrong = "" if upside_down(recording, rest) else axis_fault(recording, rest)
+    if wrong := wrong or signal_fault(recording, rest, slice(press.onset, press.release + 1)):
+        at = press.onset / recording.rate_hz
+        left_out.append(f"{recording.participant}, press at {at:.2f} s: {wrong}")
+    return not wrong
+
+
+def _few(sentences: Sequence[str]) -> str:
+    """The first three of these, and how many more there are."""
+    more = [f"and {len(sentences) - 3} more"] if len(sentences) > 3 else []
+    return "; ".join([*sentences[:3], *more])
 
 
 def _held(

@@ -137,7 +137,7 @@ class SessionRun:
             self._count(+1)
         else:
             self._again(verdict)
-        return verdict.reason
+        return "" if verdict.accepted else verdict.reason
 
     def _await(self, request: Press) -> None:
         """Wait until a press is over and hands are off again. Raises DataError."""

@@ -14,6 +14,9 @@ from .formatting import json_number, property_table
 
 __all__ = ["recording_contents", "representative_contents"]
 
+_LISTED = 10
+"""Most sentences of a kind in a table; JSON has all."""
+
 
 def recording_contents(
     recording: Recording, found: tuple[ButtonPress, ...], counted: tuple[ButtonPress, ...]
@@ -114,6 +117,8 @@ def representative_contents(press: Representative) -> tuple[dict[str, Any], Tabl
         "acceleration_peak": json_number(peak),
         "activation_force_n": json_number(force),
         "bandwidth_hz": json_number(press.bandwidth_hz),
+        "corrected": list(press.corrected),
+        "left_out": list(press.left_out),
         "method": press.method,
         "reason": press.reason,
         "scores": {name: json_number(score) for name, score in press.scores.items()},
@@ -123,6 +128,11 @@ def representative_contents(press: Representative) -> tuple[dict[str, Any], Tabl
     }
     table = property_table(f"Representative press of the {press.button} button")
     table.add_row("Stands for", f"{press.members} presses in {len(press.sources)} recordings")
+    for heading, sentences in (("Left out", press.left_out), ("Corrected", press.corrected)):
+        for number, sentence in enumerate(sentences[:_LISTED]):
+            table.add_row("" if number else heading, Text(sentence))
+        if len(sentences) > _LISTED:
+            table.add_row("", f"and {len(sentences) - _LISTED} more")
     table.add_row("Length", f"{1e3 * len(press.acceleration) / press.rate_hz:.0f} ms at {press.rate_hz:g} Hz")
     table.add_row("Largest acceleration", f"{peak:.2f} m/s²")
     table.add_row("Force at activation", f"{force:.3f} N")
