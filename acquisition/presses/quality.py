@@ -39,8 +39,8 @@ _LIGHT = 0.3
 """Fraction of a press's largest force below which the finger rests on the button, arrives or leaves."""
 _MOVING = 0.1
 """Time (s) in which a finger lands or leaves."""
-_REST = 1.0
-"""Longest time (s) before a press in which the sensors' rest is looked at."""
+_REST, _TOLD = 1.0, 0.4
+"""Longest time (s) before a press in which the sensors' rest is looked at; shortest that tells hum."""
 _BETWEEN = 0.35
 """Fraction of both peaks below which the force must fall between two presses (it stays above 60 % at a
 snap)."""
@@ -86,6 +86,7 @@ class QualityCheck:
     def __init__(self, path: Path, header: Header, sensors: Sensors, protocol: Protocol) -> None:
         self._path, self._header, self._sensors, self._p = path, header, sensors, protocol
         self._doubtful = False
+        self._still: FloatArray = np.zeros(0)
         if sensors.force is None:
             raise DataError(f"{path} has no force sensor.")
         self._most = _RATING * sensors.force.ratings[2]
@@ -148,7 +149,10 @@ class QualityCheck:
             restless = [flag for flag in ("double", "not-quiet-before", "not-quiet-after") if flag in wrong]
             wrong |= dict.fromkeys(restless, hum)
         rest, press = slice(max(0, begin - round(_REST * rate_hz)), quiet.stop), slice(begin, end)
-        if fault := axis_fault(excerpt, rest) or signal_fault(excerpt, rest, press):
+        still = excerpt.acceleration[2][rest]
+        # A rest that is too short to tell hum leaves the one before.
+        self._still = still if len(still) >= min(_TOLD * rate_hz, len(self._still)) else self._still
+        if fault := axis_fault(excerpt, rest) or signal_fault(excerpt, rest, press, self._still):
             wrong = {"sensor": fault} | wrong
         sentence = "; ".join(dict.fromkeys(wrong.values())) or self._doubt(excerpt, rest, press)
         return PressVerdict(
@@ -165,7 +169,7 @@ class QualityCheck:
 
     def _doubt(self, excerpt: Recording, rest: slice, press: slice) -> str:
         """What is doubtful in a press that counts, once in a session."""
-        found = "" if self._doubtful else doubt(excerpt, rest, press)
+        found = "" if self._doubtful else doubt(excerpt, rest, press, self._still)
         self._doubtful |= bool(found)
         return found
 

@@ -32,12 +32,12 @@ from ...instruments.notebook import InNotebook
 from .. import hdf5
 from ..recording import Recording
 from .averaging import AverageMethod, average
+from .choice import few, held, single, usable
 from .cutting import Activated, common_opening, cut_out
 from .protocol import Protocol
-from .quality import accepted_presses, is_of
 from .registration import WarpModel
-from .segmentation import ButtonPress, Segmentation, segmentation_for
-from .sensor_faults import axis_fault, signal_fault, upside_down
+from .segmentation import Segmentation, segmentation_for
+from .sensor_faults import upside_down
 from .spool import Spool
 
 __all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
@@ -208,7 +208,8 @@ def representative(
     correction fades out over a third of an octave beyond the band. It amplifies noise by `noise_gain`.
 
     The sign of an accelerometer that was upside down is corrected. Presses with hum, spikes or a sensor that
-    does not follow are left out and listed (`sensor_faults.py`).
+    does not follow, and those that clicked once more than the participant's others, are left out and listed
+    (`sensor_faults.py`, `double_clicks.py`).
 
     Presses that were rejected, saturated a sensor, did not activate the button, were held for less than half
     the median time, or differ from the participant's other presses are left out and listed, as are
@@ -225,9 +226,9 @@ def representative(
         )
     left_out: list[str] = []
     corrected: list[str] = []
-    usable, signals = [], Spool()
+    good, signals = [], Spool()
     for recording in recordings:
-        if presses := _usable(recording, left_out):
+        if presses := usable(recording, left_out):
             vertical = recording.acceleration[2]
             if upside_down(recording, recording.rest):
                 vertical = -vertical
@@ -235,30 +236,35 @@ def representative(
             if undo_low_pass is not None:
                 vertical = _undone(recording, vertical, undo_low_pass)
             signals.append(np.stack([high_pass(vertical, rate_hz, w.high_pass_hz), recording.force]))
-            usable.append((recording, presses))
+            good.append((recording, presses))
         recording.forget()
-    every = [press for _, presses in usable for press in presses]
+    every = [press for _, presses in good for press in presses]
     if not every:
         raise DataError(
             f"The recordings hold no usable press of the {first.button} button "
-            f"({_few(left_out) or 'none was found'}): record more presses."
+            f"({few(left_out) or 'none was found'}): record more presses."
         )
     opening, least = common_opening([p.opened - at for p, at in every if p.opened is not None])
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     names: dict[str, list[str]] = defaultdict(list)
     by: dict[str, list[tuple[int, Recording, list[Activated]]]] = defaultdict(list)
-    for number, (recording, presses) in enumerate(usable):
-        if held := _held(recording, presses, least, left_out):
-            by[recording.participant].append((number, recording, held))
-            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in held]
+    for number, (recording, presses) in enumerate(good):
+        if long := held(recording, presses, least, left_out):
+            by[recording.participant].append((number, recording, long))
+            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in long]
     curves = Spool()
     for participant in sorted(by):
         cut = [
             cut_out(recording, signals[n], presses, before, after, opening)
             for n, recording, presses in by[participant]
         ]
-        curves.append(np.concatenate(cut))
+        rows = np.concatenate(cut)
+        named = [f"{participant}, {name}" for name in names[participant]]
+        once, told = single(rows[:, 0], rate_hz, before, named)
+        left_out += told
+        names[participant] = [name for name, one in zip(names[participant], once, strict=True) if one]
+        curves.append(rows[once])
 
     found = average(curves, rate_hz, m, method)
     for participant, kept in zip(sorted(by), found.kept, strict=True):
@@ -318,64 +324,6 @@ def _segmentation(recording: Recording) -> Segmentation:
     """Segmentation parameters used while recording, or else the button's defaults."""
     protocol = Protocol.from_json(recording.header.protocol)
     return protocol.segmentation if protocol else segmentation_for(recording.button)
-
-
-def _usable(recording: Recording, left_out: list[str]) -> list[Activated]:
-    """Presses with their activation instants (samples); the others are added to `left_out`."""
-    good = []
-    accepted = accepted_presses(recording)
-    left_out += [
-        f"{recording.participant}, press {bad.number}, attempt {bad.attempt}: {bad.reason}"
-        for bad in recording.verdicts
-        if not bad.accepted
-    ]
-    for number, press in enumerate(accepted, start=1):
-        if press.saturated:
-            left_out.append(f"{recording.participant}, press {number}: a sensor was saturated")
-        elif press.activation is None:
-            left_out.append(f"{recording.participant}, press {number}: the contact did not change")
-        else:
-            good.append((press, press.activation))
-    good = [one for one in good if _sound(recording, one[0], left_out)]
-    left_out += [
-        f"{recording.participant}, press {verdict.number}, attempt {verdict.attempt}: it is not found with "
-        "the recording's segmentation"
-        for verdict in recording.accepted
-        if not any(is_of(verdict, press) for press in accepted)
-    ]
-    return good
-
-
-def _sound(recording: Recording, press: ButtonPress, left_out: list[str]) -> bool:
-    """True for a press whose signals are right, or can be corrected; another is added to `left_out`."""
-    rest = recording.rest
-    wrong = "" if upside_down(recording, rest) else axis_fault(recording, rest)
-    if wrong := wrong or signal_fault(recording, rest, slice(press.onset, press.release + 1)):
-        at = press.onset / recording.rate_hz
-        left_out.append(f"{recording.participant}, press at {at:.2f} s: {wrong}")
-    return not wrong
-
-
-def _few(sentences: Sequence[str]) -> str:
-    """The first three of these, and how many more there are."""
-    more = [f"and {len(sentences) - 3} more"] if len(sentences) > 3 else []
-    return "; ".join([*sentences[:3], *more])
-
-
-def _held(
-    recording: Recording, presses: Sequence[Activated], least: float, left_out: list[str]
-) -> list[Activated]:
-    """The presses whose contact was closed for `least` samples; the others are added to `left_out`."""
-    long = []
-    for press, at in presses:
-        if press.opened is None or press.opened - at >= least:
-            long.append((press, at))
-        else:
-            left_out.append(
-                f"{recording.participant}, press at {at / recording.rate_hz:.2f} s: it was held for less "
-                "than half the time of the others"
-            )
-    return long
 
 
 def _name(recording: Recording, among: Sequence[Recording]) -> str:

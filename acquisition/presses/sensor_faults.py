@@ -54,37 +54,37 @@ def axis_fault(recording: Recording, rest: slice) -> str:
     return f"the accelerometer shows {sensor.to_si(volts)[2].mean():.1f} m/s² along z at rest: {wrong}"
 
 
-def signal_fault(recording: Recording, rest: slice, press: slice) -> str:
+def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatArray) -> str:
     """A clause on why a press's signals are wrong, and what to do; empty when they are right.
 
-    `rest` and `press` are samples with hands off before the press, and those of the press.
+    `rest` and `press` are samples with hands off before the press, and those of the press; `still` is the
+    vertical acceleration (samples,) of a rest of 0.4 s or more, in which hum can be told.
     """
     sensor, force = recording.sensors.acceleration, recording.sensors.force
     if sensor is None or force is None:
         return ""
-    z = recording.acceleration[2]
-    hum = _hum(z, rest, press, recording.rate_hz)
+    motion = recording.acceleration[2][press]
+    hum = _hum(still, motion, recording.rate_hz)
     if hum and hum[0] > _LOUD:
         return (
             f"the accelerometer has {hum[1]}, {hum[0]:.0%} of the press's motion; check its ground and cable"
         )
-    if sensor.bandwidth_hz < recording.rate_hz / 4 and (count := _spikes(z, rest, press)):
+    if sensor.bandwidth_hz < recording.rate_hz / 4 and (count := _spikes(still, motion)):
         return (
             f"the accelerometer's signal has {count} spike{'s' * (count > 1)}; check its wires and its supply"
         )
     gauges = _volts(recording, force.channels)
     weights = np.asarray(force.matrix[2])
     shares = weights * (gauges[:, press].mean(axis=1) - gauges[:, rest].mean(axis=1))
-    still = (np.abs(weights) > _WEIGHT * np.abs(weights).max()) & (
-        np.abs(shares) < _STILL * abs(shares.sum())
-    )
-    if still.any() and not still.all():
-        name = force.channels[int(np.argmax(still))]
-        return f"{name} does not follow the force; check its wire and the sensor's supply"
+    heavy = np.abs(weights) > _WEIGHT * np.abs(weights).max()
+    deaf = heavy & (np.abs(shares) < _STILL * np.abs(shares).sum())
+    if deaf.any() and not deaf[heavy].all():
+        name = force.channels[int(np.argmax(deaf))]
+        return f"the channel {name} does not follow the force; check its wire and the sensor's supply"
     return ""
 
 
-def doubt(recording: Recording, rest: slice, press: slice) -> str:
+def doubt(recording: Recording, rest: slice, press: slice, still: FloatArray) -> str:
     """A clause on what is doubtful in a press that counts: hum, x and y, creep; empty without.
 
     The recording ends with hands off, after this press.
@@ -94,7 +94,7 @@ def doubt(recording: Recording, rest: slice, press: slice) -> str:
     if sensor is not None:
         if wrong := sensor.fault_at_rest(_volts(recording, sensor.channels)[:, rest]):
             doubts.append(f"accelerometer: {wrong.removesuffix('.')}")
-        if hum := _hum(recording.acceleration[2], rest, press, recording.rate_hz):
+        if hum := _hum(still, recording.acceleration[2][press], recording.rate_hz):
             doubts.append(f"the accelerometer has {hum[1]}, {hum[0]:.0%} of the press")
     late = recording.force[press.stop :][round(_LEAVES * recording.rate_hz) :]
     if len(late) >= _LEAVES * recording.rate_hz:
@@ -108,22 +108,21 @@ def _volts(recording: Recording, channels: tuple[str, ...]) -> FloatArray:
     return np.asarray(recording.volts[[recording.channels.index(name) for name in channels]])
 
 
-def _hum(z: FloatArray, rest: slice, press: slice, rate_hz: float) -> tuple[float, str] | None:
-    """Hum in an acceleration at rest, relative to the press's motion; and in words."""
-    hum = mains_hum(z[rest], rate_hz)
+def _hum(still: FloatArray, motion: FloatArray, rate_hz: float) -> tuple[float, str] | None:
+    """Hum in an acceleration at rest, relative to the motion of a press; and in words."""
+    hum = mains_hum(still, rate_hz)
     if hum is None:
         return None
-    slow = scipy.ndimage.uniform_filter1d(z[press], max(1, round(_SLOW * rate_hz)))
-    motion = np.sqrt(max(float(np.mean((z[press] - slow) ** 2)) - hum.rms**2, hum.rms**2 / 100))
-    return hum.rms / motion, f"mains hum, {hum.rms:.2g} m/s² rms at {hum.mains_hz:g} Hz"
+    fast = motion - scipy.ndimage.uniform_filter1d(motion, max(1, round(_SLOW * rate_hz)))
+    power = max(float(np.mean(fast**2)) - hum.rms**2, hum.rms**2 / 100)
+    return hum.rms / float(np.sqrt(power)), f"mains hum, {hum.rms:.2g} m/s² rms at {hum.mains_hz:g} Hz"
 
 
-def _spikes(z: FloatArray, rest: slice, press: slice) -> int:
+def _spikes(still: FloatArray, motion: FloatArray) -> int:
     """Count what comes and goes within two samples of a press."""
-    # Half of the rest's spikes at most can be part of the noise.
-    noise = 1.4826 * float(np.median(np.abs(z[rest] - np.median(z[rest]))))
-    smooth = scipy.ndimage.median_filter(z[press], 5)
-    height = np.abs(z[press] - smooth)
+    # Half of the rest's samples at most can be spikes themselves.
+    noise = 1.4826 * float(np.median(np.abs(still - np.median(still))))
+    smooth = scipy.ndimage.median_filter(motion, 5)
     near = 2 * _NEAR + 1
-    motion = scipy.ndimage.maximum_filter1d(smooth, near) - scipy.ndimage.minimum_filter1d(smooth, near)
-    return int(np.sum(height > np.maximum(_SPIKE * noise, _ABOVE * motion)))
+    moves = scipy.ndimage.maximum_filter1d(smooth, near) - scipy.ndimage.minimum_filter1d(smooth, near)
+    return int(np.sum(np.abs(motion - smooth) > np.maximum(_SPIKE * noise, _ABOVE * moves)))
