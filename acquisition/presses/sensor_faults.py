@@ -46,12 +46,20 @@ def upside_down(recording: Recording, rest: slice) -> bool:
 
 
 def axis_fault(recording: Recording, rest: slice) -> str:
-    """A clause on an accelerometer without gravity along z in the samples `rest`; empty when it is there."""
+    """A clause on an accelerometer that shows at rest what gravity cannot be; empty for a right one."""
     sensor = recording.sensors.acceleration
-    volts = None if sensor is None else _volts(recording, sensor.channels)[:, rest]
-    if sensor is None or volts is None or (wrong := sensor.fault_along_z(volts)) is None:
+    if sensor is None:
         return ""
-    return f"the accelerometer shows {sensor.to_si(volts)[2].mean():.1f} m/s² along z at rest: {wrong}"
+    volts = _volts(recording, sensor.channels)[:, rest]
+    shown = sensor.to_si(volts).mean(axis=1)
+    off = [axis for axis in (0, 1) if abs(shown[axis]) >= sensor.range]
+    if wrong := sensor.fault_along_z(volts):
+        return f"the accelerometer shows {shown[2]:.1f} m/s² along z at rest: {wrong}"
+    if off:
+        return (
+            f"the accelerometer shows {shown[off[0]]:.1f} m/s² along {'xy'[off[0]]} at rest: check its wires"
+        )
+    return ""
 
 
 def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatArray) -> str:
