@@ -73,9 +73,12 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
 @JSON
 def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
     """List all calibrations, and mark the active one."""
-    values, table = display.listing(history_of(rig, calibrations))
+    history = history_of(rig, calibrations)
+    values, table = display.listing(history)
     if as_json:
         print_json(values)
+    elif not values["generations"]:
+        print_line(f"{history.folder} holds no calibration yet: make one with `haploop calibrations adopt`.")
     else:
         print_table(table)
     return 0

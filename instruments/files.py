@@ -326,7 +326,7 @@ def sync_folder(folder: Path) -> None:
 
 def existing(path: Path) -> str:
     """Error message for a destination that exists."""
-    return f"{path} already exists and is not overwritten: move it away, or choose another name."
+    return f"{path} already exists and is not overwritten: move it away, or write to another place."
 
 
 def os_error_text(error: BaseException) -> str:

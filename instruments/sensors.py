@@ -108,6 +108,13 @@ class ForceTorque(Sensor):
     serial: str | None = None
     """Serial number of the sensor that the file belongs to."""
 
+    @field_validator("matrix")
+    @classmethod
+    def _reads_fz(cls, matrix: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+        if not any(matrix[2]):
+            raise ValueError("its third row, Fz, is zero: no press could be seen")
+        return matrix
+
     def to_si(self, volts: FloatArray) -> FloatArray:
         """Convert (6, samples) V above rest to (6, samples): Fx, Fy, Fz (N), Tx, Ty, Tz (N m)."""
         return np.asarray(self.matrix) @ volts

@@ -30,6 +30,7 @@ from ...instruments.safety import hold
 __all__ = ["Activation", "Generation", "History"]
 
 _MANIFEST, _ACTIVATIONS, _LOOKS = "generation.json", "activations.json", "looks.json"
+_FIRST = "make one with `haploop calibrations adopt`"
 _NAME = re.compile(r"(\d{4,})-\d{8}T\d{6}Z")
 
 
@@ -163,9 +164,7 @@ class History:
         """
         activations = self.activations
         if not activations:
-            raise DataError(
-                f"{self.folder} holds no active calibration: make one with `haploop calibrations adopt`."
-            )
+            raise DataError(f"{self.folder} holds no active calibration: {_FIRST}.")
         last = activations[-1]
         try:
             generation = Generation.open(self.folder / last.generation)
@@ -189,7 +188,8 @@ class History:
             if name == known or (name.isdecimal() and int(name) == int(number)):
                 return Generation.open(self.folder / known)
         raise DataError(
-            f"{self.folder} holds no calibration {name!r}; it has {', '.join(self._names()) or 'none'}."
+            f"{self.folder} holds no calibration {name!r}; "
+            + (f"it has {', '.join(names)}." if (names := self._names()) else f"it has none yet: {_FIRST}.")
         )
 
     def add(
