@@ -217,5 +217,5 @@ def test_a_full_scale_sensor_is_flagged(tmp_path):
     recording = assert_kept(rig, tmp_path / "P01-push.h5", 5 * 2500)
     assert recording.saturated.any()
     assert [press.saturated for press in find_presses(recording)] == 5 * [True]
-    assert [press.flags for press in recording.verdicts] == 5 * [("saturated",)]
+    assert [press.flags for press in recording.verdicts] == 5 * [("saturated", "sensor")]
     assert isinstance(rig.daq.world, World)
