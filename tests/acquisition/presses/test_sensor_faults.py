@@ -37,10 +37,9 @@ def recorded(
 ) -> Recording:
     """Four presses on a simulated rig with faults, by a participant and of a button that follow the seed."""
     file = folder / f"{seed}.toml"
-    tables = ["[[simulation.faults]]", *()]
     lines = ['base = "simulated"', "[simulation]", f"seed = {seed}"]
     for fault in faults:
-        lines += tables + [f"{key} = {json.dumps(value)}" for key, value in fault.items()]
+        lines += ["[[simulation.faults]]"] + [f"{key} = {json.dumps(value)}" for key, value in fault.items()]
     file.write_text("\n".join(lines), encoding="utf-8")
     with haploop.open_rig(file) as rig:
         return haploop.record(
@@ -105,7 +104,9 @@ def test_good_recordings_are_neither_refused_nor_doubted(tmp_path: Path, full: b
     """`--full`: a hundred seeds, with every button and participant."""
     for seed in range(4000, 4100 if full else 4004):
         verdicts: list[PressVerdict] = []
-        found = representative([recorded(tmp_path, seed, verdicts=verdicts)])
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        found = representative([recorded(folder, seed, verdicts=verdicts)])
         assert [(verdict.accepted, verdict.reason) for verdict in verdicts] == [(True, "")] * 4
         assert (found.members, found.left_out, found.corrected) == (4, (), ())
 
