@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from ..calibration import sizes
+from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
@@ -74,11 +76,15 @@ def make(
     """
     loaded = haploop.Calibration.load(calibration)
     press = haploop.load_press(presses, average)
-    with rig.opened() as opened, Steps() as steps:
+    with (
+        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
+        rig.opened() as opened,
+        Steps() as steps,
+    ):
         made = haploop.build_button(
             opened, press, loaded, method=method, iterations=iterations, progress=steps
         )
-    made.save(out)
+        made.save(out)
     show.print_contents(contents.file_contents(out), as_json)
     return 0 if made.passed else 1
 
@@ -104,8 +110,12 @@ def check(file: Path, out: Path | None, plays: int, rig: ChosenRig, as_json: boo
     """
     loaded = haploop.DigitalButton.load(file)
     out = out or outputs.dated_check(file.stem)
-    with rig.opened() as opened, Steps() as steps:
+    with (
+        reserved(out, size=sizes.CHECK + plays * sizes.PLAY),
+        rig.opened() as opened,
+        Steps() as steps,
+    ):
         result = haploop.play_button(opened, loaded, plays=plays, progress=steps)
-    result.save(out)
+        result.save(out)
     show.print_contents(contents.check_contents(result, loaded.press, out), as_json)
     return 0 if result.passed else 1

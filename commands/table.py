@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..calibration import sizes
+from ..instruments.files import reserved
 from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
@@ -47,14 +49,19 @@ __all__ = ["calibrate", "check"]
 def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig, as_json: bool) -> int:
     """Measure the table's response and fit a model."""
     measured = haploop.Waveforms.beside(out)
-    if waveforms:
-        outputs.check_new_file(measured)
-    with rig.opened() as opened, Steps() as steps:
+    files = (out, measured) if waveforms else (out,)
+    for path in files:
+        outputs.check_new_file(path)
+    with (
+        reserved(*files, size=sizes.CALIBRATION + waveforms * sizes.WAVEFORMS),
+        rig.opened() as opened,
+        Steps() as steps,
+    ):
         on_table(opened, point)
         calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
-    calibration.save(out)
-    if waveforms:
-        kept.save(measured)
+        calibration.save(out)
+        if waveforms:
+            kept.save(measured)
     show.print_contents(contents.file_contents(out), as_json)
     return 0
 
@@ -92,12 +99,13 @@ def check(
     """
     loaded = haploop.Calibration.load(calibration)
     press = haploop.load_press(presses, average)
-    if out is not None:
-        outputs.claim_check(out, press.button)
-        kept = None
-    else:
-        kept = outputs.dated_check(press.button)
-    with rig.opened() as opened, Steps() as steps:
+    kept = outputs.dated_check(press.button) if out is None else None
+    files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
+    with (
+        reserved(*files, size=sizes.CHECK + plays * sizes.PLAY),
+        rig.opened() as opened,
+        Steps() as steps,
+    ):
         if loaded.response.simulated != opened.simulated:
             raise haploop.ConfigurationError(
                 f"{calibration} was measured on a {_kind(loaded.response.simulated)} table, but the rig "
@@ -105,11 +113,11 @@ def check(
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
         result = haploop.check(opened, drive, plays=plays, progress=steps)
-    if kept is not None:
-        result.save(kept)
+        if out is not None:
+            outputs.save_check(out, press, result)
+        else:
+            result.save(files[0])
     show.print_contents(contents.check_contents(result, press, kept), as_json)
-    if out is not None:
-        outputs.save_check(out, press, result)
     return 0 if result.passed else 1
 
 

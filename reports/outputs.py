@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_destination",
+    "check_files",
     "check_new_file",
-    "claim_check",
     "dated_check",
     "new_file",
     "save_check",
@@ -59,15 +59,9 @@ def save_picture(figure: Figure, path: Path, simulated: bool) -> None:
         part.write_bytes(content)
 
 
-def claim_check(out: Path, button: str) -> None:
-    """Raise ConfigurationError, before anything is played, if `save_check` cannot write there."""
-    for path in _names(out, button):
-        check_destination(path)
-
-
 def save_check(out: Path, press: Representative, result: Check) -> None:
     """Save the inputs and results of a check in a folder. Raises ConfigurationError and DataError."""
-    press_file, drive_file, check_file, picture = _names(out, press.button)
+    press_file, drive_file, check_file, picture = check_files(out, press.button)
     press.save(press_file)
     result.drive.save(drive_file)
     result.save(check_file)
@@ -84,6 +78,7 @@ def dated_check(name: str) -> Path:
     return path
 
 
-def _names(out: Path, button: str) -> tuple[Path, Path, Path, Path]:
+def check_files(out: Path, button: str) -> tuple[Path, Path, Path, Path]:
+    """Press, drive, check and picture that `save_check` writes."""
     press, drive, check = (out / f"{button}-{kind}.h5" for kind in ("press", "drive", "check"))
     return press, drive, check, out / f"{button}-check.png"

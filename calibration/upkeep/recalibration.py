@@ -25,6 +25,7 @@ from ...instruments import (
 )
 from ...instruments.progress import Progress, prefixed, silent
 from ...instruments.safety import Audit, state_folder
+from .. import sizes
 from ..drive import Check, DigitalButton, Drive, Method, build_button, check
 from ..model import Calibration, calibrate_keeping
 from ..response import Waveforms
@@ -98,11 +99,12 @@ def recalibrate(
     does not aim at is reported as not measured.
 
     Raises DataError for a history without a whole active calibration or one that cannot be written,
-    ConfigurationError for another rig's, InstrumentError when another program recalibrates or the safe
-    state was not confirmed. An instrument that fails otherwise is an outcome: broken.
+    ConfigurationError for another rig's and for a disk without room for what may be made, before anything is
+    played; InstrumentError when another program recalibrates or the safe state was not confirmed. An
+    instrument that fails otherwise is an outcome: broken.
     """
     when = when or datetime.now(UTC)
-    with history.hold():
+    with history.hold(_size(history.active(), iterations)):
         active = history.active()
         calibrations, buttons = calibrations_of(active), buttons_of(active)
         _refuse_other(rig, active, calibrations)
@@ -246,6 +248,13 @@ def buttons_of(generation: Generation) -> dict[str, DigitalButton]:
 def checks_before(generation: Generation) -> dict[str, Check]:
     """By button: the check of its previous drive on the drifted table."""
     return {path.stem: Check.load(path) for path in generation.paths("before")}
+
+
+def _size(active: Generation, iterations: int) -> int:
+    """Room (bytes) for a generation in the place of `active`."""
+    each = sizes.CHECK + sizes.BUTTON + (iterations + 1) * sizes.STEP
+    places = len(active.paths("calibrations")) * (sizes.CALIBRATION + sizes.WAVEFORMS)
+    return places + len(active.paths("buttons")) * each
 
 
 def _parts(

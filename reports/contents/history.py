@@ -64,7 +64,8 @@ def history_contents(history: History) -> Contents:
     values = fact(folder=history.folder, active=active or None, generations=listed, looks=len(history.looks))
     headings = ("", "Calibration", "Made", "From", "Buttons", "Why")
     grid = Grid(f"Calibrations in {history.folder}", headings, rows, words=len(headings))
-    return Contents("", [values], [grid])
+    none = f"{history.folder} holds no calibration yet: make one with `haploop calibrations adopt`."
+    return Contents("", [values], [grid] if rows else [], [] if rows else [none])
 
 
 def generation_contents(history: History, generation: Generation) -> Contents:

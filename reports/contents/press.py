@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...acquisition import Representative
@@ -11,6 +13,9 @@ from .parts import Contents, Drawing, fact
 from .words import sentence
 
 __all__ = ["press_contents", "press_drawing"]
+
+_LISTED = 10
+"""Most sentences of a kind in a table; JSON has all."""
 
 
 def press_contents(press: Representative) -> Contents:
@@ -42,6 +47,8 @@ def press_contents(press: Representative) -> Contents:
             reason=press.reason,
             scores=press.scores,
         ),
+        fact("Left out", _shortened(press.left_out), left_out=list(press.left_out)),
+        fact("Corrected", _shortened(press.corrected), corrected=list(press.corrected)),
         fact(sources=[{"file": name, "sha256": content} for name, content in press.sources]),
     ]
     return Contents(
@@ -51,6 +58,11 @@ def press_contents(press: Representative) -> Contents:
         simulated=press.simulated,
         figures=[press_drawing(press)],
     )
+
+
+def _shortened(sentences: Sequence[str]) -> list[str]:
+    more = [f"and {len(sentences) - _LISTED} more"] if len(sentences) > _LISTED else []
+    return [*sentences[:_LISTED], *more]
 
 
 def press_drawing(press: Representative) -> Drawing:
