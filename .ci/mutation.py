@@ -48,7 +48,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     "instruments/limits.py": ("tests/instruments/test_limits.py", *PLAYED),
     "instruments/interlock.py": PLAYED,
     "instruments/safety/limiter.py": PLAYED,
-    "instruments/safety/outputs.py": (f"{SAFETY}outputs.py", f"{SAFETY}foreign_volts.py"),
+    "instruments/safety/outputs.py": (
+        f"{SAFETY}outputs.py",
+        f"{SAFETY}foreign_volts.py",
+        f"{SAFETY}other_clients.py",
+    ),
     "instruments/safety/duty.py": (f"{SAFETY}outputs.py", f"{SAFETY}duty.py"),
     "instruments/safety/lockout.py": (
         f"{SAFETY}lockout.py",

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from ..reports import figures, outputs
-from ..reports import show as display
+from ..reports import contents, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import COLUMNS, JSON, ONLY, PATH
+from .options import COLUMNS, JSON, ONLY, PATH, PLOT
 
 if TYPE_CHECKING:
     from ..experiments import Rows
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 __all__ = ["analyse"]
 
 Columns = Literal[1, 2]
-PLOT = click.option("--plot", type=PATH, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
 
 
 @click.group(no_args_is_help=True)
@@ -53,13 +51,10 @@ def confusion(
     count (without count, each line is one trial). With group and day there is a matrix for each; with
     participant, effects are tested by a mixed analysis of variance, and intervals are over participants.
     """
-    if plot:
-        outputs.check_new_picture(plot)
     rows = _rows(file, only)
     result = haploop.analyse_identification(rows, within, between)
-    if plot:
-        outputs.save_picture(figures.confusion_figure(result, columns), plot, rows.simulated)
-    display.show_identification(result, rows.simulated, as_json)
+    found = contents.identification_contents(result, rows.simulated)
+    show.print_contents(found, as_json, plot, columns)
     return 0
 
 
@@ -93,13 +88,10 @@ def ratings(
 
     FILE is a CSV with the columns participant, category, button, pair and rating (and group).
     """
-    if plot:
-        outputs.check_new_picture(plot)
     rows = _rows(file, only)
     result = haploop.analyse_ratings(rows, factors, between, normalised=not as_rated)
-    if plot:
-        outputs.save_picture(figures.ratings_figure(result, columns), plot, rows.simulated)
-    display.show_ratings(result, rows.simulated, as_json)
+    found = contents.ratings_contents(result, rows.simulated)
+    show.print_contents(found, as_json, plot, columns)
     return 0
 
 
@@ -117,7 +109,7 @@ def thresholds(file: Path, by: Sequence[str], only: Sequence[tuple[str, str]], a
     rows = _rows(file, only)
     found = haploop.analyse_thresholds(rows, tuple(by))
     columns = [column for column in ("participant", *by) if column in rows.columns]
-    display.show_thresholds(found, columns, rows, as_json)
+    show.print_contents(contents.thresholds_contents(found, columns, rows), as_json)
     return 0
 
 
@@ -142,7 +134,7 @@ def power(plan: Path, runs: int, seed: int, as_json: bool) -> int:
     loaded = haploop.load_power_plan(plan)
     with Steps() as steps:
         found = haploop.power_of(loaded, runs, seed, progress=steps)
-    display.show_power(found, as_json)
+    show.print_contents(contents.power_contents(found), as_json)
     return 0
 
 

@@ -8,25 +8,15 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from ..reports import outputs
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..calibration import sizes
+from ..instruments.files import reserved
+from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import (
-    JSON,
-    PATH,
-    PLAYS,
-    RIG,
-    SIMULATE,
-    alone,
-    opened_rig,
-    press_method,
-)
+from .options import AVERAGE, CALIBRATION, JSON, NEW, PATH, PLAYS, PRESSES, ChosenRig, on_rig
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
-    from ..instruments.driver import Mode
 
 __all__ = ["button"]
 
@@ -37,19 +27,12 @@ def button() -> None:
 
 
 @button.command()
-@click.argument("presses", nargs=-1, required=True, type=PATH, metavar="PRESS...")
-@click.option(
-    "--calibration",
-    "-c",
-    required=True,
-    type=PATH,
-    metavar="FILE",
-    help="Calibration file written by `haploop calibrate`.",
-)
+@PRESSES
+@CALIBRATION
 @click.option(
     "--out",
     "-o",
-    type=PATH,
+    type=NEW,
     default=Path("button.h5"),
     show_default=True,
     metavar="FILE.h5",
@@ -70,21 +53,17 @@ def button() -> None:
     show_default=True,
     help="Maximum number of iterative corrections of the drive.",
 )
-@press_method("--press-method")
-@RIG
-@SIMULATE
+@AVERAGE
+@on_rig()
 @JSON
-@click.pass_obj
 def make(
-    state: CommandState,
     presses: Sequence[Path],
     calibration: Path,
     out: Path,
     method: Literal["modulated", "broadband"],
     iterations: int,
-    press_method: AverageMethod,
-    rig: str,
-    simulate: Mode | None,
+    average: AverageMethod,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Make a digital button from recordings of one physical button.
@@ -95,19 +74,18 @@ def make(
 
     Exit codes: 0 the check passed, 1 it did not (the file is written and states why).
     """
-    outputs.check_new_file(out)
     loaded = haploop.Calibration.load(calibration)
-    press = haploop.load_press(presses, press_method)
+    press = haploop.load_press(presses, average)
     with (
-        alone(rig, simulate) as file,
-        opened_rig(state, file, simulate) as opened,
+        reserved(out, size=sizes.BUTTON + (iterations + 1) * sizes.STEP),
+        rig.opened() as opened,
         Steps() as steps,
     ):
         made = haploop.build_button(
             opened, press, loaded, method=method, iterations=iterations, progress=steps
         )
-    made.save(out)
-    display.show_file(out, as_json)
+        made.save(out)
+    show.print_contents(contents.file_contents(out), as_json)
     return 0 if made.passed else 1
 
 
@@ -116,24 +94,14 @@ def make(
 @click.option(
     "--out",
     "-o",
-    type=PATH,
+    type=NEW,
     metavar="CHECK.h5",
     help="Check file to write.  [default: dated, in the folder checks]",
 )
 @PLAYS
-@RIG
-@SIMULATE
+@on_rig()
 @JSON
-@click.pass_obj
-def check(
-    state: CommandState,
-    file: Path,
-    out: Path | None,
-    plays: int,
-    rig: str,
-    simulate: Mode | None,
-    as_json: bool,
-) -> int:
+def check(file: Path, out: Path | None, plays: int, rig: ChosenRig, as_json: bool) -> int:
     """Play a digital button, measure it, and compare.
 
     The rig must be the one that FILE was made on. FILE is not changed; every play is kept in a check's file.
@@ -141,16 +109,13 @@ def check(
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.DigitalButton.load(file)
-    if out is None:
-        out = outputs.dated_check(file.stem)
-    else:
-        outputs.check_new_file(out)
+    out = out or outputs.dated_check(file.stem)
     with (
-        alone(rig, simulate) as rig_file,
-        opened_rig(state, rig_file, simulate) as opened,
+        reserved(out, size=sizes.CHECK + plays * sizes.PLAY),
+        rig.opened() as opened,
         Steps() as steps,
     ):
         result = haploop.play_button(opened, loaded, plays=plays, progress=steps)
-    result.save(out)
-    display.show_check(result, as_json, loaded.press, out)
+        result.save(out)
+    show.print_contents(contents.check_contents(result, loaded.press, out), as_json)
     return 0 if result.passed else 1

@@ -1,4 +1,4 @@
-"""`haploop calibrations`: a rig's calibration history, and the active calibration."""
+"""`haploop calibrations`, `recalibrate`: a rig's calibration history, and the active calibration."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from .. import instruments
-from ..reports import outputs
+from ..reports import contents, outputs
 from ..reports import show as display
-from ..terminal.progress import SIMULATED, print_json, print_line, print_table
+from ..terminal.progress import Steps, print_json, print_line
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH, RIG
+from .options import COLUMNS, JSON, PATH, PICTURE, RIG, ChosenRig, on_rig, on_table
 
 if TYPE_CHECKING:
     from ..calibration import History
 
-__all__ = ["CALIBRATIONS", "actor", "calibrations", "history_of"]
+__all__ = ["calibrations", "recalibrate"]
 
 CALIBRATIONS = click.option(
     "--calibrations",
@@ -27,16 +27,17 @@ CALIBRATIONS = click.option(
     help="Folder of the history.  [default: RIG-calibrations, beside the rig file]",
 )
 REASON = click.option("--reason", required=True, help="Reason; stored in the history.")
+_EXITS = {"unchanged": 0, "restored": 0, "drifted": 1, "broken": 3}
 
 
-def history_of(rig: str, folder: Path | None) -> History:
+def _history(rig: str, folder: Path | None) -> History:
     """The history of a rig: in `folder`, beside the rig file, or in this folder for a shipped rig."""
     path = Path(rig)
     beside = path.parent if path.is_file() else Path()
     return haploop.History(folder or beside / f"{path.stem}-calibrations")
 
 
-def actor() -> str:
+def _actor() -> str:
     """The user, host and command, for the history."""
     person = instruments.who()
     return f"{person['user']} on {person['host']}, by {click.get_current_context().command_path}"
@@ -59,10 +60,10 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
     The new active calibration holds these BUTTONs and the buttons that are active already. A BUTTON
     replaces the active one with the same name, patch and point. The first adoption creates the history.
     """
-    history = history_of(rig, calibrations)
+    history = _history(rig, calibrations)
     loaded = [haploop.DigitalButton.load(path) for path in buttons]
     file = haploop.load_rig_file(rig)
-    generation = haploop.adopt(history, loaded, actor=actor(), reason=reason, rig=file)
+    generation = haploop.adopt(history, loaded, actor=_actor(), reason=reason, rig=file)
     _show(history, generation.name, as_json)
     return 0
 
@@ -73,11 +74,7 @@ def adopt(buttons: Sequence[Path], reason: str, calibrations: Path | None, rig: 
 @JSON
 def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
     """List all calibrations, and mark the active one."""
-    values, table = display.listing(history_of(rig, calibrations))
-    if as_json:
-        print_json(values)
-    else:
-        print_table(table)
+    display.print_contents(contents.history_contents(_history(rig, calibrations)), as_json)
     return 0
 
 
@@ -88,7 +85,7 @@ def listing(calibrations: Path | None, rig: str, as_json: bool) -> int:
 @JSON
 def show(name: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Show a calibration by its NAME or number, and verify its files."""
-    _show(history_of(rig, calibrations), name, as_json)
+    _show(_history(rig, calibrations), name, as_json)
     return 0
 
 
@@ -100,12 +97,8 @@ def show(name: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
 @JSON
 def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Show what changed from calibration ONE to OTHER."""
-    history = history_of(rig, calibrations)
-    values, table = display.difference(history.find(one), history.find(other))
-    if as_json:
-        print_json(values)
-    else:
-        print_table(table)
+    history = _history(rig, calibrations)
+    display.print_contents(contents.difference_contents(history.find(one), history.find(other)), as_json)
     return 0
 
 
@@ -117,15 +110,15 @@ def diff(one: str, other: str, calibrations: Path | None, rig: str, as_json: boo
 @JSON
 def activate(name: str, reason: str, calibrations: Path | None, rig: str, as_json: bool) -> int:
     """Activate an earlier calibration by its NAME or number. Nothing is played."""
-    history = history_of(rig, calibrations)
+    history = _history(rig, calibrations)
     file = haploop.load_rig_file(rig)
-    generation = haploop.activate(history, name, actor=actor(), reason=reason, rig=file)
+    generation = haploop.activate(history, name, actor=_actor(), reason=reason, rig=file)
     _show(history, generation.name, as_json)
     return 0
 
 
 @calibrations.command()
-@click.argument("out", type=PATH, metavar="OUT.png")
+@click.argument("out", type=PICTURE, metavar="OUT.png")
 @COLUMNS
 @CALIBRATIONS
 @RIG
@@ -135,10 +128,9 @@ def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str,
 
     OUT ends with .png, .pdf or .svg.
     """
-    outputs.check_new_picture(out)
-    history = history_of(rig, calibrations)
+    history = _history(rig, calibrations)
     figure = haploop.trend(history, columns)
-    simulated = display.simulated(history)
+    simulated = contents.simulated(history)
     outputs.save_picture(figure, out, simulated)
     if as_json:
         print_json({"plot": str(out), "simulated": simulated, "looks": len(history.looks)})
@@ -148,10 +140,41 @@ def plot(out: Path, columns: Literal[1, 2], calibrations: Path | None, rig: str,
 
 
 def _show(history: History, name: str, as_json: bool) -> None:
-    values, table = display.describe(history, history.find(name))
-    if as_json:
-        print_json(values)
-        return
-    print_table(table)
-    if values["simulated"]:
-        print_line(SIMULATED)
+    display.print_contents(contents.generation_contents(history, history.find(name)), as_json)
+
+
+@click.command()
+@click.option(
+    "--laser-at",
+    default="button",
+    show_default=True,
+    metavar="POINT",
+    help="Point that the laser is aimed at: button, or a grid point's number.",
+)
+@click.option("--attended", is_flag=True, help="An operator is present: ask to aim the laser at each point.")
+@CALIBRATIONS
+@on_rig()
+@JSON
+def recalibrate(
+    laser_at: str, attended: bool, calibrations: Path | None, rig: ChosenRig, as_json: bool
+) -> int:
+    """Verify the active calibration; renew it after a drift.
+
+    Runs unattended, without prompts, for cron or the Windows Task Scheduler (docs/how-to/unattended.md).
+
+    Exit codes: 0 unchanged, or renewed with every button within tolerance; 1 drifted and not renewed;
+    2 invalid request, file or configuration; 3 something is broken. After 1, 2 and 3 the active
+    calibration is unchanged.
+    """
+    history = _history(rig.name, calibrations)
+    history.active()
+    with rig.opened() as opened, Steps() as steps:
+        on_table(opened, laser_at)
+        nobody = None if attended else haploop.Unattended(laser_at)
+        if nobody:
+            opened.adopt("operator", nobody)
+        outcome = haploop.recalibrate(opened, history, actor=_actor(), progress=steps)
+    written = haploop.write_recalibration(history, outcome)
+    assumed = tuple(nobody.assumed) if nobody else ()
+    display.print_contents(contents.outcome_contents(history, outcome, assumed, written), as_json)
+    return _EXITS[outcome.kind]

@@ -13,20 +13,16 @@ import click
 from ..terminal.exits import Commands, usable_streams
 from .analyse import analyse
 from .button import button
-from .calibrations import calibrations
+from .calibrations import calibrations, recalibrate
 from .demo.command import demo
 from .examples import show_examples
 from .experiment import experiment
 from .export import export, import_
-from .files import recover, show, verify
-from .list_files import list_command
+from .files import list_command, recover, report, show, verify
 from .live import live
 from .maintenance import doctor, log, reset, schema
 from .map import map_command
-from .recalibrate import recalibrate
-from .record import record
-from .report import report
-from .represent import represent
+from .record import record, represent
 from .serve import serve
 from .study import study
 from .table import calibrate, check

@@ -10,18 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..reports import outputs
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, note, print_json, print_line
 from . import front as haploop
-from .options import JSON, PATH, SIMULATE, FiniteRange, alone, opened_rig
+from .options import JSON, PATH, ChosenRig, FiniteRange, on_rig
 
 if TYPE_CHECKING:
     from ..experiments import Presenter, Step
     from ..instruments import Rig
     from ..instruments.clock import Clock
-    from ..instruments.driver import Mode
 
 __all__ = ["experiment"]
 
@@ -89,20 +86,16 @@ def new(folder: Path, example: str, buttons: Sequence[Path]) -> int:
 @click.option("--simulated", is_flag=True, help="A simulated participant answers.")
 @MODEL
 @DATA
-@RIG
-@SIMULATE
+@on_rig(RIG)
 @JSON
-@click.pass_obj
 def run(
-    state: CommandState,
     file: str,
     participant: str,
     session: int | None,
     simulated: bool,
     model: Path | None,
     data: Path | None,
-    rig: str,
-    simulate: Mode | None,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Run the session of a participant that is due. Stop with Ctrl-C; the next run continues there.
@@ -115,7 +108,7 @@ def run(
     loaded = _model(model)
     ask = partial(_consent, participant, simulated)
     with (
-        _rig_of(state, store, rig, simulate, simulated) as surface,
+        _rig_of(store, rig, simulated) as surface,
         haploop.open_session(
             store, participant, _clock(surface), session, simulated=simulated, consent=ask
         ) as opened,
@@ -127,7 +120,7 @@ def run(
         person = _AtTerminal(presenter)
         answers = haploop.SimulatedParticipant(loaded, participant, number) if simulated else person
         haploop.run_session(opened, answers, presenter)
-    display.show_experiment(store, as_json)
+    show.print_contents(contents.experiment_contents(store), as_json)
     return 0
 
 
@@ -143,19 +136,15 @@ def run(
 )
 @MODEL
 @DATA
-@RIG
-@SIMULATE
+@on_rig(RIG)
 @JSON
-@click.pass_obj
 def simulate(
-    state: CommandState,
     file: str,
     participants: int,
     session: int | None,
     model: Path | None,
     data: Path | None,
-    rig: str,
-    simulate: Mode | None,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Run the sessions of simulated participants.
@@ -167,7 +156,7 @@ def simulate(
     store, loaded = _store(file, data), _model(model)
     names = [f"P{number:02}" for number in range(1, participants + 1)]
     last = session or store.experiment.file.sessions
-    with _rig_of(state, store, rig, simulate, simulated=True) as surface:
+    with _rig_of(store, rig, simulated=True) as surface:
         clock, presenter = _clock(surface), _presenter(store, surface)
         with Steps() as steps:
             for done, name in enumerate(names):
@@ -176,7 +165,7 @@ def simulate(
                     with haploop.open_session(store, name, clock, number, simulated=True) as opened:
                         haploop.run_session(opened, who, presenter)
                 steps("Simulated participants", done + 1, len(names), "")
-    display.show_experiment(store, as_json)
+    show.print_contents(contents.experiment_contents(store), as_json)
     return 0
 
 
@@ -189,7 +178,9 @@ def status(file: str, data: Path | None, as_json: bool) -> int:
 
     Exit codes: 0 every log can be read, 2 one is damaged, missing or cut short.
     """
-    return 0 if display.show_experiment(_store(file, data), as_json) else 2
+    found = contents.experiment_contents(_store(file, data))
+    show.print_contents(found, as_json)
+    return 2 if found.values["problems"] else 0
 
 
 @experiment.command()
@@ -309,19 +300,17 @@ def _store(file: str, data: Path | None) -> haploop.Store:
 
 
 @contextmanager
-def _rig_of(
-    state: CommandState, store: haploop.Store, rig: str, simulate: Mode | None, simulated: bool
-) -> Iterator[Rig | None]:
+def _rig_of(store: haploop.Store, rig: ChosenRig, simulated: bool) -> Iterator[Rig | None]:
     """Open the rig for an experiment with digital buttons; None for one without."""
     if not store.experiment.file.buttons:
         yield None
         return
-    described = haploop.load_rig_file(rig)
-    if simulated and not (simulate or described.simulate):
+    described = rig.load()
+    if simulated and not (rig.simulate or described.simulate):
         raise haploop.ConfigurationError(
             f"A simulated participant has no finger for the rig {described.name!r}: add --simulate twin."
         )
-    with alone(rig, simulate) as file, opened_rig(state, file, simulate) as opened:
+    with rig.opened() as opened:
         yield opened
 
 

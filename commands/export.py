@@ -7,11 +7,10 @@ from pathlib import Path
 
 import click
 
-from ..reports import outputs
-from ..reports import show as display
+from ..reports import contents, show
 from ..terminal.progress import SIMULATED, print_json, print_line
 from . import front as haploop
-from .options import JSON, PATH, RIG, FiniteRange
+from .options import JSON, NEW, PATH, RIG, FiniteRange
 
 __all__ = ["export", "import_"]
 
@@ -59,7 +58,7 @@ def export(files: Sequence[Path], format: str, out: Path, as_json: bool) -> int:
 
 @click.command("import")
 @click.argument("file", type=PATH)
-@click.option("--out", "-o", required=True, type=PATH, metavar="FILE.h5", help="File to write.")
+@click.option("--out", "-o", required=True, type=NEW, metavar="FILE.h5", help="File to write.")
 @click.option(
     "--from",
     "format",
@@ -113,19 +112,12 @@ def import_(
     functions, for example the export of a scanning vibrometer) become a calibration of --rig; --patch and
     --point select one of several.
     """
-    outputs.check_new_file(out)
     if haploop.is_response_file(file, format):
         response = haploop.import_response(file, haploop.load_rig_file(rig), patch, point)
         haploop.Calibration.of(response).save(out)
     else:
         haploop.import_press(
-            file,
-            button,
-            format=format,
-            channel=channel,
-            scale=scale,
-            rate_hz=rate,
-            activation=activation,
+            file, button, format=format, channel=channel, scale=scale, rate_hz=rate, activation=activation
         ).save(out)
-    display.show_file(out, as_json)
+    show.print_contents(contents.file_contents(out), as_json)
     return 0

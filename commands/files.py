@@ -1,29 +1,26 @@
-"""`haploop show`, `recover`, `verify`: display, recover and verify files."""
+"""`haploop show`, `list`, `report`, `recover`, `verify`: what is done with files."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
 import click
 
+from ..reports import contents
 from ..reports import show as display
-from ..terminal.progress import note, print_json, print_line
+from ..terminal.progress import SIMULATED, Steps, note, print_json, print_line
 from . import front as haploop
-from .options import COLUMNS, JSON, PATH
+from .options import COLUMNS, JSON, PATH, PLOT
 
-__all__ = ["recover", "show", "verify"]
+__all__ = ["list_command", "recover", "report", "show", "verify"]
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@click.option(
-    "--plot",
-    type=PATH,
-    metavar="OUT.png",
-    help="Also draw a plot into this file, which ends with .png, .pdf or .svg.",
-)
+@PLOT
 @COLUMNS
 @JSON
 def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_json: bool) -> int:
@@ -35,9 +32,76 @@ def show(files: Sequence[Path], plot: Path | None, columns: Literal[1, 2], as_js
     """
     a_map = (files[0] / "map.json").is_file()
     if len(files) > 1 or (files[0].is_dir() and not a_map) or files[0].suffix == ".toml":
-        display.show_forces(files, as_json, plot, columns)
+        found = contents.forces_contents(contents.recordings_in(files))
     else:
-        display.show_file(files[0], as_json, plot, columns)
+        found = contents.file_contents(files[0])
+    display.print_contents(found, as_json, plot, columns)
+    return 0
+
+
+@click.command("list")
+@click.argument("where", nargs=-1, metavar="[WHERE...]")
+@click.option(
+    "--in",
+    "folders",
+    multiple=True,
+    type=PATH,
+    metavar="DIR",
+    help="Folder to search; repeatable.  [default: this folder]",
+)
+@click.option("--rebuild", is_flag=True, help="Read every file again, instead of the new and changed ones.")
+@JSON
+def list_command(where: Sequence[str], folders: Sequence[Path], rebuild: bool, as_json: bool) -> int:
+    """List files by what is in them.
+
+    WHERE is NAME=VALUE, NAME!=VALUE, NAME>=VALUE or NAME<=VALUE; all must hold. NAME is kind, participant,
+    button, date, verdict, presses, rig, simulated, study, patch, point, file, content_hash or problem; in
+    VALUE, * stands for anything. Files are verified when they are first read; damaged ones have
+    kind=damaged.
+    """
+    with Steps() as steps:
+        found = haploop.list_files(folders or [Path()], where, rebuild=rebuild, progress=steps)
+    display.print_contents(contents.listing_contents(found), as_json)
+    return 0
+
+
+@click.command()
+@click.argument("paths", nargs=-1, required=True, type=PATH, metavar="PATH...")
+@click.option(
+    "--out", "-o", type=PATH, default=Path("report.html"), show_default=True, help="HTML file to write."
+)
+@click.option("--pdf", is_flag=True, help="Also write the whole report as a PDF.")
+@JSON
+def report(paths: Sequence[Path], out: Path, pdf: bool, as_json: bool) -> int:
+    """Write a report with verdicts, figures and captions.
+
+    PATH is a recording, a representative press, a calibration, a drive, a check, a digital button, the
+    folder of a vibration map, a study (its study.toml or its folder), a folder of such files, or a table of
+    `haploop experiment export` (CSV). OUT is one HTML file that needs no other file; the folder OUT-figures
+    beside it holds each figure as PDF and SVG.
+    """
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise haploop.ConfigurationError(f"{out} has the wrong file type: use a name that ends with .html.")
+    with Steps() as steps:
+        made = haploop.write_report(paths, out, pdf, steps)
+    if as_json:
+        print_json(
+            {
+                "report": str(made.html),
+                "pdf": str(made.pdf) if made.pdf else None,
+                "figures": [str(path) for path in made.figures],
+                "simulated": made.simulated,
+                "verdicts": [asdict(verdict) for verdict in made.verdicts],
+            }
+        )
+        return 0
+    if made.simulated:
+        print_line(SIMULATED)
+    print_line(f"Report: {made.html}")
+    if made.pdf:
+        print_line(f"PDF: {made.pdf}")
+    if made.figures:
+        print_line(f"Figures as PDF and SVG: {made.figures[0].parent}")
     return 0
 
 
@@ -52,7 +116,7 @@ def recover(file: Path, as_json: bool) -> int:
     """
     saved = haploop.recover(file)
     note(haploop.Recording.open(saved).events[-1].text)
-    display.show_file(saved, as_json)
+    display.print_contents(contents.file_contents(saved), as_json)
     return 0
 
 

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import outputs
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..reports import contents, show
 from ..terminal.progress import Steps, note
 from . import front as haploop
-from .options import JSON, PATH, RIG, SIMULATE, FiniteRange, alone, opened_rig
-
-if TYPE_CHECKING:
-    from ..instruments.driver import Mode
+from .options import JSON, PATH, ChosenRig, FiniteRange, NewFile, on_rig
 
 __all__ = ["map_command"]
 
@@ -44,52 +38,39 @@ __all__ = ["map_command"]
     is_flag=True,
     help="Play one patch at a time, even if the amplifier has a channel for each patch.",
 )
-@click.option("--gif", type=PATH, metavar="FILE", help="Also write an animation of the largest vibration.")
-@RIG
-@SIMULATE
+@click.option(
+    "--gif", type=NewFile(".gif"), metavar="FILE", help="Also write an animation of the largest vibration."
+)
+@on_rig()
 @JSON
-@click.pass_obj
 def map_command(
-    state: CommandState,
     out: Path,
     points: str | None,
     patches: str | None,
     level: float | None,
     one_by_one: bool,
     gif: Path | None,
-    rig: str,
-    simulate: Mode | None,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Measure the response at every grid point to each patch.
 
     An interrupted map is continued by the same command.
     """
-    if gif is not None:
-        outputs.check_new_picture(gif, (".gif",))
     chosen = None if points is None else _numbers(points)
     names = None if patches is None else [name.strip() for name in patches.split(",")]
-    with (
-        alone(rig, simulate) as file,
-        opened_rig(state, file, simulate) as opened,
-        Steps() as steps,
-    ):
+    with rig.opened() as opened, Steps() as steps:
         plan = haploop.map_plan(
             opened, points=chosen, patches=names, level=level, together=False if one_by_one else None
         )
         folder = haploop.measure_map(opened, out, plan, steps)
     for point, reason in folder.skipped().items():
         note(f"Point {point} was skipped: {reason} Run the same command again to measure it.")
-    display.show_file(out, as_json)
+    show.print_contents(contents.file_contents(out), as_json)
     if gif is not None:
-        _animate(out, gif)
+        haploop.animate_map(haploop.VibrationMap.load(out), gif)
+        note(f"Animation: {gif}")
     return 0
-
-
-def _animate(out: Path, gif: Path) -> None:
-
-    haploop.animate_map(haploop.VibrationMap.load(out), gif)
-    note(f"Animation: {gif}")
 
 
 def _numbers(text: str) -> list[int]:

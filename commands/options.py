@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from .. import instruments
+from ..reports import outputs
 from ..terminal.exits import CommandState
 from ..terminal.progress import note
 from . import front as haploop
@@ -21,20 +24,28 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ATTEMPTS",
+    "AVERAGE",
+    "CALIBRATION",
     "COLUMNS",
     "JSON",
+    "NEW",
     "NOTES",
     "ONLY",
     "PATH",
     "PATIENCE",
+    "PICTURE",
+    "PLAYS",
+    "PLOT",
+    "PRESSES",
     "RIG",
     "SIMULATE",
     "WAIT",
+    "ChosenRig",
     "FiniteRange",
-    "alone",
+    "NewFile",
+    "average_option",
+    "on_rig",
     "on_table",
-    "opened_rig",
-    "press_method",
 ]
 
 RIG = click.option(
@@ -97,6 +108,34 @@ ATTEMPTS = click.option(
     help="Attempts at one press before the session ends.  [default: 5]",
 )
 PATH = click.Path(path_type=Path)
+
+
+class NewFile(click.Path):
+    """A file to write: one that does not exist, in a folder that does, with one of `suffixes`, if any."""
+
+    def __init__(self, *suffixes: str) -> None:
+        super().__init__(path_type=Path)
+        self._suffixes = suffixes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert a value; raise ConfigurationError if it cannot be written."""
+        path = Path(str(super().convert(value, param, ctx)))
+        outputs.check_new_file(path, self._suffixes)
+        return path
+
+
+NEW = NewFile()
+PICTURE = NewFile(".png", ".pdf", ".svg")
+PLOT = click.option("--plot", type=PICTURE, metavar="OUT.png", help="Also draw a figure (PNG, PDF, SVG).")
+PRESSES = click.argument("presses", nargs=-1, required=True, type=PATH, metavar="PRESS...")
+CALIBRATION = click.option(
+    "--calibration",
+    "-c",
+    required=True,
+    type=PATH,
+    metavar="FILE",
+    help="Calibration file written by `haploop calibrate`.",
+)
 PLAYS = click.option(
     "--plays",
     type=click.IntRange(3, 1000),
@@ -108,11 +147,11 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 _AVERAGES = ("automatic", "barycentre", "registration", "mean")
 
 
-def press_method(*names: str, default: str | None = "automatic") -> Callable[[_Command], _Command]:
-    """Option `names` for the method of the representative press; None is the default of a study's file."""
+def average_option(default: str | None = "automatic") -> Callable[[_Command], _Command]:
+    """Option for the average of the presses; None is the default of a study's file."""
     return click.option(
-        *names,
-        "press_method",
+        "--average",
+        "-a",
         type=click.Choice(_AVERAGES),
         default=default,
         help="Average of the presses. barycentre: the paper's dynamic time warping, per participant and then "
@@ -122,6 +161,68 @@ def press_method(*names: str, default: str | None = "automatic") -> Callable[[_C
     )
 
 
+AVERAGE = average_option()
+
+
+@dataclass(frozen=True)
+class ChosenRig:
+    """The rig that a command was told to use, and how it is simulated."""
+
+    name: str
+    """Path of a rig file, or the name of a shipped rig."""
+    simulate: Mode | None
+    state: CommandState
+
+    def load(self) -> RigFile:
+        """Read the rig file."""
+        return haploop.load_rig_file(self.name)
+
+    @contextmanager
+    def reserved(self) -> Iterator[RigFile]:
+        """Load the rig file, and reserve its hardware for this program."""
+        file = self.load()
+        if self.simulate or file.simulate:
+            yield file
+            return
+        with instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}"):
+            yield file
+
+    @contextmanager
+    def open(self, file: RigFile) -> Iterator[Rig]:
+        """Open the rig, publish it for `haploop live`, and print a note when it is simulated."""
+        from ..exchange.live import published  # noqa: PLC0415
+
+        with haploop.open_rig(file, simulate=self.simulate) as opened, published(opened):
+            self.state.rig_opened = True
+            if opened.simulated:
+                seed = opened.file.simulation.seed
+                world = f"{opened.mode}, seed {seed}" if opened.mode else "by its DAQ cards"
+                note(f"Everything here is simulated ({world}).")
+            yield opened
+
+    @contextmanager
+    def opened(self) -> Iterator[Rig]:
+        """Reserve the rig, and open it."""
+        with self.reserved() as file, self.open(file) as opened:
+            yield opened
+
+
+def on_rig(option: Callable[[Any], Any] = RIG) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options --rig, as `option` has it, and --simulate: the command gets a `ChosenRig` as `rig`."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @SIMULATE
+        @click.pass_obj
+        @wraps(command)
+        def chosen(state: CommandState, /, *, rig: str, simulate: Mode | None, **others: Any) -> Any:
+            return command(rig=ChosenRig(rig, simulate, state), **others)
+
+        decorated: Callable[..., Any] = option(chosen)
+        return decorated
+
+    return decorate
+
+
 def on_table(rig: Rig, point: str) -> None:
     """Raise ConfigurationError for a point that is not on the rig's table."""
     points = rig.table.rows * rig.table.columns
@@ -129,29 +230,3 @@ def on_table(rig: Rig, point: str) -> None:
         raise haploop.ConfigurationError(
             f"The table has no point {point!r}: use 'button', or a number from 0 to {points - 1}."
         )
-
-
-@contextmanager
-def alone(rig: str, simulate: Mode | None) -> Iterator[RigFile]:
-    """Load the rig file, and reserve its hardware for this program."""
-    file = haploop.load_rig_file(rig)
-    if simulate or file.simulate:
-        yield file
-        return
-    with instruments.reserve(instruments.hardware(file, None), f"The rig {file.name!r}"):
-        yield file
-
-
-@contextmanager
-def opened_rig(state: CommandState, file: RigFile, simulate: Mode | None) -> Iterator[Rig]:
-    """Open the rig, publish it for `haploop live`, and print a note when it is simulated."""
-    from ..exchange.live import published  # noqa: PLC0415
-
-    with haploop.open_rig(file, simulate=simulate) as opened, published(opened):
-        state.rig_opened = True
-        if opened.simulated:
-            world = (
-                f"{opened.mode}, seed {opened.file.simulation.seed}" if opened.mode else "by its DAQ cards"
-            )
-            note(f"Everything here is simulated ({world}).")
-        yield opened

@@ -1,33 +1,22 @@
-"""`haploop record`: record presses of one button."""
+"""`haploop record`, `represent`: record presses of one button, and average them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..reports import contents, show
 from ..terminal.progress import note
 from . import front as haploop
-from .options import (
-    ATTEMPTS,
-    JSON,
-    NOTES,
-    PATH,
-    PATIENCE,
-    RIG,
-    SIMULATE,
-    WAIT,
-    alone,
-    opened_rig,
-)
+from .options import ATTEMPTS, AVERAGE, JSON, NEW, NOTES, PATH, PATIENCE, WAIT, ChosenRig, on_rig
 
 if TYPE_CHECKING:
-    from ..instruments.driver import Mode
+    from ..acquisition import AverageMethod
 
-__all__ = ["record"]
+__all__ = ["record", "represent"]
 
 
 @click.command()
@@ -48,12 +37,9 @@ __all__ = ["record"]
 @WAIT
 @PATIENCE
 @ATTEMPTS
-@RIG
-@SIMULATE
+@on_rig()
 @JSON
-@click.pass_obj
 def record(
-    state: CommandState,
     button: str,
     participant: str,
     presses: int,
@@ -62,8 +48,7 @@ def record(
     wait: float | None,
     patience: float | None,
     attempts: int | None,
-    rig: str,
-    simulate: Mode | None,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5.
@@ -71,12 +56,8 @@ def record(
     BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
     kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
     """
-    with (
-        alone(rig, simulate) as file,
-        opened_rig(state, file, simulate) as opened,
-        display.Meter(opened) as meter,
-    ):
-        state.recordings = out
+    with rig.opened() as opened, show.Meter(opened) as meter:
+        rig.state.recordings = out
         aside = haploop.set_aside(out / haploop.file_name(participant, button))
         if aside is not None:
             note(f"An interrupted recording without a press was renamed to {aside}.")
@@ -98,5 +79,30 @@ def record(
             notes=notes,
             on_request=meter.on_request,
         )
-    display.show_file(recording.path, as_json)
+    show.print_contents(contents.file_contents(recording.path), as_json)
+    return 0
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--out",
+    "-o",
+    type=NEW,
+    default=Path("press.h5"),
+    show_default=True,
+    metavar="FILE.h5",
+    help="Representative press file to write.",
+)
+@AVERAGE
+@JSON
+def represent(recordings: Sequence[Path], out: Path, average: AverageMethod, as_json: bool) -> int:
+    """Compute the representative press of recordings.
+
+    RECORDINGS are of one button, by any number of participants. The result states the method, the reason for
+    it, and the residual of each method that was compared. For a study, use `haploop study represent`.
+    """
+    press = haploop.representative([haploop.Recording.open(path) for path in recordings], method=average)
+    press.save(out)
+    show.print_contents(contents.file_contents(out), as_json)
     return 0

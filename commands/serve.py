@@ -63,6 +63,8 @@ def serve(
     the server is killed, a recording goes on, and the next `haploop serve` takes it over. Ctrl-C reaches the
     safe state and ends both.
     """
+    if data.exists() and not data.is_dir():
+        raise haploop.ConfigurationError(f"--data {data} is a file: name a folder, which may be new.")
     file = haploop.load_rig_file(rig)
     if stop:
         return _stop(file, simulate, as_json)

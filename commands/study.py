@@ -4,32 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import outputs
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..reports import contents, outputs, show
 from ..terminal.progress import Steps, print_json, print_line
 from . import front as haploop
-from .options import (
-    ATTEMPTS,
-    JSON,
-    NOTES,
-    PATH,
-    PATIENCE,
-    SIMULATE,
-    WAIT,
-    alone,
-    opened_rig,
-    press_method,
-)
+from .options import ATTEMPTS, JSON, NOTES, PATH, PATIENCE, WAIT, ChosenRig, average_option, on_rig
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
-    from ..instruments.driver import Mode
 
 __all__ = ["study"]
 
@@ -43,6 +30,7 @@ STUDY = click.option(
     help="Study file, or the folder with its study.toml.  [default: this folder]",
 )
 REASON = click.option("--reason", default="", help="Reason; stored with the rejection.")
+_RIG = click.option("--rig", "-r", metavar="FILE", help="Rig file instead of the study's own.")
 
 _NEW = """\
 # A haploop study: participants, buttons and their order. `haploop study run` records what is still due.
@@ -98,25 +86,21 @@ def new(folder: Path) -> int:
 @STUDY
 @click.option("--participant", "-p", "participants", multiple=True, help="Only this one; repeatable.")
 @click.option("--button", "-b", "buttons", multiple=True, help="Only this one; repeatable.")
-@click.option("--rig", "-r", metavar="FILE", help="Rig file instead of the study's own.")
 @NOTES
 @WAIT
 @PATIENCE
 @ATTEMPTS
-@SIMULATE
+@on_rig(_RIG)
 @JSON
-@click.pass_obj
 def run(
-    state: CommandState,
     path: Path,
     participants: Sequence[str],
     buttons: Sequence[str],
-    rig: str | None,
     notes: str,
     wait: float | None,
     patience: float | None,
     attempts: int | None,
-    simulate: Mode | None,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Record the presses still due. Stop with Ctrl-C; the next run continues there.
@@ -125,12 +109,10 @@ def run(
     Enter to reject the preceding press.
     """
     opened = haploop.load_study(path)
-    with (
-        alone(rig or _own_rig(opened.path, opened.file.rig), simulate) as file,
-        opened_rig(state, file, simulate) as instruments,
-    ):
-        state.recordings = opened.folder
-        with display.StudyMeter(instruments, opened.progress()) as meter:
+    rig = replace(rig, name=rig.name or _own_rig(opened.path, opened.file.rig))
+    with rig.opened() as instruments:
+        rig.state.recordings = opened.folder
+        with show.StudyMeter(instruments, opened.progress()) as meter:
             haploop.run_study(
                 instruments,
                 opened,
@@ -144,7 +126,7 @@ def run(
                 patience=patience,
                 attempts=attempts,
             )
-    display.status(opened, opened.progress(), as_json)
+    show.print_contents(contents.study_contents(opened, opened.progress()), as_json)
     return 0
 
 
@@ -157,7 +139,7 @@ def status_(path: Path, as_json: bool) -> int:
     Presses are accepted, bad, or rejected; sessions interrupted, or in progress.
     """
     opened = haploop.load_study(path)
-    display.status(opened, opened.progress(), as_json)
+    show.print_contents(contents.study_contents(opened, opened.progress()), as_json)
     return 0
 
 
@@ -170,12 +152,10 @@ def status_(path: Path, as_json: bool) -> int:
     metavar="FILE.h5",
     help="Representative press file to write.  [default: BUTTON-press.h5]",
 )
-@press_method("--method", "-m", default=None)
+@average_option(default=None)
 @STUDY
 @JSON
-def represent(
-    button: str, out: Path | None, press_method: AverageMethod | None, path: Path, as_json: bool
-) -> int:
+def represent(button: str, out: Path | None, average: AverageMethod | None, path: Path, as_json: bool) -> int:
     """Compute the representative press of BUTTON.
 
     Only a press that passed its quality check counts.
@@ -183,8 +163,8 @@ def represent(
     opened = haploop.load_study(path)
     out = out or Path(f"{button}-press.h5")
     outputs.check_new_file(out)
-    opened.representative(button, press_method).save(out)
-    display.show_file(out, as_json)
+    opened.representative(button, average).save(out)
+    show.print_contents(contents.file_contents(out), as_json)
     return 0
 
 

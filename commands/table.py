@@ -8,26 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..reports import outputs
-from ..reports import show as display
-from ..terminal.exits import CommandState
+from ..calibration import sizes
+from ..instruments.files import reserved
+from ..reports import contents, outputs, show
 from ..terminal.progress import Steps
 from . import front as haploop
-from .options import (
-    JSON,
-    PATH,
-    PLAYS,
-    RIG,
-    SIMULATE,
-    alone,
-    on_table,
-    opened_rig,
-    press_method,
-)
+from .options import AVERAGE, CALIBRATION, JSON, NEW, PATH, PLAYS, PRESSES, ChosenRig, on_rig, on_table
 
 if TYPE_CHECKING:
     from ..acquisition import AverageMethod
-    from ..instruments.driver import Mode
 
 __all__ = ["calibrate", "check"]
 
@@ -43,7 +32,7 @@ __all__ = ["calibrate", "check"]
 @click.option(
     "--out",
     "-o",
-    type=PATH,
+    type=NEW,
     default=Path("calibration.h5"),
     show_default=True,
     metavar="FILE.h5",
@@ -55,49 +44,31 @@ __all__ = ["calibrate", "check"]
     show_default=True,
     help="Keep what was measured in FILE-waveforms.h5 (0.13 MB for each second).",
 )
-@RIG
-@SIMULATE
+@on_rig()
 @JSON
-@click.pass_obj
-def calibrate(
-    state: CommandState,
-    patch: str,
-    point: str,
-    out: Path,
-    waveforms: bool,
-    rig: str,
-    simulate: Mode | None,
-    as_json: bool,
-) -> int:
+def calibrate(patch: str, point: str, out: Path, waveforms: bool, rig: ChosenRig, as_json: bool) -> int:
     """Measure the table's response and fit a model."""
-    outputs.check_new_file(out)
     measured = haploop.Waveforms.beside(out)
-    if waveforms:
-        outputs.check_new_file(measured)
+    files = (out, measured) if waveforms else (out,)
+    for path in files:
+        outputs.check_new_file(path)
     with (
-        alone(rig, simulate) as file,
-        opened_rig(state, file, simulate) as opened,
+        reserved(*files, size=sizes.CALIBRATION + waveforms * sizes.WAVEFORMS),
+        rig.opened() as opened,
         Steps() as steps,
     ):
         on_table(opened, point)
         calibration, kept = haploop.calibrate_keeping(opened, patch, point, steps)
-    calibration.save(out)
-    if waveforms:
-        kept.save(measured)
-    display.show_file(out, as_json)
+        calibration.save(out)
+        if waveforms:
+            kept.save(measured)
+    show.print_contents(contents.file_contents(out), as_json)
     return 0
 
 
 @click.command()
-@click.argument("presses", nargs=-1, required=True, type=PATH, metavar="PRESS...")
-@click.option(
-    "--calibration",
-    "-c",
-    required=True,
-    type=PATH,
-    metavar="FILE",
-    help="Calibration file written by `haploop calibrate`.",
-)
+@PRESSES
+@CALIBRATION
 @click.option(
     "--out",
     "-o",
@@ -106,20 +77,16 @@ def calibrate(
     help="Folder for press, drive, check and a plot.  [default: only the check, dated, in checks]",
 )
 @PLAYS
-@press_method("--method", "--press-method")
-@RIG
-@SIMULATE
+@AVERAGE
+@on_rig()
 @JSON
-@click.pass_obj
 def check(
-    state: CommandState,
     presses: Sequence[Path],
     calibration: Path,
     out: Path | None,
     plays: int,
-    press_method: AverageMethod,
-    rig: str,
-    simulate: Mode | None,
+    average: AverageMethod,
+    rig: ChosenRig,
     as_json: bool,
 ) -> int:
     """Play a recorded press on the table and compare.
@@ -131,15 +98,12 @@ def check(
     Exit codes: 0 the check passed, 1 it failed or the plays do not show it.
     """
     loaded = haploop.Calibration.load(calibration)
-    press = haploop.load_press(presses, press_method)
-    if out is not None:
-        outputs.claim_check(out, press.button)
-        kept = None
-    else:
-        kept = outputs.dated_check(press.button)
+    press = haploop.load_press(presses, average)
+    kept = outputs.dated_check(press.button) if out is None else None
+    files = (kept,) if kept else outputs.check_files(out or Path(), press.button)
     with (
-        alone(rig, simulate) as file,
-        opened_rig(state, file, simulate) as opened,
+        reserved(*files, size=sizes.CHECK + plays * sizes.PLAY),
+        rig.opened() as opened,
         Steps() as steps,
     ):
         if loaded.response.simulated != opened.simulated:
@@ -149,11 +113,11 @@ def check(
             )
         drive = haploop.drive_for(press, loaded, opened.limits)
         result = haploop.check(opened, drive, plays=plays, progress=steps)
-    if kept is not None:
-        result.save(kept)
-    display.show_check(result, as_json, press, kept)
-    if out is not None:
-        outputs.save_check(out, press, result)
+        if out is not None:
+            outputs.save_check(out, press, result)
+        else:
+            result.save(files[0])
+    show.print_contents(contents.check_contents(result, press, kept), as_json)
     return 0 if result.passed else 1
 
 

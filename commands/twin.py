@@ -86,8 +86,8 @@ def ni(
     The first line on standard output is "Server listening on port N". Ctrl-C stops the server. The
     devices measure the rig's simulated plant.
 
-    With a COMMAND, run it with the devices of --device or --devices in place of NI's driver, and exit as it
-    does: haploop twin ni --device Dev1=PCIe-6363 -- python my_script.py
+    With a COMMAND after two hyphens, run it with the devices of --device or --devices in place of NI's
+    driver, and exit as it does.
     """
     from ..instruments import ConfigurationError, RealClock, load_rig_file  # noqa: PLC0415
     from ..instruments.config import validate  # noqa: PLC0415
@@ -209,9 +209,7 @@ def _command(kind: str, help_text: str, rig: Callable[..., Any] = _rig) -> None:
 @twin.command("all", short_help="Serve all simulated instruments of a rig.")
 @_rig
 @click.option(
-    "--press",
-    metavar="BUTTON",
-    help=f"Let a simulated person press this button every {_EVERY:g} s.",
+    "--press", metavar="BUTTON", help=f"Let a simulated person press this button every {_EVERY:g} s."
 )
 @_as_json
 def serve_all(rig: str, press: str | None, as_json: bool) -> None:

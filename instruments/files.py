@@ -4,19 +4,24 @@ A file is written beside its destination under a hidden name (`.<name>.<random>.
 given its name in one step that fails if the name is taken. A program that is killed leaves either
 nothing under the name or the complete file; its hidden part is removed by the next program that writes into
 the folder.
+
+A command that measures holds its names and its room before it begins (`reserved`), and its files get their
+names together or not at all: a file without the one that belongs to it would refuse the same command.
 """
 
 from __future__ import annotations
 
 import errno
+import io
 import os
 import re
 import secrets
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -25,6 +30,8 @@ from .errors import ConfigurationError, DataError
 
 __all__ = [
     "WRITE_ERRORS",
+    "Room",
+    "allocate",
     "appended",
     "check_destination",
     "existing",
@@ -33,6 +40,8 @@ __all__ = [
     "os_error_text",
     "private_files",
     "publish",
+    "reserved",
+    "room",
     "sync_folder",
     "whole_file",
 ]
@@ -95,18 +104,116 @@ WRITE_ERRORS = (OSError, RuntimeError, ValueError)
 """Errors of writing a file: a disk's refusal, and what the HDF5 library makes of it."""
 
 
+class Room:
+    """Bytes of a disk that are held for what is measured next; `free` gives them back as it is written."""
+
+    def __init__(self, file: io.FileIO, size: int) -> None:
+        self._file, self._size = file, size
+
+    def free(self, size: int | None = None) -> None:
+        """Give back `size` bytes, all by default. Raises OSError."""
+        self._size = 0 if size is None else max(0, self._size - size)
+        self._file.truncate(self._size)
+
+
+@contextmanager
+def room(folder: Path, size: int) -> Iterator[Room]:
+    """Hold `size` bytes of a folder's disk. Raises ConfigurationError when it does not have them.
+
+    They are a hidden file, which is removed at the end; that of a killed program is removed by the next.
+    """
+    with ExitStack() as stack:
+        try:
+            part, file = stack.enter_context(_part_of(folder / "room"))
+            _clear_abandoned(part)
+            allocate(file.fileno(), 0, size)
+        except OSError as error:
+            raise ConfigurationError(
+                f"{folder} cannot take the {max(1, round(size / 1e6))} MB that may be measured "
+                f"({os_error_text(error)}): free the space, or choose another folder."
+            ) from None
+        yield Room(file, size)
+
+
+@dataclass
+class _Batch:
+    """Files that get their names together: the open part of each that was written."""
+
+    names: frozenset[Path]
+    room: Room
+    written: dict[Path, tuple[Path, io.FileIO]] = field(default_factory=dict)
+    stack: ExitStack = field(default_factory=ExitStack)
+
+
+_batch: ContextVar[_Batch | None] = ContextVar("batch", default=None)
+
+
+@contextmanager
+def reserved(*paths: Path, size: int) -> Iterator[None]:
+    """Hold the room of new files of one folder, `size` bytes in all, while they are measured.
+
+    What `new_file` writes to these paths within gets its name at the end of the block: all files, or none
+    after an exception. Raises ConfigurationError before the block when a file exists or the disk cannot take
+    them, and DataError at its end.
+    """
+    for path in paths:
+        check_destination(path)
+    with room(paths[0].parent, size) as held, ExitStack() as stack:
+        batch = _Batch(frozenset(path.absolute() for path in paths), held, stack=stack)
+        token = _batch.set(batch)
+        try:
+            yield
+        finally:
+            _batch.reset(token)
+        _publish_together(batch)
+
+
+def _publish_together(batch: _Batch) -> None:
+    done: list[tuple[Path, os.stat_result]] = []
+    try:
+        for path, (part, file) in batch.written.items():
+            with _told(path):
+                same = part.stat()
+                _publish_part(part, file, path)
+                done.append((path, same))
+    except BaseException:
+        for path, same in done:
+            with suppress(OSError):
+                if os.path.samestat(path.lstat(), same):
+                    path.unlink()
+        raise
+
+
 @contextmanager
 def new_file(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; the file written there becomes `path` when the block succeeds.
+    """Yield a temporary path beside `path`; the file written there becomes `path` when the block succeeds,
+    or, of a path that is `reserved`, with the others.
 
     As `whole_file`, but with one-sentence errors: DataError when `path` exists or cannot be written.
     """
     path = Path(path)
-    if os.path.lexists(path):
-        raise DataError(existing(path))
-    try:
-        with whole_file(path) as part:
+    batch = _batch.get()
+    if batch is None or path.absolute() not in batch.names:
+        if os.path.lexists(path):
+            raise DataError(existing(path))
+        with _told(path), whole_file(path) as part:
             yield part
+        return
+    if os.path.lexists(path) or path.absolute() in batch.written:
+        raise DataError(existing(path))
+    with _told(path):
+        batch.room.free()
+        part, file = batch.stack.enter_context(_part_of(path))
+        yield part
+        os.fsync(file.fileno())
+    batch.written[path.absolute()] = part, file
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """One sentence, a DataError, for a file that exists or cannot be written."""
+    try:
+        yield
     except FileExistsError:
         raise DataError(existing(path)) from None
     except (OSError, RuntimeError) as error:  # h5py raises a RuntimeError when a disk fills up on closing
@@ -120,25 +227,45 @@ def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
     It is synced and renamed: without `replace`, as `publish`. After an exception no file remains. Raises
     FileExistsError and OSError.
     """
-    part, descriptor = _new_part(path, 0o600 if _private.get() else 0o666)
-    try:
+    with _part_of(path) as (part, file):
         _clear_abandoned(part)
         yield part
-        os.fsync(descriptor)
-        if os.name == "nt":  # renames no file that is open
-            os.close(descriptor)
-            descriptor = -1
-        if replace:
-            _replace(part, path)
-            sync_folder(path.parent)
-        else:
-            publish(part, path)
+        os.fsync(file.fileno())
+        _publish_part(part, file, path, replace=replace)
+
+
+@contextmanager
+def _part_of(path: Path) -> Iterator[tuple[Path, io.FileIO]]:
+    """The hidden part of a file, and the same held open; closed and removed at the end."""
+    part, descriptor = _new_part(path, 0o600 if _private.get() else 0o666)
+    file = io.FileIO(descriptor, "r+")
+    try:
+        yield part, file
     finally:
-        if descriptor >= 0:
-            with suppress(OSError):  # it was synced before
-                os.close(descriptor)
+        with suppress(OSError):  # it was synced before
+            file.close()
         with suppress(OSError):  # beside a published file, a part that cannot be removed is no failure
             part.unlink(missing_ok=True)
+
+
+def _publish_part(part: Path, file: io.FileIO, path: Path, *, replace: bool = False) -> None:
+    if os.name == "nt":  # renames no file that is open
+        file.close()
+    if replace:
+        _replace(part, path)
+        sync_folder(path.parent)
+    else:
+        publish(part, path)
+
+
+def allocate(file: int, place: int, length: int) -> None:
+    """Allocate `length` zero bytes at `place` of an open file, so that the disk cannot fill up later."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file, place, length)
+        return
+    os.lseek(file, place, os.SEEK_SET)
+    while length > 0:
+        length -= os.write(file, bytes(min(length, 1 << 20)))
 
 
 def _replace(part: Path, path: Path) -> None:
@@ -199,7 +326,7 @@ def sync_folder(folder: Path) -> None:
 
 def existing(path: Path) -> str:
     """Error message for a destination that exists."""
-    return f"{path} already exists and is not overwritten: move it away, or choose another name."
+    return f"{path} already exists and is not overwritten: move it away, or write to another place."
 
 
 def os_error_text(error: BaseException) -> str:

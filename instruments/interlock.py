@@ -35,11 +35,17 @@ class Interlock(Protocol):
         """Allow a generator to be set to a waveform (V at the output), or to start it. Raises LimitError."""
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
-        """Allow a relay to connect patches. Raises LimitError."""
+        """Allow a relay to connect patches, and bring to zero what leads to them. Raises LimitError."""
+
+    def switched(self, patches: frozenset[str]) -> None:
+        """Exactly these patches read connected now. Raises InstrumentError where volts stand on an output."""
+
+    def authorise_renewal(self) -> None:
+        """Look at what stands on a connected patch before it stays connected. Raises InstrumentError."""
 
 
 class _NoRig:
-    """Interlock of a driver without a rig: refuses volts, and lets a relay switch."""
+    """Interlock of a driver without a rig: refuses volts, and lets a relay only open."""
 
     def authorise(self, output: str, volts: FloatArray, rate_hz: float) -> None:
         raise _no_limits(output)
@@ -48,6 +54,16 @@ class _NoRig:
         raise _no_limits(output)
 
     def authorise_patches(self, patches: frozenset[str]) -> None:
+        if patches:
+            raise LimitError(
+                f"Patch {', '.join(sorted(patches))} is not connected without a rig, which knows what "
+                "stands on the amplifier's input: open the rig with open_rig, and use its relay."
+            )
+
+    def switched(self, patches: frozenset[str]) -> None:
+        pass
+
+    def authorise_renewal(self) -> None:
         pass
 
 

@@ -108,6 +108,13 @@ class ForceTorque(Sensor):
     serial: str | None = None
     """Serial number of the sensor that the file belongs to."""
 
+    @field_validator("matrix")
+    @classmethod
+    def _reads_fz(cls, matrix: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+        if not any(matrix[2]):
+            raise ValueError("its third row, Fz, is zero: no press could be seen")
+        return matrix
+
     def to_si(self, volts: FloatArray) -> FloatArray:
         """Convert (6, samples) V above rest to (6, samples): Fx, Fy, Fz (N), Tx, Ty, Tz (N m)."""
         return np.asarray(self.matrix) @ volts
@@ -162,17 +169,27 @@ class Accelerometer(Sensor):
 
     def fault_at_rest(self, volts: FloatArray) -> str | None:
         """Describe the fault of an accelerometer that shows (3, samples) V at rest, z up; None without."""
-        x, y, z = self.to_si(volts).mean(axis=1)
-        if abs(z + _G) < _TILT:
-            return "it is mounted upside down, z must point up: turn it over."
-        if abs(z - _G) > _TILT:
-            return (
-                "z must show 9.8: check how it is mounted, its supply, and sensitivity and zero in the rig "
-                "file."
-            )
+        x, y, _ = self.to_si(volts).mean(axis=1)
+        if wrong := self.fault_along_z(volts):
+            return f"{wrong}."
         if max(abs(x), abs(y)) > _TILT:
             return "x and y must show nothing: mount it level, or check its wires."
         return None
+
+    def fault_along_z(self, volts: FloatArray) -> str | None:
+        """Describe, as a clause, the fault of the vertical axis in (3, samples) V at rest; None without."""
+        if self.upside_down(volts):
+            return "it is mounted upside down, z must point up: turn it over"
+        if abs(float(self.to_si(volts)[2].mean()) - _G) > _TILT:
+            return (
+                "z must show 9.8: check how it is mounted, its supply, and sensitivity and zero in the rig "
+                "file"
+            )
+        return None
+
+    def upside_down(self, volts: FloatArray) -> bool:
+        """True when (3, samples) V at rest show gravity along -z."""
+        return abs(float(self.to_si(volts)[2].mean()) + _G) < _TILT
 
     def loss(self, frequency_hz: float) -> str | None:
         """Describe the attenuation by the capacitor at a frequency; None when it is less than 3 dB."""

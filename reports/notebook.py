@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
 from html import escape
 from typing import Any
 
-from matplotlib.figure import Figure
-
 from ..instruments import DataError, Rig
-from ..terminal.progress import SIMULATED, rows_of
+from .contents import Contents, contents_of, text_of
 from .figures import mark_simulated, png
-from .show import contents_of
 
 __all__ = ["html"]
 
@@ -25,10 +21,9 @@ def html(value: Any) -> str:
     if isinstance(value, Rig):
         return _rig(value)
     contents = contents_of(value)
-    facts = [(str(name), str(text)) for name, text in rows_of(contents.table)]
-    simulated = bool(contents.values["simulated"])
-    said = f"<div>{escape(SIMULATED)}</div>" if simulated else ""
-    return _table(str(contents.table.title), facts) + said + _picture(contents.draw, simulated)
+    said = f"<div>{escape(contents.origin)}</div>" if contents.simulated else ""
+    rows = [(label, text_of(text)) for label, text in contents.rows]
+    return _table(contents.title, rows) + said + _picture(contents)
 
 
 def _table(title: str, rows: list[tuple[str, str]]) -> str:
@@ -39,12 +34,12 @@ def _table(title: str, rows: list[tuple[str, str]]) -> str:
     return f"<div><b>{escape(title)}</b><table>{body}</table></div>"
 
 
-def _picture(draw: Callable[..., Figure], simulated: bool) -> str:
+def _picture(contents: Contents) -> str:
     try:
-        figure = draw(columns=1)
+        figure = contents.draw(columns=1)
     except DataError as error:
         return f"<div>{escape(str(error))}</div>"
-    if simulated:
+    if contents.simulated:
         mark_simulated(figure)
     data = base64.b64encode(png(figure, _DPI)).decode("ascii")
     return f'<img alt="plot" src="data:image/png;base64,{data}">'

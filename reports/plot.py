@@ -18,9 +18,9 @@ from ..calibration import Calibration, Check, DigitalButton, Drive, History, che
 from ..calibration.map import VibrationMap
 from ..instruments import DataError
 from . import figures
+from .contents import forces_in, simulated
 from .figures import Columns
-from .outputs import check_new_picture, save_picture
-from .show import forces_in, simulated
+from .outputs import PICTURES, check_new_file, save_picture
 
 _One = TypeVar("_One")
 
@@ -47,7 +47,7 @@ def recording(of: Recording, columns: Columns = 2) -> Figure:
 
     Raises DataError when there is none.
     """
-    return _made(figures.recording_figure(of, accepted_presses(of), columns), of.simulated)
+    return _made(figures.recording_figure([(of, accepted_presses(of))], columns), of.simulated)
 
 
 def press(*presses: Representative, columns: Columns = 2) -> Figure:
@@ -116,7 +116,7 @@ def save(figure: Figure, path: str | Path) -> None:
     Raises ConfigurationError when the file exists or cannot be written.
     """
     path = Path(path)
-    check_new_picture(path)
+    check_new_file(path, PICTURES)
     save_picture(figure, path, simulated=False)  # it is marked already
 
 

@@ -12,12 +12,12 @@ import signal
 import sys
 import textwrap
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import click
 
@@ -26,6 +26,12 @@ from ..instruments.signals import STOPPING, uninterrupted
 
 __all__ = ["CommandState", "Commands", "usable_streams"]
 
+_NUMBERS = {
+    "is not a valid integer range": "is not a whole number",
+    "is not a valid integer": "is not a whole number",
+    "is not a valid float range": "is not a number",
+    "is not a valid float": "is not a number",
+}
 INTERNAL_ERROR = 70
 """A bug in haploop: EX_SOFTWARE of sysexits."""
 
@@ -65,8 +71,15 @@ class Commands(click.Group):
             click.echo(error.format_message())
             result = 0
         except click.UsageError as error:
-            command = error.ctx.command_path if error.ctx else "haploop"
-            self._fail(f"{error.format_message().rstrip('.')}. Try '{command} --help'.", 2)
+            command = (
+                error.ctx.command_path
+                if error.ctx
+                else self._named((args[0] if args else extra.get("args")) or sys.argv[1:])
+            )
+            said = error.format_message().rstrip(".")
+            for click_says, meant in _NUMBERS.items():
+                said = said.replace(click_says, meant)
+            self._fail(f"{said}. Try '{command} --help'.", 2)
         except click.ClickException as error:
             self._fail(error.format_message(), 2)
         except HaploopError as error:
@@ -85,6 +98,15 @@ class Commands(click.Group):
                 INTERNAL_ERROR,
             )
         sys.exit(result if isinstance(result, int) else 0)
+
+    def _named(self, arguments: Sequence[str]) -> str:
+        """The command that the first arguments name: click's parser does not say which it was."""
+        names, group = ["haploop"], cast(click.Command, self)
+        for word in arguments:
+            if not isinstance(group, click.Group) or word not in group.commands:
+                break
+            names, group = [*names, word], group.commands[word]
+        return " ".join(names)
 
     @staticmethod
     def _fail(sentence: str, code: int) -> NoReturn:

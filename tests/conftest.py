@@ -138,6 +138,12 @@ def open(open_rig: OpenRig) -> OpenRig:
     return open_rig
 
 
+@pytest.fixture
+def unproved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A session whose gain is taken as proved: for tests that look at every volt and line of one play."""
+    monkeypatch.setattr("haploop.instruments.rig.playing.Playing._prove", lambda *_: None)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The user's own audit log and lockouts are no test's; nor are the locks of another worker's rigs."""

@@ -29,6 +29,7 @@ from ..recording import (
 from .protocol import Protocol
 from .restlessness import crept, hum_of
 from .segmentation import ButtonPress, Segmentation, Span, find_presses
+from .sensor_faults import axis_fault, doubt, signal_fault
 
 __all__ = ["QualityCheck", "accepted_presses", "activation_forces", "is_of"]
 
@@ -38,6 +39,8 @@ _LIGHT = 0.3
 """Fraction of a press's largest force below which the finger rests on the button, arrives or leaves."""
 _MOVING = 0.1
 """Time (s) in which a finger lands or leaves."""
+_REST, _TOLD = 1.0, 0.4
+"""Longest time (s) before a press in which the sensors' rest is looked at; shortest that tells hum."""
 _BETWEEN = 0.35
 """Fraction of both peaks below which the force must fall between two presses (it stays above 60 % at a
 snap)."""
@@ -82,6 +85,8 @@ class QualityCheck:
 
     def __init__(self, path: Path, header: Header, sensors: Sensors, protocol: Protocol) -> None:
         self._path, self._header, self._sensors, self._p = path, header, sensors, protocol
+        self._doubtful = False
+        self._still: FloatArray = np.zeros(0)
         if sensors.force is None:
             raise DataError(f"{path} has no force sensor.")
         self._most = _RATING * sensors.force.ratings[2]
@@ -89,7 +94,8 @@ class QualityCheck:
     def __call__(self, volts: FloatArray, first: int, span: Span, number: int, attempt: int) -> PressVerdict:
         """Return the verdict on the press in `span` (sample indices of the recording).
 
-        `volts` is (channels, samples) around it and starts at sample `first`: at least
+        The first accepted press with a doubtful signal has a reason that says so. `volts` is
+        (channels, samples) around it and starts at sample `first`: at least
         `Protocol.before` before the span, and no sample of the preceding press.
         """
         p, rate_hz = self._p, self._header.rate_hz
@@ -142,7 +148,13 @@ class QualityCheck:
         if wrong and (hum := hum_of(excerpt.force[quiet], rate_hz)):
             restless = [flag for flag in ("double", "not-quiet-before", "not-quiet-after") if flag in wrong]
             wrong |= dict.fromkeys(restless, hum)
-        sentence = "; ".join(dict.fromkeys(wrong.values()))
+        rest, press = slice(max(0, begin - round(_REST * rate_hz)), quiet.stop), slice(begin, end)
+        still = excerpt.acceleration[2][rest]
+        # A rest that is too short to tell hum leaves the one before.
+        self._still = still if len(still) >= min(_TOLD * rate_hz, len(self._still)) else self._still
+        if fault := axis_fault(excerpt, rest) or signal_fault(excerpt, rest, press, self._still):
+            wrong = {"sensor": fault} | wrong
+        sentence = "; ".join(dict.fromkeys(wrong.values())) or self._doubt(excerpt, rest, press)
         return PressVerdict(
             number=number,
             attempt=attempt,
@@ -152,8 +164,14 @@ class QualityCheck:
             force=np.nan if at is None else at,
             accepted=not wrong,
             flags=tuple(flag for flag in FLAGS if flag in wrong),
-            reason=f"{sentence[0].upper()}{sentence[1:]}." if wrong else "",
+            reason=f"{sentence[0].upper()}{sentence[1:]}." if sentence else "",
         )
+
+    def _doubt(self, excerpt: Recording, rest: slice, press: slice) -> str:
+        """What is doubtful in a press that counts, once in a session."""
+        found = "" if self._doubtful else doubt(excerpt, rest, press, self._still)
+        self._doubtful |= bool(found)
+        return found
 
 
 class _Excerpt(Recording):

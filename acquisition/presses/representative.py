@@ -32,11 +32,12 @@ from ...instruments.notebook import InNotebook
 from .. import hdf5
 from ..recording import Recording
 from .averaging import AverageMethod, average
+from .choice import few, held, single, usable
 from .cutting import Activated, common_opening, cut_out
 from .protocol import Protocol
-from .quality import accepted_presses, is_of
 from .registration import WarpModel
 from .segmentation import Segmentation, segmentation_for
+from .sensor_faults import upside_down
 from .spool import Spool
 
 __all__ = ["Representative", "Window", "high_pass", "load_press", "representative"]
@@ -44,6 +45,7 @@ __all__ = ["Representative", "Window", "high_pass", "load_press", "representativ
 _LARGEST = 1e9
 """Samples/s, N and m/s^2 that no press reaches."""
 _KIND = "representative"
+_TURNED = "the accelerometer was upside down, as gravity shows; the sign of its acceleration was changed"
 _RIPPLE = 1e-4
 """Added to the power response before division: limits the gain to 50, and makes a gain of 10 come out 1 %
 low."""
@@ -107,6 +109,8 @@ class Representative(InNotebook):
     simulated: bool
     reason: str = ""
     """Reason for the method, as a clause."""
+    corrected: tuple[str, ...] = ()
+    """What was wrong with recorded signals and was corrected, each with its participant."""
     scores: Mapping[str, float] = field(default_factory=dict)
     """Relative error of each method compared on held-out presses (`averaging.average`); smaller is better.
     Empty for a method that was asked for by name."""
@@ -203,6 +207,10 @@ def representative(
     out, gain and delay: a stock GY-61 passes 50 Hz, and shows a fifth of a click at 263.5 Hz. The
     correction fades out over a third of an octave beyond the band. It amplifies noise by `noise_gain`.
 
+    The sign of an accelerometer that was upside down is corrected. Presses with hum, spikes or a sensor that
+    does not follow, and those that clicked once more than the participant's others, are left out and listed
+    (`sensor_faults.py`, `double_clicks.py`).
+
     Presses that were rejected, saturated a sensor, did not activate the button, were held for less than half
     the median time, or differ from the participant's other presses are left out and listed, as are
     participants whose presses differ from the others'. Raises DataError when no press is left,
@@ -217,37 +225,46 @@ def representative(
             f"{rate_hz / 2:g} Hz, its lower edge first."
         )
     left_out: list[str] = []
-    usable, signals = [], Spool()
+    corrected: list[str] = []
+    good, signals = [], Spool()
     for recording in recordings:
-        if presses := _usable(recording, left_out):
+        if presses := usable(recording, left_out):
             vertical = recording.acceleration[2]
+            if upside_down(recording, recording.rest):
+                vertical = -vertical
+                corrected.append(f"{recording.participant}: {_TURNED}")
             if undo_low_pass is not None:
                 vertical = _undone(recording, vertical, undo_low_pass)
             signals.append(np.stack([high_pass(vertical, rate_hz, w.high_pass_hz), recording.force]))
-            usable.append((recording, presses))
+            good.append((recording, presses))
         recording.forget()
-    every = [press for _, presses in usable for press in presses]
+    every = [press for _, presses in good for press in presses]
     if not every:
         raise DataError(
             f"The recordings hold no usable press of the {first.button} button "
-            f"({'; '.join(left_out) or 'none was found'}): record more presses."
+            f"({few(left_out) or 'none was found'}): record more presses."
         )
     opening, least = common_opening([p.opened - at for p, at in every if p.opened is not None])
     after = max(w.after, opening / rate_hz + w.ring)
     before, after = round(w.before * rate_hz), round(min(after, w.longest) * rate_hz)
     names: dict[str, list[str]] = defaultdict(list)
     by: dict[str, list[tuple[int, Recording, list[Activated]]]] = defaultdict(list)
-    for number, (recording, presses) in enumerate(usable):
-        if held := _held(recording, presses, least, left_out):
-            by[recording.participant].append((number, recording, held))
-            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in held]
+    for number, (recording, presses) in enumerate(good):
+        if long := held(recording, presses, least, left_out):
+            by[recording.participant].append((number, recording, long))
+            names[recording.participant] += [f"press at {at / rate_hz:.2f} s" for _, at in long]
     curves = Spool()
     for participant in sorted(by):
         cut = [
             cut_out(recording, signals[n], presses, before, after, opening)
             for n, recording, presses in by[participant]
         ]
-        curves.append(np.concatenate(cut))
+        rows = np.concatenate(cut)
+        named = [f"{participant}, {name}" for name in names[participant]]
+        once, told = single(rows[:, 0], rate_hz, before, named)
+        left_out += told
+        names[participant] = [name for name, one in zip(names[participant], once, strict=True) if one]
+        curves.append(rows[once])
 
     found = average(curves, rate_hz, m, method)
     for participant, kept in zip(sorted(by), found.kept, strict=True):
@@ -269,6 +286,7 @@ def representative(
         bandwidth_hz=_bandwidth(first),
         sources=tuple((r.path.name, r.content_hash) for r in recordings),
         left_out=tuple(left_out),
+        corrected=tuple(corrected),
         method=found.method,
         reason=found.reason,
         simulated=any(r.simulated for r in recordings),
@@ -306,47 +324,6 @@ def _segmentation(recording: Recording) -> Segmentation:
     """Segmentation parameters used while recording, or else the button's defaults."""
     protocol = Protocol.from_json(recording.header.protocol)
     return protocol.segmentation if protocol else segmentation_for(recording.button)
-
-
-def _usable(recording: Recording, left_out: list[str]) -> list[Activated]:
-    """Presses with their activation instants (samples); the others are added to `left_out`."""
-    good = []
-    accepted = accepted_presses(recording)
-    left_out += [
-        f"{recording.participant}, press {bad.number}, attempt {bad.attempt}: {bad.reason}"
-        for bad in recording.verdicts
-        if not bad.accepted
-    ]
-    for number, press in enumerate(accepted, start=1):
-        if press.saturated:
-            left_out.append(f"{recording.participant}, press {number}: a sensor was saturated")
-        elif press.activation is None:
-            left_out.append(f"{recording.participant}, press {number}: the contact did not change")
-        else:
-            good.append((press, press.activation))
-    left_out += [
-        f"{recording.participant}, press {verdict.number}, attempt {verdict.attempt}: it is not found with "
-        "the recording's segmentation"
-        for verdict in recording.accepted
-        if not any(is_of(verdict, press) for press in accepted)
-    ]
-    return good
-
-
-def _held(
-    recording: Recording, presses: Sequence[Activated], least: float, left_out: list[str]
-) -> list[Activated]:
-    """The presses whose contact was closed for `least` samples; the others are added to `left_out`."""
-    long = []
-    for press, at in presses:
-        if press.opened is None or press.opened - at >= least:
-            long.append((press, at))
-        else:
-            left_out.append(
-                f"{recording.participant}, press at {at / recording.rate_hz:.2f} s: it was held for less "
-                "than half the time of the others"
-            )
-    return long
 
 
 def _name(recording: Recording, among: Sequence[Recording]) -> str:

@@ -151,6 +151,14 @@ class Recording(InNotebook):
         return tuple(press for press in self.verdicts if press.accepted)
 
     @property
+    def rest(self) -> slice:
+        """Samples at the beginning in which hands were off."""
+        end = next((e.sample for e in self.events if e.kind == "rest"), None)
+        length = max(1, round(self.header.rest * self.rate_hz))
+        start = max(0, end - length) if end is not None else 0
+        return slice(start, start + length)
+
+    @property
     def blocks(self) -> NDArray[np.void]:
         """Blocks as they arrived: first, count, overload (a bit per channel), time (s, rig's clock)."""
         return self._contents.blocks
@@ -262,10 +270,7 @@ class Recording(InNotebook):
         gauges = self._rows(self._sensor("force"))
         if not gauges.size:
             return gauges
-        end = next((e.sample for e in self.events if e.kind == "rest"), None)
-        length = max(1, round(self.header.rest * self.rate_hz))
-        start = max(0, end - length) if end is not None else 0
-        return np.asarray(gauges - gauges[:, start : start + length].mean(axis=1, keepdims=True))
+        return np.asarray(gauges - gauges[:, self.rest].mean(axis=1, keepdims=True))
 
     @property
     def _fz_weights(self) -> tuple[float, ...]:

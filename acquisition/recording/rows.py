@@ -51,6 +51,7 @@ FLAGS = (
     "not-quiet-before",
     "not-quiet-after",
     "rejected",
+    "sensor",
 )
 """Flags of a press; the position in this list is the bit in the file."""
 

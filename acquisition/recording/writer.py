@@ -22,7 +22,7 @@ from typing import Self
 import numpy as np
 
 from ...instruments import Block, ConfigurationError, DataError, InstrumentError
-from ...instruments.files import WRITE_ERRORS, existing, os_error_text, private_files, whole_file
+from ...instruments.files import WRITE_ERRORS, allocate, existing, os_error_text, private_files, whole_file
 from ..checksum import add_checksum, created
 from .file_format import Header, codes_per_volt, convert, write_header
 from .rows import (
@@ -225,7 +225,7 @@ class Writer:
         (self._events_at, _), (self._presses_at, _), (self._blocks_at, _) = places
         with temporary.open("r+b") as raw:
             for place, length in places:
-                _allocate(raw.fileno(), place, length)
+                allocate(raw.fileno(), place, length)
         # Rows have a CRC each; the checksum is that of all that does not change while recording.
         add_checksum(temporary, "recording", without=places)
 
@@ -275,13 +275,3 @@ class Writer:
 def _mask(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
     """Pack flags into bits, the first channel lowest; channels from the 32nd on share the last bit."""
     return sum(1 << bit for bit in {min(i, 31) for i, flag in enumerate(flags.tolist()) if flag})
-
-
-def _allocate(file: int, place: int, length: int) -> None:
-    """Allocate `length` zero bytes at `place`, so that the disk cannot fill up later."""
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(file, place, length)
-        return
-    os.lseek(file, place, os.SEEK_SET)
-    while length > 0:
-        length -= os.write(file, bytes(min(length, 1 << 20)))

@@ -137,7 +137,7 @@ class SessionRun:
             self._count(+1)
         else:
             self._again(verdict)
-        return verdict.reason
+        return "" if verdict.accepted else verdict.reason
 
     def _await(self, request: Press) -> None:
         """Wait until a press is over and hands are off again. Raises DataError."""
@@ -279,7 +279,12 @@ class SessionRun:
         recent: deque[FloatArray] = deque(maxlen=max(1, round(p.rest / p.block)))
         reminder = Rest(p.rest)
         while not (waited := self._overdue(0, reminder)):
-            recent.append(self._block().volts[self._gauges])
+            block = self._block()
+            # Sensors are looked at in the rest before the first press.
+            self._recent.append(block)
+            if len(self._recent) > (recent.maxlen or 0):
+                self._recent.popleft()
+            recent.append(block.volts[self._gauges])
             if len(recent) < (recent.maxlen or 0):
                 continue
             # Block means suppress noise, but not the force of a hand.

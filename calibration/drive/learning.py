@@ -2,7 +2,8 @@
 
 Plain iterative learning diverges with a stale response, and writes the measurement noise into the drive. So
 a step without improvement is undone and halved, and in the end the best drive is replayed beside the first,
-in plays that had no part in the selection.
+in plays that had no part in the selection. The corrections know the patch's even order as it is now: it is
+identified anew before the first one, because no response describes it.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from ...acquisition import hdf5
 from ...instruments import ConfigurationError, Rig
 from ...instruments.arrays import FloatArray
 from ...instruments.progress import Progress, part_of, silent
-from ..model import Calibration
-from ..response import prepare
+from ..model import Calibration, even_order
+from ..response import measure_both_signs, prepare
 from .agreement import SharedPower, dependence, error_spectra, lines_inside, shared_power
 from .check import LEAST_MOVED, UNSEEN
 from .correction import ResponseEstimate
@@ -148,13 +149,14 @@ def learn(
         return play_by_turns(rig, given, plays, estimate.tail, part_of(progress, doing, before, total))
 
     [outcome] = played(drive.volts)
-    estimate = estimate.after(drive.volts, outcome)
     first = _iteration(drive, drive.volts, outcome.accelerations, outcome.rate_hz)
-    stopped = _unlearnable(outcome, target_of(drive, outcome.rate_hz))
-    if not stopped and first.disturbed:
-        stopped = f"{first.reason}. Nothing can be learnt from these plays."
     tried = [replace(first, kept=True, reason="the drive as computed")]
     best, step = 0, 1.0
+    stopped = _unlearnable(outcome, target_of(drive, outcome.rate_hz))
+    told = f"{first.reason}. Nothing can be learnt from these plays."
+    stopped = stopped or (told if first.disturbed else _ended(tried, best, step, iterations))
+    if not stopped:
+        estimate = _informed(rig, drive, calibration).after(drive.volts, outcome)
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
         volts, expected = estimate.correction(tried[best].volts, outcome, step, rig.limits)
         if expected < _STEP_SIGNIFICANCE * tried[best].within.deviation:
@@ -176,12 +178,8 @@ def learn(
     first_again, best_again = _again(drive, tried, best, played) if best else (tried[0], tried[0])
     disturbed = first_again.disturbed or best_again.disturbed
     if best and (disturbed or not _better(first_again, best_again, _FINAL_SIGNIFICANCE)):
-        why = (
-            "the plays were disturbed"
-            if disturbed
-            else "the best drive was not closer by more than the noise"
-        )
-        stopped += f" Played again, {why}: the first is kept."
+        noise = "the best drive was not closer by more than the noise"
+        stopped += f" Played again, {'the plays were disturbed' if disturbed else noise}: the first is kept."
         tried[1:] = [replace(iteration, kept=False) for iteration in tried[1:]]
         best = 0
     progress(doing, total, total, "plays")
@@ -191,6 +189,16 @@ def learn(
         error = max(best_again.wideband_nrmse, best_again.nrmse)
         chosen = replace(drive, volts=tried[best].volts, predicted_error=error)
     return Learning(tuple(tried), best, first_again.nrmse, best_again.nrmse, stopped, chosen)
+
+
+def _informed(rig: Rig, drive: Drive, calibration: Calibration) -> ResponseEstimate:
+    """The prior, with the patch's even order as it is now.
+
+    It changes as a patch ages, and taken for an error of the response it would mislead every correction.
+    """
+    both = measure_both_signs(rig, drive.patch, drive.point)
+    law = replace(calibration.hysteresis, even=even_order(calibration, both))
+    return ResponseEstimate.of(drive, replace(calibration, hysteresis=law))
 
 
 def _iteration(drive: Drive, volts: FloatArray, accelerations: FloatArray, rate_hz: float) -> Iteration:

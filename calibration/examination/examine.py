@@ -130,6 +130,13 @@ def _settings(rig: Rig) -> Iterator[Finding]:
         yield _vibrometer_settings(rig)
     if _has_table(rig):
         yield _limits(rig)
+    for role, device in rig.file.devices.items():
+        if "rating_source" in device.settings:
+            sentence = (
+                f"The rig file gives the {role} figures that are not its product's own: "
+                f"{device.settings['rating_source']}."
+            )
+            yield Finding("Ratings", role, "yellow", sentence)
     if rig.file.relay is not None and math.isfinite(rig.relay.dead_man):
         sentence = (
             f"If this program is killed or loses power, the relay box opens by itself after "

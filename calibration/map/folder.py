@@ -17,6 +17,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from ...acquisition import hdf5
@@ -29,6 +30,8 @@ from ..response import Multisine
 __all__ = ["MapFolder", "MapPlan", "PointMeasurement", "Step"]
 
 _PLAN = "map.json"
+_BESIDES = 100_000
+"""Bytes of a step's file that are no spectra, at most."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,12 @@ class MapPlan:
     def duration(self) -> float:
         """Playing time of all steps together (s)."""
         return self.period * sum(len(step.plays) for step in self.steps)
+
+    def size(self, step: Step) -> int:
+        """Room that the file of a step takes at most (bytes)."""
+        patches = sum(len(self.patches) if play in ("each", "all") else 1 for play in step.plays)
+        lines = (self.high - self.low) * self.period + 1
+        return round(np.dtype(complex).itemsize * lines * (patches + len(step.plays))) + _BESIDES
 
 
 _PLANS = TypeAdapter(MapPlan)

@@ -11,6 +11,7 @@ import scipy
 
 from ...instruments import Aim, ConfigurationError, Rig
 from ...instruments.arrays import ComplexArray, FloatArray
+from ...instruments.files import Room, room
 from ...instruments.progress import Progress, silent
 from ..response import Channels, overloaded, refuse_silent_drive
 from .folder import MapFolder, MapPlan, PointMeasurement, Step
@@ -23,6 +24,8 @@ _DIM = 0.1
 """Fraction of full light below which a point is not measured."""
 _FOLLOWS = 4.0
 """Power at the excited lines over that at the silent ones, below which a point follows no patch."""
+_NOTES = 1_000_000
+"""Room (bytes) for notes on points that are skipped."""
 _SHARE = 0.99
 """Default level over the largest level that the limits allow."""
 
@@ -94,18 +97,24 @@ def measure_map(
     Before each point the operator is asked to aim the laser, and the light is checked. A point without
     light, without confirmation, out of range or that follows no patch is tried again, up to three times,
     and then skipped with the reason; any other failure ends the run, and completed points are
-    kept. Raises ConfigurationError, DataError, InstrumentError, LimitError.
+    kept. The disk's room for all of it is held before the first play. Raises ConfigurationError, DataError,
+    InstrumentError, LimitError.
     """
     plan = map_plan(rig) if plan is None else plan
     folder = MapFolder.create(out, plan)
-    rig.confirm_settings()
-    left = {step.name for step in folder.left()}
+    left = tuple(folder.left())
+    with room(folder.path, sum(plan.size(step) for step in left) + _NOTES) as held:
+        rig.confirm_settings()
+        _measure(rig, folder, left, held, progress)
+    return folder
+
+
+def _measure(rig: Rig, folder: MapFolder, left: Sequence[Step], held: Room, progress: Progress) -> None:
+    plan = folder.plan
     doing, total = f"Map {len(plan.points)} points", plan.duration
-    done = plan.period * sum(len(step.plays) for step in plan.steps if step.name not in left)
+    done = total - plan.period * sum(len(step.plays) for step in left)
     player = _Player(rig, plan)
-    for step in plan.steps:
-        if step.name not in left:
-            continue
+    for step in left:
         progress(doing, done, total, "s")
         reason: str | None = None
         for _ in range(_ATTEMPTS):
@@ -113,6 +122,7 @@ def measure_map(
             if reason is None:
                 found = player.play(step, light)
                 if isinstance(found, PointMeasurement):
+                    held.free(plan.size(step))
                     folder.write(step, found)
                     break
                 reason = found
@@ -120,7 +130,6 @@ def measure_map(
             folder.skip(step, reason)
         done += plan.period * len(step.plays)
         progress(doing, done, total, "s")
-    return folder
 
 
 def _aimed(rig: Rig, step: Step) -> tuple[str | None, float]:

@@ -15,11 +15,13 @@ from ..response import (
     Hysteresis,
     Response,
     Waveforms,
+    distortion,
     fit_hysteresis,
     measure_above,
-    measure_distortion,
+    measure_both_signs,
     measure_response,
 )
+from .even_order import even_order
 from .model import Model, fit
 
 __all__ = ["Calibration", "calibrate", "calibrate_keeping"]
@@ -119,12 +121,14 @@ def calibrate_keeping(
 
 
 def examined(rig: Rig, calibration: Calibration, progress: Progress = silent) -> Calibration:
-    """Add to a calibration the response above its band, and the distortion that its hysteresis leaves.
+    """Add to a calibration the patch's even order, the distortion left, and the response above its band.
 
     To be called after its response was measured, with the laser still at the point. Raises what
     `measure_response` raises.
     """
     patch, point = calibration.response.patch, calibration.response.point
-    law = calibration.hysteresis
+    both = measure_both_signs(rig, patch, point, progress)
+    law = replace(calibration.hysteresis, even=even_order(calibration, both))
     above = measure_above(rig, patch, point, law, progress)
-    return replace(calibration, above=above, distortion=measure_distortion(rig, patch, point, law, progress))
+    left = distortion(rig, patch, point, law, both)
+    return replace(calibration, hysteresis=law, above=above, distortion=left)

@@ -8,14 +8,16 @@ from .excitation import (
     linear_sweep,
     plan_excitation,
 )
-from .hysteresis import HALF_WIDTHS, Hysteresis, operators
+from .hysteresis import HALF_WIDTHS, Hysteresis, even_terms, operators
 from .hysteresis_of_levels import fit_hysteresis
 from .measuring import (
     QUICK,
     SWEEP,
+    BothSigns,
+    distortion,
     excite,
     measure_above,
-    measure_distortion,
+    measure_both_signs,
     measure_response,
     overloaded,
     plausible,
@@ -26,6 +28,7 @@ from .measuring import (
 from .modes import Modes, Plays, fit_modes
 from .response import Response
 from .settling import RESOLVED, refuse_silent_drive, ringing_of, settle
+from .terms import rows, terms_of
 from .uff import read_uff, read_uff_sets, write_uff, write_uff_sets
 from .waveforms import Waveforms
 
@@ -34,6 +37,7 @@ __all__ = [
     "QUICK",
     "RESOLVED",
     "SWEEP",
+    "BothSigns",
     "Channels",
     "Excitation",
     "Hysteresis",
@@ -43,12 +47,14 @@ __all__ = [
     "Plays",
     "Response",
     "Waveforms",
+    "distortion",
+    "even_terms",
     "excite",
     "fit_hysteresis",
     "fit_modes",
     "linear_sweep",
     "measure_above",
-    "measure_distortion",
+    "measure_both_signs",
     "measure_response",
     "operators",
     "overloaded",
@@ -61,7 +67,9 @@ __all__ = [
     "refuse_silent_drive",
     "response_from",
     "ringing_of",
+    "rows",
     "settle",
+    "terms_of",
     "write_uff",
     "write_uff_sets",
 ]

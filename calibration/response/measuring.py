@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
@@ -26,9 +26,11 @@ if TYPE_CHECKING:
 __all__ = [
     "QUICK",
     "SWEEP",
+    "BothSigns",
+    "distortion",
     "excite",
     "measure_above",
-    "measure_distortion",
+    "measure_both_signs",
     "measure_response",
     "overloaded",
     "plausible",
@@ -110,15 +112,49 @@ def measure_above(
     return _played(rig, patch, point, excitation, peak, hysteresis, progress, local_only=True)
 
 
-def measure_distortion(
-    rig: Rig, patch: str, point: str, hysteresis: Hysteresis, progress: Progress = silent
-) -> float:
-    """Measure the motion on lines that are not played, over that on those played, hysteresis taken out.
+@dataclass(frozen=True, eq=False)
+class BothSigns:
+    """A multisine and its negative, each from rest: (2, samples) V at the patch, and m/s, as sampled."""
 
-    To be called as `measure_above`; noise is part of it. Raises what `measure_response` raises.
+    volts: FloatArray
+    velocity: FloatArray
+    channels: Channels
+    captures: tuple[Capture, Capture]
+
+
+def measure_both_signs(rig: Rig, patch: str, point: str, progress: Progress = silent) -> BothSigns:
+    """Play the quick multisine and its negative at the largest level, for what does not change its sign.
+
+    To be called as `measure_above`. Raises what `measure_response` raises.
     """
-    settle(rig, patch, progress)
-    found = _played(rig, patch, point, QUICK, rig.limits.peak, hysteresis, progress, local_only=True)
+    captures = []
+    for number, sign in enumerate((1.0, -1.0)):
+        settle(rig, patch, progress)
+        tell = part_of(progress, _doing(patch, point), number * QUICK.duration, 2 * QUICK.duration)
+        captures.append(excite(rig, QUICK, patch, sign * rig.limits.peak, tell))
+        _refuse_overload(rig, captures[-1])
+    volts, velocity, channels = zip(*(_signals(rig, capture, patch) for capture in captures), strict=True)
+    own = slice(QUICK.samples(rig.table.rate_hz))
+    return BothSigns(
+        np.array(volts)[:, own], np.array(velocity)[:, own], channels[0], (captures[0], captures[1])
+    )
+
+
+def distortion(rig: Rig, patch: str, point: str, hysteresis: Hysteresis, both: BothSigns) -> float:
+    """Motion on lines that were not played, over that on those played, with a law taken out.
+
+    Noise is part of it. Raises InstrumentError when a signal left its range.
+    """
+    found = response_from(
+        rig,
+        both.captures[0],
+        QUICK,
+        rig.limits.peak,
+        patch=patch,
+        point=point,
+        hysteresis=hysteresis,
+        local_only=True,
+    )
     return float(np.median(np.linalg.norm(found.distortion, axis=0) / np.abs(found.velocity)))
 
 

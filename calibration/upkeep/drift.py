@@ -9,7 +9,7 @@ one. The thresholds are the rig file's (`haploop.instruments.config.rig_file.Rec
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -90,6 +90,11 @@ class Verdict:
     now: PlaceMetrics | None
     sentences: tuple[str, ...]
     """Findings; for a broken place, the fault and its location."""
+    factor: float = 1.0
+    """Velocity per volt at the patch, over the calibrated one, that is common to all modes: not a drift of
+    theirs, but the laser's scale or the patch's strength."""
+    path: float = 1.0
+    """Volts at the patch per volt commanded, by the drive monitor, over those when it was calibrated."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """By button: the predicted change of the motion that its drive makes, over its target."""
 
@@ -111,7 +116,8 @@ def compare(
     place = f"patch {response.patch} at the {response.point} point"
     coherence = _coherence(response)
     f, measured = _in_band(response)
-    law = hysteresis or active.hysteresis
+    # One multisine tells the loop, and not the even order: a changed one shows when a button is played.
+    law = replace(hysteresis, even=active.hysteresis.even) if hysteresis else active.hysteresis
     lag = active.hysteresis.gain(active.response.level)
     laid = lay_over(active.model, f, np.asarray(measured * lag / law.gain(response.level)))
     # The response is from the volts at the patch; a drive is commanded.
@@ -129,7 +135,9 @@ def compare(
     changes = {name: motion_change(drive, active, laid.model, law, path) for name, drive in drives.items()}
 
     def verdict(kind: Kind, *sentences: str) -> Verdict:
-        return Verdict(response.patch, response.point, kind, before, now, sentences, changes)
+        return Verdict(
+            response.patch, response.point, kind, before, now, sentences, laid.factor, path, changes
+        )
 
     if not coherence >= thresholds.coherence:
         return verdict(

@@ -24,12 +24,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from ...acquisition.json_files import append_json, changing, json_hash, read_json, write_json
 from ...instruments import DataError
-from ...instruments.files import os_error_text, sync_folder
+from ...instruments.files import Room, os_error_text, room, sync_folder
 from ...instruments.safety import hold
 
 __all__ = ["Activation", "Generation", "History"]
 
 _MANIFEST, _ACTIVATIONS, _LOOKS = "generation.json", "activations.json", "looks.json"
+_FIRST = "make one with `haploop calibrations adopt`"
 _NAME = re.compile(r"(\d{4,})-\d{8}T\d{6}Z")
 
 
@@ -122,11 +123,19 @@ class History:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
+        self._room: Room | None = None
 
     @contextlib.contextmanager
-    def hold(self) -> Iterator[None]:
-        """Keep every other writer off this folder. Raises InstrumentError, which names the holder."""
-        with hold({os.path.normcase(self.folder.resolve())}, "The history of calibrations"):
+    def hold(self, size: int = 0) -> Iterator[None]:
+        """Keep every other writer off this folder, and hold `size` bytes of its disk for `add` and `note`.
+
+        Raises InstrumentError, which names the holder, and ConfigurationError without that much room.
+        """
+        with contextlib.ExitStack() as stack:
+            name = os.path.normcase(self.folder.resolve())
+            stack.enter_context(hold({name}, "The history of calibrations"))
+            self._room = stack.enter_context(room(self.folder, size)) if size else None
+            stack.callback(setattr, self, "_room", None)
             yield
 
     @property
@@ -155,9 +164,7 @@ class History:
         """
         activations = self.activations
         if not activations:
-            raise DataError(
-                f"{self.folder} holds no active calibration: make one with `haploop calibrations adopt`."
-            )
+            raise DataError(f"{self.folder} holds no active calibration: {_FIRST}.")
         last = activations[-1]
         try:
             generation = Generation.open(self.folder / last.generation)
@@ -181,7 +188,8 @@ class History:
             if name == known or (name.isdecimal() and int(name) == int(number)):
                 return Generation.open(self.folder / known)
         raise DataError(
-            f"{self.folder} holds no calibration {name!r}; it has {', '.join(self._names()) or 'none'}."
+            f"{self.folder} holds no calibration {name!r}; "
+            + (f"it has {', '.join(names)}." if (names := self._names()) else f"it has none yet: {_FIRST}.")
         )
 
     def add(
@@ -202,6 +210,7 @@ class History:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise DataError(f"{self.folder} cannot be written: {os_error_text(error)}.") from None
+        self._use_room()
         with changing(self.folder / "generations"):
             for left in self.folder.glob(".*.part"):
                 # Left by a killed writer: it was never renamed, so nobody can have used it.
@@ -230,7 +239,12 @@ class History:
 
     def note(self, look: Mapping[str, Any]) -> None:
         """Keep what a look found: one entry. Raises DataError when it cannot be written."""
+        self._use_room()
         append_json(self.folder / _LOOKS, "looks", [look])
+
+    def _use_room(self) -> None:
+        if self._room is not None:
+            self._room.free()
 
     def _names(self) -> Sequence[str]:
         if not self.folder.is_dir():

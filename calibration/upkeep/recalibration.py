@@ -25,10 +25,12 @@ from ...instruments import (
 )
 from ...instruments.progress import Progress, prefixed, silent
 from ...instruments.safety import Audit, state_folder
+from .. import sizes
 from ..drive import Check, DigitalButton, Drive, Method, build_button, check
 from ..model import Calibration, calibrate_keeping
 from ..response import Waveforms
-from .drift import Verdict
+from .common_factor import common_factors, factors_since
+from .drift import Verdict, compare
 from .history import Generation, History
 from .look import Look, Place, look_at, place_of
 from .sensor_health import MATTERS, laser_at_rest
@@ -98,11 +100,12 @@ def recalibrate(
     does not aim at is reported as not measured.
 
     Raises DataError for a history without a whole active calibration or one that cannot be written,
-    ConfigurationError for another rig's, InstrumentError when another program recalibrates or the safe
-    state was not confirmed. An instrument that fails otherwise is an outcome: broken.
+    ConfigurationError for another rig's and for a disk without room for what may be made, before anything is
+    played; InstrumentError when another program recalibrates or the safe state was not confirmed. An
+    instrument that fails otherwise is an outcome: broken.
     """
     when = when or datetime.now(UTC)
-    with history.hold():
+    with history.hold(_size(history.active(), iterations)):
         active = history.active()
         calibrations, buttons = calibrations_of(active), buttons_of(active)
         _refuse_other(rig, active, calibrations)
@@ -113,10 +116,16 @@ def recalibrate(
         drives = [button.drive for button in buttons.values()]
         hidden = bool(disturbed and look.laser and any(look.laser.hides(drive) for drive in drives))
         outcome = _with(outcome, *disturbed)
-        if outcome.kind == "unchanged":
+        limits, since = rig.file.recalibration, factors_since(history, active)
+        gained = common_factors(look.verdicts, since, limits.factor)
+        far = bool(common_factors(look.verdicts, since, limits.gain))
+        if outcome.kind == "unchanged" and not far:
             turn = _turn(history, active, buttons, look)
             outcome = _played(rig, outcome, turn, buttons[turn], look, disturbed, progress)
-        if outcome.kind == "drifted" and look.unmeasured:
+        if gained and outcome.kind != "broken":
+            kind = "broken" if far or outcome.kind == "drifted" else outcome.kind
+            outcome = _with(replace(outcome, kind=kind), *gained)
+        elif outcome.kind == "drifted" and look.unmeasured:
             outcome = _with(
                 outcome,
                 "Nothing was changed, because a button at a point that was not measured cannot be made anew: "
@@ -244,6 +253,13 @@ def checks_before(generation: Generation) -> dict[str, Check]:
     return {path.stem: Check.load(path) for path in generation.paths("before")}
 
 
+def _size(active: Generation, iterations: int) -> int:
+    """Room (bytes) for a generation in the place of `active`."""
+    each = sizes.CHECK + sizes.BUTTON + (iterations + 1) * sizes.STEP
+    places = len(active.paths("calibrations")) * (sizes.CALIBRATION + sizes.WAVEFORMS)
+    return places + len(active.paths("buttons")) * each
+
+
 def _parts(
     calibrations: Iterable[Calibration], buttons: Mapping[str, DigitalButton], before: Mapping[str, Check]
 ) -> dict[str, Any]:
@@ -365,6 +381,10 @@ def _bring_back(
             return _with(replace(found, kind="broken", before=before, after=after), f"{name}: {error}")
         else:
             failed += [f"{name}: {reason}" for reason in after[name].check.reasons]
+    # Whoever moved the laser since the look must not be adopted either.
+    old_ones = {place_of(c): c for c in calibrations}
+    again = [compare(old_ones[place], c.response, {}, c.hysteresis) for place, c in renewed.items()]
+    failed += common_factors(again, factors_since(history, found.active), rig.file.recalibration.factor)
     found = replace(found, before=before, after=after)
     disturbed = _disturbed_since(rig, after, _usual_noise(history))
     if failed or disturbed:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ...reports import show as display
+from ...reports import show
 from ...terminal.exits import CommandState
-from ...terminal.progress import Steps, note, print_json
+from ...terminal.progress import Steps, note, print_json, print_line
 from .. import front as haploop
 from ..options import JSON, PATH, RIG, SIMULATE
 
@@ -60,9 +60,12 @@ def demo(
         summary = haploop.run_demo(
             folder, rig, seed=seed, participants=participants, mode=simulate, progress=progress
         )
+    from .report import demo_contents  # noqa: PLC0415
+
     if as_json:
         print_json(summary)
         note(f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).")
     else:
-        display.show_demo(summary)
+        show.print_contents(demo_contents(summary), as_json)
+        print_line(f"Report: {summary['report']}")
     return 0 if summary["passed"] else 1

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
 from importlib import metadata
 from typing import Any
 
@@ -12,11 +13,25 @@ import numpy as np
 
 from ...calibration import check_feeling
 from ...reports import figures
-from ...reports.html import CaptionedFigure, captions, render
-from ...reports.show import feeling_values
+from ...reports.contents import (
+    Contents,
+    Grid,
+    calibration_contents,
+    captions,
+    check_contents,
+    counted,
+    fact,
+    feeling_values,
+    fixed,
+    interval,
+    percent,
+    plain,
+    verdict_cell,
+)
+from ...reports.html import CaptionedFigure, Page
 from .result import PRESSES, ButtonResult, Demo
 
-__all__ = ["report", "summarise"]
+__all__ = ["demo_contents", "report", "summarise"]
 
 
 def summarise(demo: Demo) -> dict[str, Any]:
@@ -24,7 +39,7 @@ def summarise(demo: Demo) -> dict[str, Any]:
     model, response = demo.calibration.model, demo.calibration.response
     low, high = _band(demo)
     inside = (response.frequencies >= low) & (response.frequencies <= high)
-    return {
+    found: dict[str, Any] = {
         "simulated": True,
         "mode": demo.mode,
         "rig": demo.rig,
@@ -35,21 +50,22 @@ def summarise(demo: Demo) -> dict[str, Any]:
         "buttons": {result.button: _button(result) for result in demo.buttons},
         "patch": response.patch,
         "point": response.point,
-        "resonance_hz": _number(model.resonance_hz),
-        "resonance_true_hz": _number(demo.true_resonance_hz),
-        "carriers_hz": [_number(r.frequency_hz) for r in model.carriers],
-        "model_error": _number(model.error),
-        "coherence_min_in_band": _number(float(np.min(response.coherence[inside]))) if inside.any() else None,
-        "band_hz": [_number(low), _number(high)],
+        "resonance_hz": model.resonance_hz,
+        "resonance_true_hz": demo.true_resonance_hz,
+        "carriers_hz": [r.frequency_hz for r in model.carriers],
+        "model_error": model.error,
+        "coherence_min_in_band": float(np.min(response.coherence[inside])) if inside.any() else None,
+        "band_hz": [low, high],
         "notes": list(demo.notes),
-        "simulated_s": _number(demo.simulated_s),
-        "wall_s": _number(demo.wall_s),
+        "simulated_s": demo.simulated_s,
+        "wall_s": demo.wall_s,
         "folder": str(demo.out),
         "report": str(demo.out / "report.html"),
         "software": _software(),
         "date": response.created,
         "passed": demo.passed,
     }
+    return {name: plain(value) for name, value in found.items()}
 
 
 def _button(result: ButtonResult) -> dict[str, Any]:
@@ -58,16 +74,14 @@ def _button(result: ButtonResult) -> dict[str, Any]:
     return {
         "presses": PRESSES * len(result.recordings),
         "presses_detected": len(forces),
-        "activation_force_n": _number(float(np.mean(forces))) if len(forces) else None,
-        "activation_force_true_n": _number(float(np.mean(result.true_forces)))
-        if result.true_forces
-        else None,
-        "drive_peak_v": _number(drive.peak),
-        "drive_peak_to_peak_v": _number(float(np.ptp(drive.volts))),
-        "scale": _number(drive.scale),
-        "band_hz": [_number(edge) for edge in drive.band],
-        "in_band": _number(drive.in_band),
-        "predicted_error": _number(drive.predicted_error),
+        "activation_force_n": float(np.mean(forces)) if len(forces) else None,
+        "activation_force_true_n": float(np.mean(result.true_forces)) if result.true_forces else None,
+        "drive_peak_v": drive.peak,
+        "drive_peak_to_peak_v": float(np.ptp(drive.volts)),
+        "scale": drive.scale,
+        "band_hz": drive.band,
+        "in_band": drive.in_band,
+        "predicted_error": drive.predicted_error,
         **measured.summary(),
         "feeling": feeling_values(check_feeling(measured, result.press)),
         "left_out": list(result.press.left_out),
@@ -81,9 +95,113 @@ def _band(demo: Demo) -> tuple[float, float]:
     return float(min(low for low, _ in bands)), float(max(high for _, high in bands))
 
 
+def demo_contents(summary: Mapping[str, Any]) -> Contents:
+    """What a run says on a terminal, and at the head of its report."""
+    buttons = summary["buttons"]
+    rows = [
+        (
+            name,
+            f"{b['presses_detected']}/{b['presses']}",
+            fixed(b["activation_force_n"], 2, "N"),
+            fixed(b["activation_force_true_n"], 2, "N"),
+            fixed(b["drive_peak_v"], 1, "V"),
+            percent(b["in_band"]),
+            percent(b["wideband_nrmse"]),
+            interval(b["wideband_interval"]),
+            percent(b["outside"]),
+            b["feeling"]["felt"],
+            verdict_cell(b["verdict"]),
+        )
+        for name, b in buttons.items()
+    ]
+    said = [f"{name}: {one}" for name, b in buttons.items() for one in (*b["reasons"], *b["notes"])]
+    return Contents(
+        _TITLE,
+        tables=[Grid("", _HEADINGS, rows, below=_EXPLAINED)],
+        notes=[
+            *said,
+            *summary["notes"],
+            f"Resonance {summary['resonance_hz']:.2f} Hz (true: {summary['resonance_true_hz']:.2f} Hz). "
+            f"{summary['simulated_s']:.0f} s of simulated time in {summary['wall_s']:.0f} s.",
+        ],
+        simulated=True,
+        origin=f"Everything here is simulated ({summary['mode']}, seed {summary['seed']}).",
+        rig=summary["rig"],
+    )
+
+
+_TITLE = "From a press to a verified digital button"
+_HEADINGS = (
+    "Button", "Presses", "Force", "(true)", "Drive", "In band", "Error", "(95 %)", "Outside", "Felt",
+    "Verdict",
+)  # fmt: skip
+_EXPLAINED = (
+    "In band: share of the modulated press's energy within the band that is played. Error: of the whole "
+    "motion, with its 95 % confidence interval; outside: motion outside the band, over the target's. Felt: "
+    "whether thresholds of detection say that a finger feels it."
+)
+
+
 def report(demo: Demo, summary: Mapping[str, Any]) -> str:
     """Render the report of a run as HTML."""
-    return render(summary, _captioned_figures(demo))
+    response = demo.calibration.response
+    people = counted(summary["participants"], "participant")
+    when = f"{datetime.fromisoformat(summary['date']):%Y-%m-%d %H:%M} UTC"
+    lead = f"Rig “{demo.rig}”, {people}, patch {response.patch} at the {response.point} point, {when}."
+    table = calibration_contents(demo.calibration)
+    known = [
+        fact("True resonance", f"{demo.true_resonance_hz:.2f} Hz, of the simulated plant"),
+        fact("Lowest coherence in the band of the drives", fixed(summary["coherence_min_in_band"], 4)),
+    ]
+    sections = [
+        replace(demo_contents(summary), title="Results", notes=summary["notes"]),
+        *(check_contents(one.check, one.press) for one in demo.buttons),
+        replace(table, facts=[*table.facts, *known]),
+        *_about(demo, summary),
+    ]
+    sources = [(r.path.name, r.content_hash) for b in demo.buttons for r in b.recordings]
+    return Page(_TITLE, lead, sections, _captioned_figures(demo), sources).html()
+
+
+def _about(demo: Demo, summary: Mapping[str, Any]) -> Iterator[Contents]:
+    """How to read the numbers, what the run cannot show, and what it was made with."""
+    left_out = [
+        f"{one.button.capitalize()}, left out of the representative press: {press}"
+        for one in demo.buttons
+        for press in one.press.left_out
+    ]
+    shape = "The check compares the shape of the acceleration, at the scale stated with it."
+    yield Contents("How to read the numbers", notes=[_ERRORS, _FELT])
+    yield Contents("Limitations", notes=[*left_out, *demo.notes, shape])
+    yield Contents(
+        "Provenance",
+        [
+            fact("Rig file", demo.rig_file),
+            fact("Simulation", f"{demo.mode}; {_listed(demo.simulation, ' = ')}"),
+            fact("Software", _listed(summary["software"], " ")),
+            fact("Folder", str(demo.out)),
+        ],
+    )
+
+
+def _listed(values: Mapping[str, Any], mark: str) -> str:
+    return ", ".join(f"{key}{mark}{value}" for key, value in values.items())
+
+
+_ERRORS = (
+    "Error is the root-mean-square difference between the whole measured motion and the target acceleration "
+    "over the target's, without the noise of the plays, which is estimated from their differences; noise is "
+    "what is left in the mean of the plays. A button passes when the upper end of the confidence interval "
+    "is at most 20 %, fails when the lower end is above that, and is otherwise not shown to do either."
+)
+_FELT = (
+    "Levels over the threshold of detection of a finger at rest (0 dB), weighted with it from 18 to 1122 "
+    "Hz; the lowest threshold is that of a hand that grips a handle, and thresholds of a finger that "
+    "presses a surface may lie lower still. Perhaps: between the two, or where the figure of a just "
+    "noticeable difference does not hold. Levels in 20 ms show a snap, and are no verdict: short bursts "
+    "need more. The thresholds, their sources and what is only an estimate: docs/hardware.md, “Feeling a "
+    "vibration”."
+)
 
 
 def _captioned_figures(demo: Demo) -> Sequence[CaptionedFigure]:
@@ -139,7 +257,3 @@ def _counts(demo: Demo) -> str:
 def _software() -> dict[str, str]:
     packages = ("haploop", "numpy", "scipy", "h5py", "nidaqmx", "dtaidistance", "matplotlib")
     return {**{name: metadata.version(name) for name in packages}, "python": platform.python_version()}
-
-
-def _number(value: float | None) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None

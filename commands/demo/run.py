@@ -17,7 +17,7 @@ from ...instruments.clock import Clock, RealClock
 from ...instruments.driver import Mode
 from ...instruments.files import new_file
 from ...instruments.progress import Progress, part_of, prefixed, silent
-from ...reports.show import forces_in
+from ...reports.contents import forces_in
 from .report import report, summarise
 from .result import BUTTONS, PRESSES, ButtonResult, Demo
 

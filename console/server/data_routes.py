@@ -38,8 +38,8 @@ from ...calibration.spectra import resample, third_octaves
 from ...exchange.catalogue import list_files
 from ...instruments import DataError, HaploopError
 from ...instruments.arrays import FloatArray
+from ...reports.contents import experiment_contents
 from ...reports.figures import activation_time, trend
-from ...reports.show import experiment_values
 from ..data_folder import DataFolder, store_of
 
 __all__ = ["data_routes"]
@@ -219,7 +219,7 @@ def _experiment(data: DataFolder, asked: Mapping[str, str]) -> Any:
     store = store_of(data, asked.get("experiment", ""))
     file = store.experiment.file
     about = {"title": file.title or file.name, "groups": file.groups, "days": file.sessions}
-    return {**about, "consent": file.consent, "buttons": [*file.buttons], **experiment_values(store)}
+    return {**about, "consent": file.consent, "buttons": [*file.buttons], **experiment_contents(store).values}
 
 
 def _calibration(data: DataFolder, asked: Mapping[str, str]) -> Any:

@@ -37,9 +37,10 @@ from ...calibration import (
     map_plan,
     measure_map,
     play_button,
+    sizes,
 )
 from ...instruments import ConfigurationError, DataError, Progress, Rig, RigFile
-from ...instruments.files import check_destination
+from ...instruments.files import check_destination, reserved
 from ...instruments.operator import ConfirmSettings
 from ..data_folder import DataFolder, store_of
 from .board import Board
@@ -55,6 +56,8 @@ _BLOCK = 0.04
 _WAIT = 600.0
 _SPACE = 1e9
 """Bytes free below which the preflight is not green: a session allocates up to some hundred megabytes."""
+_PLAYS = 8
+"""Plays of a check."""
 _OLD_DAYS = 1.0
 """Time since the active calibration was made or verified, from which the preflight is not green."""
 _ACTOR = "the console"
@@ -272,13 +275,15 @@ def _calibrate(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     patch, point = str(wanted.get("patch", "A")), str(wanted.get("point", "button"))
     name = clean(wanted.get("name") or f"{patch}-{point}", "The name", 1)
     path = tools.data.path(f"calibrations-made/{name}.h5")
+    beside = Waveforms.beside(path)
     check_destination(path)
-    check_destination(Waveforms.beside(path))
+    check_destination(beside)
 
     def work(rig: Rig) -> dict[str, Any]:
-        calibration, waveforms = calibrate_keeping(rig, patch, point, tools.progress)
-        calibration.save(path)
-        waveforms.save(Waveforms.beside(path))
+        with reserved(path, beside, size=sizes.CALIBRATION + sizes.WAVEFORMS):
+            calibration, waveforms = calibrate_keeping(rig, patch, point, tools.progress)
+            calibration.save(path)
+            waveforms.save(beside)
         return {"file": tools.data.name(path)}
 
     return work
@@ -310,8 +315,9 @@ def _make(tools: Tools, wanted: Mapping[str, Any]) -> Work:
 
     def work(rig: Rig) -> dict[str, Any]:
         press = representative(recordings)
-        made = build_button(rig, press, calibration, iterations=iterations, progress=tools.progress)
-        made.save(path)
+        with reserved(path, size=sizes.BUTTON + (iterations + 1) * sizes.STEP):
+            made = build_button(rig, press, calibration, iterations=iterations, progress=tools.progress)
+            made.save(path)
         return {"file": tools.data.name(path), "verdict": made.check.verdict}
 
     return work
@@ -322,11 +328,11 @@ def _check(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     button = DigitalButton.load(path)
 
     def work(rig: Rig) -> dict[str, Any]:
-        result = play_button(rig, button, progress=tools.progress)
         now = datetime.now(UTC)
         saved = tools.data.path(f"checks/{path.stem}-{now:%Y%m%dT%H%M%S}.h5")
-        check_destination(saved)
-        result.save(saved)
+        with reserved(saved, size=sizes.CHECK + _PLAYS * sizes.PLAY):
+            result = play_button(rig, button, plays=_PLAYS, progress=tools.progress)
+            result.save(saved)
         # The button's file is never changed: the new check stands beside it.
         return {"file": tools.data.name(path), "check": tools.data.name(saved), "verdict": result.verdict}
 

@@ -16,6 +16,13 @@ __all__ = ["Entry", "entry_of"]
 _PLAYED = ("drive", "check", "button")
 
 
+KINDS = (
+    *("recording", "representative", "calibration", "waveforms", "drive", "learning", "check", "button"),
+    *("map", "map point", "map modes", "study", "damaged", "unreadable"),
+)
+"""What the kind of a file can be."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """One file; what a kind of file does not have is empty. The order of the fields is that of the index."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 
 from ...instruments.errors import ConfigurationError
-from .entry import Entry
+from .entry import KINDS, Entry
 
 __all__ = ["condition"]
 
@@ -32,6 +32,8 @@ def condition(where: Sequence[str]) -> tuple[str, list[str]]:
                 f"name of {', '.join(_NAMES)}."
             )
         name, operator, value = match.groups()
+        if name == "kind" and "*" not in value and value not in KINDS and operator in ("=", "!="):
+            raise ConfigurationError(f"There is no kind {value!r}: the kinds are {', '.join(KINDS)}.")
         # `date<=2026-11` includes that month, as `date=2026-11*` does.
         column = f"substr({name}, 1, {len(value)})" if operator == "<=" else name
         terms.append(f"{column} {_SQL[operator]} ?")

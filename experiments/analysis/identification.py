@@ -134,11 +134,11 @@ def _performance(rows: Rows, metric: Metric, design: _Design) -> Performance:
     names = list(dict.fromkeys(design.group_of[person] for person in whole if design.between))
     between = design.between if len(names) > 1 else ""
     groups = tuple(names.index(design.group_of[person]) for person in whole) if between else ()
+    effects = anova(array, tuple(design.factors), groups, between)  # refuses what is too little to compare
     comparisons = {
         name: compare_levels(array, axis, levels, groups)
         for axis, (name, levels) in enumerate(design.factors.items())
     }
-    effects = anova(array, tuple(design.factors), groups, between)
     left_out = tuple(person for person in values if person not in whole)
     return Performance(metric, effects, comparisons, len(whole), left_out)
 

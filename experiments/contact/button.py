@@ -219,6 +219,8 @@ def run_button(
     found: list[Played] = []
     pressed = asked = 0
     """Presses so far, and the touch that was last asked for: one after so many lifts."""
+    for button in (verified, release or verified):
+        rig.prove_gain(button.check.drive.patch)  # else in the first press, which would be felt late
     drop_old_frames(camera, rig.clock)
     begun, since = activator.lifts, rig.clock.now()
     ask()

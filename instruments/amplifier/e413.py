@@ -9,15 +9,20 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from ..arrays import FloatArray
 from ..bounded import Negative, Positive
 from ..clock import Clock
+from ..config import RatingSource, require_source
 from ..limits import Limits
 from .role import Amplifier
 
 __all__ = ["E413"]
+
+
+_OWN = {"min": -100.0, "max": 400.0, "gain": 50.0, "current_peak": 0.1, "current_average": 0.05}
+"""The product's own figures: V, V, V per V, A, A."""
 
 
 class E413(Amplifier):
@@ -30,11 +35,20 @@ class E413(Amplifier):
 
         input: str | dict[str, str]
         """Name of the output that feeds it; names by patch when it has a channel for each patch."""
-        gain: Positive = 50.0
-        min: Negative = -100.0
-        max: Positive = 400.0
-        current_peak: Positive = 0.1
-        current_average: Positive = 0.05
+        gain: Positive = _OWN["gain"]
+        min: Negative = _OWN["min"]
+        max: Positive = _OWN["max"]
+        current_peak: Positive = _OWN["current_peak"]
+        current_average: Positive = _OWN["current_average"]
+        rating_source: RatingSource = None
+
+        @model_validator(mode="after")
+        def _sourced(self) -> Self:
+            for key, own in _OWN.items():
+                value = getattr(self, key)
+                if value != own if key == "gain" else abs(value) > abs(own):
+                    require_source("E-413.D2", key, value, own, self.rating_source)
+            return self
 
     def __init__(self, settings: Settings) -> None:
         self.identity = "E-413.D2"

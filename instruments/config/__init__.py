@@ -1,6 +1,7 @@
 """Files that describe a rig: the rig file and the force sensor's calibration file."""
 
 from .model_file import load_model
+from .ratings import RatingSource, require_source
 from .rig_file import (
     AbortLimits,
     Device,
@@ -18,6 +19,7 @@ from .validation import told, validate, validate_kind
 __all__ = [
     "AbortLimits",
     "Device",
+    "RatingSource",
     "Recalibration",
     "RigFile",
     "SimulationSettings",
@@ -29,6 +31,7 @@ __all__ = [
     "parse_toml",
     "place",
     "read_text",
+    "require_source",
     "roles",
     "told",
     "validate",

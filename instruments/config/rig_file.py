@@ -167,6 +167,9 @@ class Recalibration(_Section):
     """Relative change of the damping ratios: resonances grow or shrink by as much."""
     gain: Positive = 0.1
     """Relative change of surface velocity per volt: an error of the same size."""
+    factor: Positive = 0.05
+    """Relative change, common to all modes, of velocity per volt at the patch: beyond it nothing is made anew
+    without a person, because a laser that is askew does the same as a weaker patch."""
     shape: Positive = 0.1
     """Residual, relative to the whole response, that no drift of the modes explains."""
     change: Positive = 0.1

@@ -231,6 +231,23 @@ class DaqConformance(Conformance):
         self.in_time(daq.zero)
         self.in_time(daq.zero)
 
+    @pytest.mark.requires("outputs", "loop")
+    def test_outputs_that_are_held_play_and_rest(self, daq: Daq) -> None:
+        """`hold` leaves zero volts; a stream plays on held outputs, and leaves them at zero and held."""
+        output, channel = self.loop
+        wave = self._wave(100)
+        self.in_time(daq.hold)
+        self.in_time(daq.hold)
+        self._rests(daq)
+        for _ in range(2):
+            with daq.stream([channel], self.rate_hz, 25, 100, {output: wave}) as stream:
+                assert self._lag(self.in_time(stream.capture).volts[0], wave) in (0, 1)
+            self.in_time(daq.hold)
+            self._rests(daq)
+        self.in_time(daq.let_go)
+        self.in_time(daq.let_go)
+        self._rests(daq)
+
     def test_close_may_be_called_again(self, daq: Daq) -> None:
         """`close` is idempotent, also while a stream is open."""
         daq.stream(self.channels, self.rate_hz, 50, 50)

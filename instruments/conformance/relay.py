@@ -9,9 +9,9 @@ from typing import ClassVar
 import pytest
 
 from ..clock import Clock, RealClock
-from ..errors import ConfigurationError, InstrumentError
+from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..relay import Relay
-from .suite import Conformance, one_sentence, refused
+from .suite import Conformance, bypass_interlock, one_sentence, refused
 
 __all__ = ["RelayConformance"]
 
@@ -38,6 +38,18 @@ class RelayConformance(Conformance):
     def clock(self) -> Clock:
         """The clock that the dead-man runs on; a twin's is virtual."""
         return RealClock()
+
+    @pytest.fixture(autouse=True)
+    def _switching(self, _skip_what_is_not_offered: None, request: pytest.FixtureRequest) -> None:
+        bypass_interlock(request.getfixturevalue("relay"))
+
+    def test_without_a_rig_it_only_opens(self, relay: Relay) -> None:
+        """A driver of its own does not know what stands on the amplifier's input: it closes no contact."""
+        vars(relay).pop("_interlock")
+        with refused(LimitError, naming="without a rig"):
+            relay.connect(relay.patches)
+        self.in_time(lambda: relay.connect(()))
+        assert self.in_time(relay.connected) == frozenset()
 
     def test_says_what_it_is(self, relay: Relay) -> None:
         """Identity, patches, rating and dead-man have valid values."""

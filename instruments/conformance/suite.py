@@ -103,6 +103,12 @@ class _Bypass:
     def authorise_patches(self, *_what: object) -> None:
         pass
 
+    def switched(self, *_what: object) -> None:
+        pass
+
+    def authorise_renewal(self) -> None:
+        pass
+
 
 def bypass_interlock(driver: Interlocked) -> None:
     """Let a driver that belongs to no rig play, for a test of the driver itself: no limit is checked."""

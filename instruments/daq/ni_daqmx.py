@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from functools import partial
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -27,6 +26,7 @@ from .ni_settings import NiSettings, Output, device_of
 from .role import Daq, Stream
 
 if TYPE_CHECKING:
+    from .ni_outputs import NiOutputs
     from .ni_sessions import Sessions
     from .ni_stream import NiStream
 
@@ -45,11 +45,17 @@ class NiDaq(Daq):
         self._settings = settings
         self._sessions = sessions
         self._streams: list[NiStream] = []
-        # Tasks of one name: two threads that zero at once would clear each other's.
-        self._zeroing = threading.RLock()
+        # Tasks of one name: two threads that zero, or look at the outputs, at once would clear each other's.
+        self._zeroing, self._reading = threading.RLock(), threading.RLock()
         from .ni_cards import find_cards  # noqa: PLC0415
+        from .ni_outputs import NiOutputs  # noqa: PLC0415
 
         self._cards = find_cards(_products(settings), sessions, settings.server)
+        homes: dict[str, dict[str, Output]] = {}
+        for name, output in settings.outputs.items():
+            homes.setdefault(self._cards[device_of(output.terminal)].home, {})[name] = output
+        self._outputs = {home: NiOutputs(self, home, own) for home, own in homes.items()}
+        self._holding = False
         self.simulated = any(card.simulated for card in self._cards.values())
         self.identity = " + ".join(
             f"{card.product} ({card.name}, serial {card.serial:X})" for card in self._cards.values()
@@ -107,44 +113,53 @@ class NiDaq(Daq):
             {name: outputs[name].terminal for name in play},
             self._cards,
         )
-        stream = NiStream(self, plan, tuple(channels), rate_hz, block, samples, dict(play))
-        self._streams.append(stream)
+        with self._reading:
+            stream = NiStream(self, plan, tuple(channels), rate_hz, block, samples, dict(play))
+            self._streams.append(stream)
         return stream
 
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
         names = {name for card in self._cards.values() for name in (card.name, card.home)}
-        purposes = ("input", "output", "zero", "outputs")
+        purposes = ("input", "output", "outputs")
         self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)
 
     def zero(self) -> None:
         """See `Daq.zero`. Stops every play first, because a playing task reserves its outputs."""
-        outputs: dict[str, list[Output]] = {}
-        for output in self._settings.outputs.values():
-            outputs.setdefault(device_of(output.terminal), []).append(output)
-        steps: list[Callable[[], None]] = [stream.stop_playing for stream in self._streams]
-        steps += [partial(self._write_zero, device, own) for device, own in outputs.items()]
+        self._every(lambda outputs: outputs.rest())
+        if not self._holding:
+            self._every(lambda outputs: outputs.let_go())
+
+    def hold(self) -> None:
+        """See `Daq.hold`: a task keeps the outputs reserved."""
+        self._holding = True
+        self._every(lambda outputs: outputs.rest())
+
+    def let_go(self) -> None:
+        """See `Daq.let_go`."""
+        self._holding = False
+        self._every(lambda outputs: outputs.let_go())
+
+    def _every(self, step: Callable[[NiOutputs], None]) -> None:
+        """Take a step for each card's outputs: one that fails must not keep another one from it."""
         failures = []
-        # One card that fails must not keep another one from zero.
         with self._zeroing:
-            for step in steps:
+            for outputs in self._outputs.values():
+                for stream in self._streams:
+                    stream.stopped(outputs)
                 try:
-                    step()
+                    step(outputs)
                 except InstrumentError as error:
                     failures.append(error)
         if failures:
             raise InstrumentError(" ".join(str(error) for error in failures)) from failures[0]
 
-    def _write_zero(self, device: str, outputs: Sequence[Output]) -> None:
-        with self.talking_to(device), self.task(f"{device} zero") as task:
-            for output in outputs:
-                self.add_output(task, output)
-            taken = task.write([0.0] * len(outputs) if len(outputs) > 1 else 0.0, auto_start=True)
-        if taken != 1:
-            raise InstrumentError(f"{device} did not say that its outputs took zero: try again.")
-
     def outputs_read(self) -> Mapping[str, float]:
         """See `Daq.outputs_read`, through the cards' internal channels for it."""
+        with self._reading:
+            return self._outputs_read()
+
+    def _outputs_read(self) -> dict[str, float]:
         named: dict[str, list[str]] = {}
         for name, output in self._settings.outputs.items():
             card = self._cards[device_of(output.terminal)]
@@ -168,6 +183,8 @@ class NiDaq(Daq):
         """See `Daq.close`."""
         for stream in list(self._streams):
             stream.release()
+        with suppress(InstrumentError):  # the server is gone, and has its own way with tasks
+            self.let_go()
         self._sessions.close()
 
     # For streams
@@ -180,6 +197,15 @@ class NiDaq(Daq):
         """Give a task an output; a card whose range is narrower than the library's +-10 V refuses those."""
         low = 0.0 if self._cards[device_of(output.terminal)].unipolar else -output.range
         task.ao_channels.add_ao_voltage_chan(output.terminal, min_val=low, max_val=output.range)
+
+    def outputs_at(self, home: str) -> NiOutputs:
+        """The outputs of a card or chassis."""
+        return self._outputs[home]
+
+    def done(self, outputs: NiOutputs) -> None:
+        """Free outputs whose play is over, unless they are held."""
+        if not self._holding:
+            outputs.let_go()
 
     def forget(self, stream: NiStream) -> None:
         """Remove a stream that has released its tasks."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from ..bounded import Positive
 
@@ -45,6 +45,16 @@ class NiSettings(_Section):
     """NI device server as host:port; None takes the driver of this computer."""
     buffer_s: Positive = 10.0
     """Length of the host's buffer for a late reader (s)."""
+
+    @field_validator("outputs")
+    @classmethod
+    def _one_name_each(cls, outputs: dict[str, Output]) -> dict[str, Output]:
+        names: dict[str, str] = {}
+        for name, output in outputs.items():
+            first = names.setdefault(output.terminal.lower(), name)
+            if first != name:
+                raise ValueError(f"{output.terminal} has two names, {first!r} and {name!r}: keep one")
+        return outputs
 
 
 def device_of(terminal: str) -> str:

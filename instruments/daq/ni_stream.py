@@ -13,13 +13,13 @@ from typing import Any, Protocol
 import numpy as np
 from nidaqmx.constants import AcquisitionType, TerminalConfiguration
 from nidaqmx.stream_readers import AnalogMultiChannelReader
-from nidaqmx.stream_writers import AnalogMultiChannelWriter
 
 from ..arrays import FloatArray
 from ..errors import ConfigurationError, InstrumentError
 from .ni_cards import Plan, believed
+from .ni_outputs import NiOutputs
 from .ni_sentences import cut_off, zeroed
-from .ni_settings import NiSettings, Output
+from .ni_settings import NiSettings
 from .role import Block, Stream
 
 __all__ = ["NiStream"]
@@ -53,11 +53,14 @@ class Cards(Protocol):
     def task(self, purpose: str) -> Any:
         """Create a task, a context that clears it."""
 
-    def add_output(self, task: Any, output: Output) -> None:
-        """Give a task an output."""
-
     def talking_to(self, device: str) -> AbstractContextManager[None]:
         """Turn any error of NI's library into one sentence about `device`."""
+
+    def outputs_at(self, home: str) -> NiOutputs:
+        """The outputs of a card or chassis."""
+
+    def done(self, outputs: NiOutputs) -> None:
+        """Free outputs whose play is over, unless they are held."""
 
     def zero(self) -> None:
         """Write zero volts to every output."""
@@ -86,6 +89,7 @@ class NiStream(Stream):
         self._rows = [order.index(name) for name in channels]
         self._inputs: list[Any] = []
         self._player: Any = None
+        self._outputs: NiOutputs | None = None
         self._length = self._played = 0
         """Samples of the waveform, and how many of them are known to have been played."""
         self._zeroed = False
@@ -165,8 +169,11 @@ class NiStream(Stream):
     def close(self) -> None:
         """See `Stream.close`."""
         if self._open:
-            self.release()
-            self._daq.zero()
+            self._open = False
+            try:
+                self._daq.zero()
+            finally:
+                self.release()
 
     def release(self) -> None:
         """Release the tasks; outputs keep their value."""
@@ -178,16 +185,18 @@ class NiStream(Stream):
                 every.enter_context(self._daq.talking_to(self._plan.master))
                 every.callback(task.close)
             self._inputs = []
-            every.callback(self.stop_playing)
+            every.callback(self._free)
 
-    def stop_playing(self) -> None:
-        """Stop the waveform and free its outputs."""
-        # By `Daq.zero`; `release` ends the stream itself.
-        self._zeroed |= self._player is not None and self._open and self._played < self._whole
-        player, self._player = self._player, None
-        if player is not None and self._plan.output is not None:
-            with self._daq.talking_to(self._plan.output):
-                player.close()
+    def stopped(self, outputs: NiOutputs) -> None:
+        """Note that these outputs are being stopped or freed: by this stream itself, or before its end."""
+        if self._player is not None and outputs is self._outputs:
+            self._zeroed |= self._open and self._played < self._whole
+            self._player = None
+
+    def _free(self) -> None:
+        outputs, self._outputs, self._player = self._outputs, None, None
+        if outputs is not None:
+            self._daq.done(outputs)
 
     def _input(self, home: str, names: tuple[str, ...], rate_hz: float) -> Any:
         settings = self._daq.settings
@@ -217,24 +226,12 @@ class NiStream(Stream):
 
     def _arm_player(self, play: dict[str, FloatArray]) -> None:
         """Load the waveforms; they begin with the master's first sample."""
-        output = self._plan.output
-        assert output is not None, "a waveform has an output"
-        settings = self._daq.settings
+        home = self._plan.output
+        assert home is not None, "a waveform has an output"
         length = self._length = max(2, *(len(volts) for volts in play.values()))
-        rows = np.array([np.pad(v, (0, length - len(v)), mode="edge") for v in play.values()], np.float64)
-        with self._daq.talking_to(output):
-            task = self._player = self._daq.task(f"{self._plan.output} output")
-            for name in play:
-                self._daq.add_output(task, settings.outputs[name])
-            master = self._plan.master
-            # Also on the master's own card: two dividers of one timebase need not give the same rate.
-            task.timing.cfg_samp_clk_timing(self.rate_hz, f"/{master}/ai/SampleClock", samps_per_chan=length)
-            taken = AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
-            if taken != length:
-                raise InstrumentError(
-                    f"{output} took {taken} of a waveform's {length} samples; nothing was played."
-                )
-            task.start()
+        rows = {name: np.pad(volts, (0, length - len(volts)), mode="edge") for name, volts in play.items()}
+        self._outputs = self._daq.outputs_at(home)
+        self._player = self._outputs.play(rows, self.rate_hz, f"/{self._plan.master}/ai/SampleClock")
 
     def _read(self, first: int, count: int) -> FloatArray:
         """Read the next `count` samples of every task, (channels in the tasks' order, samples)."""

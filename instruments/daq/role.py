@@ -164,6 +164,18 @@ class Daq(Interlocked, ABC):
         A play that this cuts short is none: the next block of its stream is an InstrumentError.
         """
 
+    def hold(self) -> None:
+        """Write zero volts to every output, and let no other program write to one until `let_go`.
+
+        A stream takes its outputs over, and leaves them held. Called again, it also looks whether they still
+        are. Raises InstrumentError where another program has an output, or has taken it. A driver whose cards
+        cannot be reserved only writes zero.
+        """
+        self.zero()
+
+    def let_go(self) -> None:
+        """Let other programs write to the outputs again, which keep their value. Idempotent."""
+
     def outputs_read(self) -> Mapping[str, float]:
         """Volts that stand now on the outputs that the cards can read back, by name (V).
 

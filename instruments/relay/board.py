@@ -129,16 +129,13 @@ class ChannelRelay(Relay):
         states = self._states(self.patches)
         return frozenset(patch for patch, state in states.items() if state.closed)
 
-    def renew(self) -> None:
-        """See `Relay.renew`. Raises InstrumentError when a channel is not as `connect` left it.
-
-        A channel that opened by itself is not closed again: the drive may be on.
-        """
+    def _renew(self) -> None:
+        """A channel that opened by itself is not closed again: the drive may be on."""
         with self._switching:
             if self._held:
-                self._renew()
+                self._renew_held()
 
-    def _renew(self) -> None:
+    def _renew_held(self) -> None:
         self._check_open()
         held, self._held = self._held, frozenset()
         for patch, state in self._states(self.patches).items():

@@ -15,8 +15,8 @@ class Relay(Interlocked, ABC):
     """A relay box between the amplifier and the patches.
 
     Safe state: every channel open. Opening the driver changes no channel. Switch only while the
-    drive is at zero: a charged patch that is switched clicks. A driver implements `_connect`, which
-    only `connect` calls; while a drive is played it only opens.
+    drive is at zero: a charged patch that is switched clicks. A driver implements `_connect` and `_renew`,
+    which only `connect` and `renew` call; while a drive is played, and without a rig, it only opens.
     """
 
     identity: str
@@ -32,11 +32,14 @@ class Relay(Interlocked, ABC):
         """Connect exactly these patches, all others open, and read that back.
 
         Returns when the contacts have settled. Raises ConfigurationError for an unknown patch,
-        LimitError while the rig plays a drive that is not for these patches, InstrumentError when
-        the box does not answer or reads back anything else.
+        LimitError while the rig plays a drive that is not for these patches, and for any patch without a
+        rig; InstrumentError when the box does not answer or reads back anything else, or when volts stand
+        on an output that leads to it.
         """
-        self._interlock.authorise_patches(frozenset(patches))
+        wanted = frozenset(patches)
+        self._interlock.authorise_patches(wanted)
         self._connect(patches)
+        self._interlock.switched(wanted)
 
     @abstractmethod
     def _connect(self, patches: Collection[str]) -> None:
@@ -53,9 +56,19 @@ class Relay(Interlocked, ABC):
         """
         return ""
 
-    @abstractmethod
+    @final
     def renew(self) -> None:
-        """Restart the dead-man time; does nothing when no patch is connected."""
+        """Restart the dead-man time; does nothing when no patch is connected.
+
+        Raises InstrumentError when the box is not as `connect` left it, and, with every patch open by then,
+        when volts stand on an output that leads to it.
+        """
+        self._interlock.authorise_renewal()
+        self._renew()
+
+    @abstractmethod
+    def _renew(self) -> None:
+        """Do the driver's part of `renew`."""
 
     @abstractmethod
     def close(self) -> None:

@@ -24,7 +24,7 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_va
 
 from ..bounded import Positive, Timeout
 from ..clock import Clock, RealClock
-from ..config import told
+from ..config import RatingSource, require_source, told
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
 from .board import BoardSettings, ChannelRelay, ChannelState, read_back
@@ -34,6 +34,7 @@ __all__ = ["Yocto"]
 CHANNELS = 8
 """Channels of a box (docs/hardware.md, "Relay box")."""
 _PRODUCT = "Yocto-MaxiCoupler"
+_RATING = 48.0
 _PORT = 4444
 _OPEN_AT_POWER_ON = 1
 """`stateAtPowerOn`: 0 is as before, 1 is A, 2 is B (docs/hardware.md, "Relay box")."""
@@ -65,7 +66,7 @@ class Yocto(ChannelRelay):
         hub: Annotated[str, AfterValidator(_address)] = f"http://127.0.0.1:{_PORT}"
         serial: Annotated[str, Field(pattern=_SERIAL)] | None = None
         """Serial number; without it, the only Yocto-MaxiCoupler that the hub has."""
-        rating: Positive = 48.0
+        rating: Positive = _RATING
         """DC rating of the V2 (V); its 30 V AC rms is not checked, and the V1's rating was not found
         (docs/hardware.md, "Relay box")."""
         dead_man: Annotated[float, Field(ge=0.1, le=60)] = 2.0
@@ -75,8 +76,12 @@ class Yocto(ChannelRelay):
         timeout: Timeout = 1.0
         """Time for the hub to answer a request completely (s)."""
 
+        rating_source: RatingSource = None
+
         @model_validator(mode="after")
         def _ordered(self) -> Self:
+            if self.rating > _RATING:
+                require_source(_PRODUCT, "rating", self.rating, _RATING, self.rating_source)
             if self.longest < self.dead_man:
                 raise ValueError("longest must not be less than dead_man")
             return self

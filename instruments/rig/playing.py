@@ -17,20 +17,23 @@ from ..arrays import FloatArray
 from ..clock import Clock
 from ..daq import Block, Capture, Stream
 from ..errors import ConfigurationError, InstrumentError
-from ..generator import Waveform
+from ..generator import Sweep, Waveform
 from ..limits import Limits
 from ..progress import Progress, silent
-from ..safety import Limiter, exit_within
+from ..safety import Limiter, combined, exit_within
 from ..signals import uninterrupted
 from .alignment import align, find
+from .gain_proof import HZ, TOO_MUCH, level_of, loudest, tone
 from .monitoring import Monitoring
-from .ratings import ratings
+from .ratings import figures
 from .roles import Instruments
 
 __all__ = ["Playing"]
 
 _SLACK = 0.5
 """Time for a generator to answer its trigger and for a block to arrive (s)."""
+_PROOF = Sweep(start_hz=HZ - 1, stop_hz=HZ + 1, duration=0.1, amplitude=1.0)
+"""The generator's sweep that proves the gain."""
 
 
 class Playing:
@@ -43,12 +46,15 @@ class Playing:
         limiter: Limiter,
         monitoring: Monitoring,
         make_safe: Callable[[], None],
+        proved: set[str],
     ) -> None:
+        """`proved` are the amplifier's inputs whose gain was proved in this session; a play adds its own."""
         self._rig = rig
         self._clock = clock
         self._limiter = limiter
         self._monitoring = monitoring
         self._make_safe = make_safe
+        self._proved = proved
 
     def excite(
         self,
@@ -65,14 +71,16 @@ class Playing:
         rate_hz = rig.table.rate_hz
         _refuse_tail(tail)
         if not rig.feeds_amplifier("player"):
-            return self._played({rig.amplifier.input: drive}, patches, channels, tail, progress)
-        output, rendered = rig.player.output, rig.player.rendered
-        permitted = self._limiter.permit(
-            {output: drive}, rate_hz, frozenset(patches), rig.amplifier, self._ratings, rendered
-        )
-        with uninterrupted(), permitted as volts:
-            count = len(drive) + max(1, round(tail * rate_hz))
-            return self._excite_by_player(drive, volts[output], patches, channels, count, progress)
+            own = {rig.amplifier.input: drive}
+            self._prove_each(own, patches)
+            return self._played(own, patches, channels, tail, progress)
+        self._limiter.check(drive, rate_hz, self._ratings(len(frozenset(patches))))
+        if drive.any() and patches:
+            self.prove_gain(min(patches))
+        capture = self._by_player(drive, patches, channels, tail, progress)
+        if drive.any():
+            return self._aligned(capture, drive, channels, len(drive) + max(1, round(tail * rate_hz)))
+        return _only(channels, capture, len(drive) + max(1, round(tail * rate_hz)))
 
     def excite_each(
         self,
@@ -93,6 +101,7 @@ class Playing:
             )
         _refuse_tail(tail)
         own = {inputs[patch]: drive for patch, drive in drives.items()}
+        self._prove_each(own, tuple(drives))
         return self._played(own, tuple(drives), channels, tail, progress)
 
     def generate(
@@ -111,11 +120,64 @@ class Playing:
                 f"The generator of the rig {rig.name!r} is wired to {rig.generator.output!r}, and its "
                 f"amplifier's input is {rig.amplifier.input!r}: give both the same name in the rig file."
             )
-        permitted = self._limiter.permit_waveform(
-            rig.generator.output, waveform, _SLACK, frozenset(patches), rig.amplifier, self._ratings
+        self._limiter.check_waveform(waveform, _SLACK, rig.amplifier, self._ratings(len(frozenset(patches))))
+        patch = min(patches, default="")
+        self._prove(
+            rig.generator.output,
+            patch,
+            lambda level: self._generated(
+                replace(_PROOF, amplitude=level), (patch,), (rig.monitor(patch),), 0.0, silent
+            ),
         )
-        with uninterrupted(), permitted as at_output:
-            return self._generated(at_output, patches, channels, tail, progress)
+        return self._generated(waveform, patches, channels, tail, progress)
+
+    def prove_gain(self, patch: str) -> None:
+        """See `Rig.prove_gain`."""
+        rig = self._rig
+        rate_hz, level = rig.table.rate_hz, level_of(combined(self._ratings(1)))
+        source = rig.amplifier.inputs.get(patch, rig.amplifier.input)
+        if rig.feeds_amplifier("player"):
+            drive, row = tone(level, rate_hz), rig.drive_monitor().channels[:1]
+            self._prove(source, patch, lambda _: self._by_player(drive, (patch,), row, 0.0, silent))
+        elif not rig.feeds_amplifier("generator"):
+            self._prove_each({source: tone(level, rate_hz)}, (patch,))
+
+    def _prove_each(self, drives: Mapping[str, FloatArray], patches: Collection[str]) -> None:
+        """Prove the gain of what these drives of the DAQ's outputs pass; see `_prove`."""
+        inputs, rate_hz = self._rig.amplifier.inputs, self._rig.table.rate_hz
+        for source in drives:
+            if any(drive.any() for drive in drives.values()):
+                patch = next((p for p in sorted(patches) if inputs.get(p, source) == source), "")
+                self._limiter.check(drives[source], rate_hz, self._ratings(len(frozenset(patches))))
+                self._prove(
+                    source,
+                    patch,
+                    lambda level, s=source, p=patch: self._played(  # type: ignore[misc]
+                        {s: tone(level, rate_hz)}, (p,), (self._rig.monitor(p),), 0.0, silent
+                    ),
+                )
+
+    def _prove(self, source: str, patch: str, play: Callable[[float], Capture]) -> None:
+        """Prove the gain from an amplifier's input to a patch, once in a session, by the drive monitor.
+
+        `play` plays an amplitude (V at the patch), and captures the monitor. Nothing is proved without a
+        monitor, and with no patch connected. Locks the rig out with an InstrumentError.
+        """
+        rig = self._rig
+        if source in self._proved or rig.sensors.drive is None or not patch:
+            return
+        level = level_of(combined(self._ratings(1)))
+        capture = play(level)
+        measured = loudest(rig.sensors.drive.to_si(capture.volts)[0], capture.rate_hz)
+        if not measured <= TOO_MUCH * level:
+            why = (
+                f"The patch got {measured:.3g} V when {level:g} V were played to prove the gain: correct "
+                "gain in [amplifier], ratio in [sensors.drive], or a player's volume."
+            )
+            self._limiter.lock_out(why)
+            raise InstrumentError(f"{why} Nothing else was played; `haploop reset` clears the lockout.")
+        if measured >= level / 2:  # else it may not have arrived, and the next play proves it
+            self._proved.add(source)
 
     def _played(
         self,
@@ -140,33 +202,60 @@ class Playing:
             ):
                 return _only(channels, stream.capture(each), count)
 
-    def _excite_by_player(
+    def _by_player(
         self,
         drive: FloatArray,
-        volts: FloatArray,
         patches: Collection[str],
         channels: Sequence[str],
-        count: int,
+        tail: float,
         progress: Progress,
     ) -> Capture:
+        """Play a drive (V at the patch) on the player, and record until it has certainly been played."""
         rig = self._rig
-        rate_hz, monitor = rig.table.rate_hz, rig.drive_monitor()
-        total = count + round(rig.player.max_latency * rate_hz)
-        with (
-            self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
-            self._connected(patches),
-            self._streamed(recorded, total) as stream,
-            exit_within(rig.player.identity, rig.player.play(volts, rate_hz)),
-        ):
-            capture = stream.capture(each)
-        if drive.any():
-            row = recorded.index(monitor.channels[0])
-            measured = monitor.to_si(capture.volts[[row]])[0]
-            delay = float(capture.delays[row])
-            capture = align(capture, find(measured, drive, rate_hz, delay, rig.player.response), count)
-        return _only(channels, capture, count)
+        output, rate_hz = rig.player.output, rig.table.rate_hz
+        permitted = self._limiter.permit(
+            {output: drive}, rate_hz, frozenset(patches), rig.amplifier, self._ratings, rig.player.rendered
+        )
+        with uninterrupted(), permitted as volts:
+            total = len(drive) + max(1, round(tail * rate_hz)) + round(rig.player.max_latency * rate_hz)
+            with (
+                self._monitoring.monitored(patches, channels, total, progress) as (recorded, each),
+                self._connected(patches),
+                self._streamed(recorded, total) as stream,
+                exit_within(rig.player.identity, rig.player.play(volts[output], rate_hz)),
+            ):
+                return stream.capture(each)
+
+    def _aligned(self, capture: Capture, drive: FloatArray, channels: Sequence[str], count: int) -> Capture:
+        """Put what a player played (V at the patch) on the drive's own clock, by the drive monitor."""
+        rate_hz, monitor = self._rig.table.rate_hz, self._rig.drive_monitor()
+        row = capture.channels.index(monitor.channels[0])
+        measured = monitor.to_si(capture.volts[[row]])[0]
+        delay = float(capture.delays[row])
+        found = find(measured, drive, rate_hz, delay, self._rig.player.response)
+        return _only(channels, align(capture, found, count), count)
 
     def _generated(
+        self,
+        waveform: Waveform,
+        patches: Collection[str],
+        channels: Sequence[str],
+        tail: float,
+        progress: Progress,
+    ) -> Capture:
+        """Play a waveform, in volts at the patch."""
+        permitted = self._limiter.permit_waveform(
+            self._rig.generator.output,
+            waveform,
+            _SLACK,
+            frozenset(patches),
+            self._rig.amplifier,
+            self._ratings,
+        )
+        with uninterrupted(), permitted as at_output:
+            return self._generated_at(at_output, patches, channels, tail, progress)
+
+    def _generated_at(
         self,
         waveform: Waveform,
         patches: Collection[str],
@@ -240,8 +329,10 @@ class Playing:
             # Zero first: the relay switches without voltage, and a patch is left without charge.
             self._make_safe()
 
-    def _ratings(self, patches: int) -> dict[str, Limits]:
-        return ratings(self._rig, patches)
+    def _ratings(self, patches: int) -> Mapping[str, Limits]:
+        """The limits as they were when the rig was opened. Raises LimitError when they are others now."""
+        with self._limiter.refusals_noted():
+            return self._limiter.kept.ratings(patches, figures(self._rig))
 
 
 def _only(channels: Sequence[str], capture: Capture, samples: int) -> Capture:

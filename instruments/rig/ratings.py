@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..limits import Limits
+from ..safety import Figures
 from .roles import Instruments
 
-__all__ = ["ratings"]
+__all__ = ["figures", "ratings"]
+
+_VOLTS = (-100.0, -1.0, 1.0, 50.0, 400.0)
+"""Volts at the patch at which the amplifier's gain is noted."""
 
 
 def ratings(rig: Instruments, patches: int) -> dict[str, Limits]:
@@ -19,3 +25,9 @@ def ratings(rig: Instruments, patches: int) -> dict[str, Limits]:
         "the patch": patch,
         "the rig file's [limits]": rig.file.limits.limits(),
     }
+
+
+def figures(rig: Instruments) -> Figures:
+    """All that the limits of a play rest on, now. Raises ConfigurationError for a rig that cannot play."""
+    each = {count: ratings(rig, count) for count in range(len(rig.table.patches) + 1)}
+    return Figures(each, tuple(map(float, rig.amplifier.to_input(np.array(_VOLTS)))), rig.file.digest)

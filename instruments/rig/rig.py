@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from types import TracebackType
 from typing import Any, Self
 
@@ -36,7 +36,7 @@ from ..signals import at_console_close, at_program_end, ending_in_order, uninter
 from .declared_settings import DeclaredSettings
 from .monitoring import Monitoring
 from .playing import Playing
-from .ratings import ratings
+from .ratings import figures, ratings
 from .roles import Instruments, Role
 
 __all__ = ["Rig"]
@@ -65,8 +65,9 @@ class Rig(Instruments, InNotebook):
         # A simulated rig's world is new at each opening: nothing was played in it.
         counted = None if mode is not None else self._lockouts
         self._limiter = Limiter(clock, self.audit, self._lockouts, self.hardware, self._outputs, counted)
-        self._safe = SafeState(self._roles, clock, self.audit)
+        self._safe = SafeState(self._roles, clock, self.audit, self._outputs, self._limiter.lock_out)
         self._settings = DeclaredSettings()
+        self._proved: set[str] = set()
         self._feed = Feed()
         self._stack = ExitStack()
         self._signals = ExitStack()
@@ -95,6 +96,8 @@ class Rig(Instruments, InNotebook):
         """Finish opening: from now on, the safe state is reached before the program ends in any way."""
         self._freeze()
         self._limiter.recall()
+        with suppress(ConfigurationError):  # it has no table, or nothing to play on
+            self._limiter.kept.note(figures(self))
         self.audit.note("opened", instruments={r: getattr(i, "identity", "") for r, i in self._roles.items()})
         self._stack.callback(self.audit.note_at_last, "closed")
         self._stack.callback(self._limiter.wait_for_play)
@@ -143,7 +146,7 @@ class Rig(Instruments, InNotebook):
         monitoring = Monitoring(
             self, self.audit, self._lockouts, self.hardware, self._limiter, self.live_run, self.clock
         )
-        return Playing(self, self.clock, self._limiter, monitoring, self.make_safe)
+        return Playing(self, self.clock, self._limiter, monitoring, self.make_safe, self._proved)
 
     def tap(self, capacity: int = 16) -> Tap:
         """Return a tap on the newest blocks of all further recordings and plays. See `Tap`."""
@@ -226,6 +229,13 @@ class Rig(Instruments, InNotebook):
         Raises LimitError, ConfigurationError, InstrumentError.
         """
         return self._collected(self._playing.generate(waveform, patches, channels, tail, progress))
+
+    def prove_gain(self, patch: str) -> None:
+        """Prove the amplifier's gain at a volt now, where the first play into this patch would do it.
+
+        For a program whose first play must not be late. Raises as `excite` does.
+        """
+        self._playing.prove_gain(patch)
 
     @contextmanager
     def captures(self) -> Iterator[list[Capture]]:

@@ -3,6 +3,7 @@
 from .abort_monitor import AbortMonitor, trip
 from .audit import Audit, entries, log_problems, now_utc, state_folder, who
 from .deadline import exit_within, run_within
+from .figures import Figures
 from .limiter import Limiter, combined
 from .lock import hold, is_marked, marked, reserve
 from .lockout import Lockout, clear_lockout, lockout_of, lockouts_folder
@@ -13,6 +14,7 @@ from .safe_state import SafeState
 __all__ = [
     "AbortMonitor",
     "Audit",
+    "Figures",
     "Limiter",
     "Lockout",
     "Outputs",

@@ -23,7 +23,7 @@ from ..limits import Limits
 from ..sensors import Sensors
 from ..vibrometer import Vibrometer
 from .audit import Audit, make_folder, now_utc, who
-from .lockout import Lockout, set_lockout
+from .lockout import Lockout, lock_out
 
 __all__ = ["AbortMonitor", "trip"]
 
@@ -110,25 +110,19 @@ def trip(
     recorded: Collection[str],
     rate_hz: float,
 ) -> Lockout | None:
-    """Lock the rig out in the folder `lockouts`, save the samples and log: each even when the others fail.
+    """Lock the rig out in the folder `lockouts`, log it and save the samples: each even when the others fail.
 
     Returns the lockout when it could not be written to disk; the caller must then hold it in memory.
     """
-    now, person = now_utc(), who()
+    path = audit.folder / "trips" / f"{now_utc():%Y%m%dT%H%M%S.%f}-{who()['pid']}.npz"
+    why = str(monitor.tripped)
+    unsaved = lock_out(lockouts, hardware, audit, why, path)
     first, volts = monitor.samples()
-    path = audit.folder / "trips" / f"{now:%Y%m%dT%H%M%S.%f}-{person['pid']}.npz"
-    by = f"{person['user']} on {person['host']}, process {person['pid']} ({person['command']})"
-    lockout = Lockout(now.isoformat(timespec="seconds"), str(monitor.tripped), by, str(path))
-    unsaved: Lockout | None = lockout
-    with suppress(OSError):
-        set_lockout(lockouts, hardware, lockout)
-        unsaved = None
     with suppress(OSError):
         make_folder(path.parent)
         channels = np.array(list(recorded))
         with whole_file(path) as part, part.open("wb") as file:
-            np.savez(file, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=lockout.why)
-    audit.note_at_last("tripped", why=lockout.why, samples=lockout.samples)
+            np.savez(file, volts=volts, channels=channels, rate_hz=rate_hz, first=first, why=why)
     return unsaved
 
 

@@ -1,7 +1,8 @@
 """What was played on each piece of hardware in the last minute, by any program: the history behind the duty.
 
 A play is counted before it begins, with its whole length, so that a killed program's counts as well. Times
-are the computer's calendar time, because two programs share no other clock.
+are of the clock that runs since the computer was started (`RealClock`), which its programs share and nobody
+can set.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ Span = tuple[float, float]
 
 
 def plays_of(folder: Path, hardware: Collection[str], now: float) -> list[Span]:
-    """Plays of the last minute on any of these pieces, in calendar seconds, in order of their ends.
+    """Plays of the last minute on any of these pieces, in seconds of the clock, in order of their ends.
 
-    `now` is the present. A file that cannot be read counts as a minute of playing that has just ended, and
-    is replaced by that. A play that seems to end in the future (its program was killed, or the computer's
-    clock was set back) counts as if it had just ended.
+    `now` is the present. A file that cannot be read counts as a minute of playing that has just ended. A play
+    that ends in the future (its program was killed, or the computer has been started again since) counts as
+    if it had just ended. A file of either kind is replaced by that. The caller holds the hardware's lock.
     """
     found: set[Span] = set()
     for piece in hardware:
@@ -42,15 +43,18 @@ def plays_of(folder: Path, hardware: Collection[str], now: float) -> list[Span]:
         except FileNotFoundError:
             continue
         except (OSError, ValueError):
-            spans = [(now - MINUTE, now)]
+            spans, past = [], [(now - MINUTE, now)]
+        else:
+            past = [(start - max(0.0, stop - now), min(stop, now)) for start, stop in spans]
+        if past != spans:
             with suppress(OSError):
-                machine.write(path, _formatted(spans))
-        found.update((start - late, stop - late) for start, stop in spans for late in [max(0.0, stop - now)])
+                machine.write(path, _formatted(past))
+        found.update(past)
     return sorted((span for span in found if span[1] > now - MINUTE), key=lambda span: span[1])
 
 
 def count_plays(folder: Path, hardware: Collection[str], plays: Iterable[Span]) -> None:
-    """Keep these plays (calendar seconds) for all these pieces, instead of what was kept.
+    """Keep these plays (seconds of the clock) for all these pieces, instead of what was kept.
 
     The caller holds the lock of the hardware. Raises DataError when one cannot be written.
     """
@@ -67,10 +71,10 @@ def count_plays(folder: Path, hardware: Collection[str], plays: Iterable[Span]) 
 
 
 def clear_old(folder: Path, now: float) -> None:
-    """Remove the files of pieces on which nothing was played for a day (calendar seconds)."""
+    """Remove the files of pieces on which nothing was played for a day."""
     for path in folder.glob("*.duty"):
-        with suppress(OSError):
-            if path.lstat().st_mtime < now - _OLD:
+        with suppress(OSError, ValueError):
+            if all(stop < now - _OLD for _, stop in _parsed(machine.read(path))):
                 path.unlink()
 
 

@@ -25,11 +25,13 @@ from ..clock import Clock
 from ..errors import DataError, InstrumentError, LimitError
 from ..generator import Waveform
 from ..limits import Limits, sounding
-from .audit import Audit, now_utc
+from .audit import Audit
 from .deadline import DEADLINE
 from .duty import MINUTE, Span, clear_old, count_plays, plays_of
-from .lockout import Lockout, lockout_of
-from .outputs import Outputs
+from .figures import Kept
+from .lockout import Lockout, lock_out, lockout_of
+from .outputs import Outputs, Standing
+from .watch import Watch
 
 __all__ = ["Limiter", "Ratings", "combined"]
 
@@ -72,7 +74,10 @@ class Limiter:
         outputs: Outputs,
         counted: Path | None,
     ) -> None:
-        """`lockouts` is the folder of lockouts; `counted` that of what was played, None to forget it."""
+        """`lockouts` is the folder of lockouts; `counted` that of what was played, None to forget it.
+
+        With `counted`, `clock` is the one that all programs of the computer share.
+        """
         self.unsaved_lockout: Lockout | None = None
         """A lockout that could not be written to disk: it lasts while the rig is open."""
         self._clock = clock
@@ -92,6 +97,9 @@ class Limiter:
         self._playing: set[str] = set()
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
+        self._watch = Watch(clock, self.authorise_renewal)
+        self.kept = Kept()
+        """What the limits rest on, as it was when the rig was opened."""
 
     @property
     def lockout(self) -> Lockout | None:
@@ -104,14 +112,17 @@ class Limiter:
         """Take over what other programs have played on this hardware, once the rig has its lock."""
         if self._counted is None:
             return
-        now, calendar = self._clock.now(), now_utc().timestamp()
-        clear_old(self._counted, calendar)
-        for start, stop in plays_of(self._counted, self._hardware, calendar):
-            self._played.append((now - (calendar - start), now - (calendar - stop)))
+        now = self._clock.now()
+        clear_old(self._counted, now)
+        self._played.extend(plays_of(self._counted, self._hardware, now))
 
     def end(self) -> None:
         """Authorise nothing any more: the rig is being closed."""
         self._process = None
+
+    def lock_out(self, why: str) -> None:
+        """Refuse every play on this hardware until `haploop reset`."""
+        self.unsaved_lockout = lock_out(self._lockouts, self._hardware, self._audit, why)
 
     def wait_for_play(self) -> None:
         """Wait, for a while, until another thread's play, which was stopped, has been left."""
@@ -137,7 +148,7 @@ class Limiter:
         """
         held_to = ratings(len(patches) if len(drives) == 1 else 1)
         own = {output: np.array(drive) for output, drive in drives.items()}
-        with self._refusals_noted():
+        with self.refusals_noted():
             for drive in own.values():
                 self._check(drive, rate_hz, held_to)
             if len({len(drive) for drive in own.values()}) > 1:
@@ -177,14 +188,29 @@ class Limiter:
         """
         gain = 1 / float(amplifier.to_input(np.ones(1))[0])
         at_output = waveform.scaled(1 / gain)
-        held_to = ratings(len(patches))
-        with self._refusals_noted():
-            seconds = self._judge(at_output, gain, rest, held_to)
-            self._check_duty(seconds, held_to)
+        seconds = self.check_waveform(waveform, rest, amplifier, ratings(len(patches)))
         permit = _Permit(frozenset(patches), 0.0, {}, {output: at_output})
         peak = gain * at_output.amplitude
         with self._lasting(permit, seconds, output=output, peak=peak, waveform=str(at_output)):
             yield at_output
+
+    def check(self, drive: FloatArray, rate_hz: float, ratings: Ratings) -> None:
+        """Refuse a drive ((samples,) V at the patch) that `permit` would refuse. Raises LimitError."""
+        with self.refusals_noted():
+            self._check(drive, rate_hz, ratings)
+
+    def check_waveform(
+        self, waveform: Waveform, rest: float, amplifier: Amplifier, held_to: Ratings
+    ) -> float:
+        """Refuse a waveform (V at the patch) that `permit_waveform` would refuse; return its seconds.
+
+        Raises LimitError.
+        """
+        gain = 1 / float(amplifier.to_input(np.ones(1))[0])
+        with self.refusals_noted():
+            seconds = self._judge(waveform.scaled(1 / gain), gain, rest, held_to)
+            self._check_duty(seconds, held_to)
+        return seconds
 
     # Called by the instruments
 
@@ -225,6 +251,33 @@ class Limiter:
             )
         self._known(Outputs.rest)
         self._audit.note("connected", patches=sorted(patches))
+
+    def switched(self, patches: frozenset[str]) -> None:
+        """See `Interlock.switched`: outside a play, what is closed is watched, and the outputs are held."""
+        watched = self._watch.on
+        self._watch.end()
+        if self._permit is not None or self._process != os.getpid():
+            return
+        if patches:
+            self._watch.begin()
+            return
+        outputs = self._outputs()
+        if outputs is not None and watched:
+            self._tripping(outputs.left)
+
+    def authorise_renewal(self) -> None:
+        """See `Interlock.authorise_renewal`. In a play the abort monitor looks."""
+        outputs = self._outputs()
+        if outputs is not None and self._permit is None and self._process == os.getpid() and self._watch.on:
+            self._tripping(outputs.watch)
+
+    def _tripping(self, look: Callable[[], None]) -> None:
+        """Lock the rig out when volts stand where zero was set, or another program has taken an output."""
+        try:
+            look()
+        except Standing as error:
+            self.lock_out(str(error))
+            raise
 
     def _known(self, look: Callable[[Outputs], None]) -> None:
         """Look at the outputs, and log why something is not done. Raises InstrumentError."""
@@ -334,7 +387,8 @@ class Limiter:
         raise LimitError(f"{sentence}: play a shorter one.")
 
     @contextmanager
-    def _refusals_noted(self) -> Iterator[None]:
+    def refusals_noted(self) -> Iterator[None]:
+        """Log a LimitError of the context."""
         try:
             yield
         except LimitError as error:
@@ -349,6 +403,7 @@ class Limiter:
             self._permit = permit
             self._player = threading.get_ident()
             self._idle.clear()
+        self._watch.end()
         begun = self._clock.now()
         try:
             self._audit.note("played", patches=sorted(permit.patches), seconds=seconds, **about)
@@ -372,10 +427,6 @@ class Limiter:
         """Keep what was played, and what is about to be, for every program. Raises DataError."""
         if self._counted is None:
             return
-        now, calendar = self._clock.now(), now_utc().timestamp()
+        now = self._clock.now()
         spans = [span for span in (*self._played, *to_come) if span[1] > now - MINUTE]
-        count_plays(
-            self._counted,
-            self._hardware,
-            [(calendar - (now - start), calendar - (now - stop)) for start, stop in spans],
-        )
+        count_plays(self._counted, self._hardware, spans)

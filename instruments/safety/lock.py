@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import os
+import socket
 import sys
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -85,11 +88,17 @@ def marked(path: Path) -> Iterator[None]:
     with any TMPDIR and on any computer. Raises InUse when another program has marked it.
     """
     mark = _mark_of(path)
-    descriptor = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
-    # A mark that its holder has removed since it was opened here is seen by nobody.
-    if not _taken_soon(descriptor) or not _still(mark, descriptor):
+    for _ in range(_LOOKS):
+        descriptor = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
+        taken_here = _taken_soon(descriptor)
+        # A mark that was removed since it was opened here, by its holder or a look at it, is seen by nobody.
+        if taken_here and _still(mark, descriptor):
+            break
         _close(mark, descriptor)
-        raise InUse(f"{path} is being written by another program: wait until it has ended, or end it.")
+        if not taken_here:
+            raise InUse(f"{path} is being written by another program: wait until it has ended, or end it.")
+    else:
+        raise InUse(f"{path} is being written by other programs, one after the other: try again.")
     with _keeping(descriptor, mark):
         yield
 
@@ -119,15 +128,20 @@ def _taken_soon(descriptor: int) -> bool:
 
 
 def is_marked(path: Path) -> bool:
-    """True when a running program has `path` marked; the operating system releases a dead one's mark."""
+    """True when a running program has `path` marked. The mark that a killed one has left is removed."""
+    mark = _mark_of(path)
     try:
-        descriptor = os.open(_mark_of(path), os.O_RDONLY)
+        descriptor = os.open(mark, os.O_RDONLY)
     except OSError:
         return False
-    try:
-        return not taken(descriptor, shared=True)
-    finally:
+    is_left = taken(descriptor, shared=True)
+    if is_left:
+        with suppress(OSError):  # another user's
+            mark.unlink()
+        _close(mark, descriptor)
+    else:
         os.close(descriptor)
+    return not is_left
 
 
 def _close(path: Path, descriptor: int) -> None:
@@ -157,13 +171,45 @@ def _mark_of(path: Path) -> Path:
 def _locked(piece: str, what: str) -> Iterator[None]:
     path = machine.folder() / machine.file_for(piece, "lock")
     descriptor = _lock(path, piece, what)
-    with _keeping(descriptor, path):
+    with _keeping(descriptor, path), _named(path, piece, what):
         person = who()
         holder = f"process {person['pid']} ({person['command']}) of {person['user']} on {person['host']}"
         with suppress(OSError):  # on a full disk the holder has no name
             os.ftruncate(descriptor, 0)
             os.write(descriptor, holder.encode())
         yield
+
+
+@contextmanager
+def _named(path: Path, piece: str, what: str) -> Iterator[None]:
+    """Take the name of a lock's path too, for programs that see another folder there (Linux).
+
+    A service with a private `/var/tmp` has a mount namespace of its own, and the same network, in which such
+    a name belongs to one socket, until its program ends. Raises InUse.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    name, token = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM), object()
+    try:
+        # A path may be longer than a name.
+        name.bind(f"\0haploop {hashlib.sha256(bytes(path)).hexdigest()}")
+    except OSError as error:
+        name.close()
+        if error.errno == errno.EADDRINUSE:
+            raise InUse(
+                f"{what} is in use ({piece}) by a program that has a {path.parent} of its own, such as a "
+                "service with a private /var/tmp: wait until it has ended, or end it."
+            ) from None
+        yield
+        return
+    _kept[token] = name.fileno()
+    try:
+        yield
+    finally:
+        if _kept.pop(token, None) is None:  # in a forked child it is closed already
+            name.detach()
+        name.close()
 
 
 def _lock(path: Path, piece: str, what: str) -> int:

@@ -1,4 +1,6 @@
-"""The lockout of a rig: after an abort limit has stopped a play, every play is refused until a reset.
+"""The lockout of a rig: every play is refused until a reset.
+
+It follows an abort limit that has stopped a play, and volts on an output that this rig had set to zero.
 
 A lockout is set on every piece of the rig's hardware, not on its rig file: another or a renamed file
 that names the same relay is locked out as well, for every user of the computer. That of a simulated rig is
@@ -8,37 +10,38 @@ kept with its audit log.
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ..errors import ConfigurationError
 from ..json_text import as_file, of_file
 from . import machine
+from .audit import Audit, now_utc, who
 
-__all__ = ["Lockout", "clear_lockout", "lockout_of", "lockouts_folder", "set_lockout"]
+__all__ = ["Lockout", "clear_lockout", "lock_out", "lockout_of", "lockouts_folder", "set_lockout"]
 
 _KIND = "lockout"
 
 
 @dataclass(frozen=True)
 class Lockout:
-    """Record of a lockout: its time, its reason, and the user of the play that was stopped."""
+    """Record of a lockout: its time, its reason, and who used the rig."""
 
     when: str
     """ISO 8601, UTC."""
     why: str
     who: str
-    """User, host and process of the play that was stopped."""
+    """User, host and process."""
     samples: str
-    """File of the samples up to the trip."""
+    """File of the samples up to a trip; "" without one."""
 
     @property
     def sentence(self) -> str:
         """Error message that refuses a play."""
         return (
-            f"The rig is locked out: a play was stopped at {self.when} ({self.why.rstrip('.')}). "
-            "Find the cause, and then run `haploop reset --reason '...'` with the --rig and --simulate of "
-            "that play."
+            f"The rig is locked out since {self.when} ({self.why.rstrip('.')}). "
+            "Find the cause, and then run `haploop reset --reason '...'` with the same --rig and --simulate."
         )
 
 
@@ -68,6 +71,24 @@ def lockout_of(folder: Path, hardware: Collection[str]) -> Lockout | None:
         except (ValueError, TypeError):
             return _unknown(f"its lockout file {path} is damaged or was changed by hand")
     return None
+
+
+def lock_out(
+    folder: Path, hardware: Collection[str], audit: Audit, why: str, samples: Path | None = None
+) -> Lockout | None:
+    """Lock out these pieces of hardware now, and log it: each even when the other fails.
+
+    Returns the lockout when it could not be written to disk; the caller must then hold it in memory.
+    """
+    person = who()
+    by = f"{person['user']} on {person['host']}, process {person['pid']} ({person['command']})"
+    lockout = Lockout(now_utc().isoformat(timespec="seconds"), why, by, str(samples or ""))
+    unsaved: Lockout | None = lockout
+    with suppress(OSError):
+        set_lockout(folder, hardware, lockout)
+        unsaved = None
+    audit.note_at_last("tripped", why=why, samples=lockout.samples)
+    return unsaved
 
 
 def set_lockout(folder: Path, hardware: Collection[str], lockout: Lockout) -> None:

@@ -1,21 +1,27 @@
-"""The outputs that can reach a relay: at zero volts, and known to be, before a contact closes.
+"""The outputs that can reach a relay: at zero volts, and known to be, while a contact is closed.
 
 Another program, a person at a front panel, or a program that was killed may have left volts on an output.
-Whoever closes a contact lets them through.
+Whoever closes a contact lets them through. From before it closes until it reads open again, the outputs are
+reserved, so that no other program can write to them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from ..errors import HaploopError, InstrumentError
 
-__all__ = ["Outputs"]
+__all__ = ["Outputs", "Standing"]
 
 _ZERO = 0.02
 """Largest volts that count as zero where an output is read back (V): ten times the offset error of a card's
 own channel for it, and 1 V at a patch behind a gain of 50."""
+
+
+class Standing(InstrumentError):  # noqa: N818
+    """Volts stand on an output that was set to zero."""
 
 
 class Outputs:
@@ -23,37 +29,80 @@ class Outputs:
 
     def __init__(self, instruments: Mapping[str, Any]) -> None:
         self._instruments = instruments
+        self._let_through = False
+        """True once a contact was allowed to close."""
 
     def rest(self) -> None:
-        """Set every output that can reach the relay to zero, and read it back.
+        """Set every output that can reach the relay to zero, keep it reserved, and read it back.
 
         A DAQ reads its outputs back as far as its cards can. A generator that is on is refused and not
         switched off: somebody may be using it. A player stops; what another program plays on the same
         sound card is not seen before the drive monitor shows it.
 
         Raises InstrumentError for an output that is not at zero, or that cannot be known to be: a generator
-        that is on, or a DAQ's output that another program holds.
+        that is on, or a DAQ's output that another program holds. Then nothing stays reserved.
         """
         self.no_sweep()
-        player = self._wired("player")
+        player, daq = self._wired("player"), self._instruments["daq"]
         try:
-            if player is not None:
-                player.stop()
-            daq = self._instruments["daq"]
-            daq.zero()
-            standing = daq.outputs_read()
-        except HaploopError as error:
-            raise InstrumentError(
-                "The relay stays open, because an output that leads to it is not known to be at zero volts: "
-                f"{error}"
-            ) from error
-        for output, volts in standing.items():
-            if not abs(volts) <= _ZERO:
+            try:
+                if player is not None:
+                    player.stop()
+                daq.hold()
+                standing = self._standing()
+            except HaploopError as error:
                 raise InstrumentError(
-                    f"The relay stays open, because the output {output!r} was set to zero and reads "
-                    f"{volts:.3g} V: look for another program that uses the card, and for a wire from "
-                    "another output."
+                    "The relay stays open, because an output that leads to it is not known to be at zero "
+                    f"volts: {error}"
+                ) from error
+            if standing:
+                raise InstrumentError(f"The relay stays open, because {standing}")
+            self._let_through = True
+        except InstrumentError:
+            with suppress(HaploopError):
+                daq.let_go()
+            raise
+
+    def watch(self) -> None:
+        """Look whether the outputs that lead to a closed contact still rest, and are still reserved.
+
+        Raises Standing; every contact has been told to open by then.
+        """
+        daq = self._instruments["daq"]
+        try:
+            self.no_sweep()
+            standing = self._standing()
+            if standing:
+                raise InstrumentError(standing)
+            daq.hold()
+        except HaploopError as error:
+            for step in (daq.hold, lambda: self._instruments["relay"].connect(())):
+                with suppress(HaploopError):
+                    step()
+            raise Standing(f"A patch was connected, and may have got volts: {error}") from error
+
+    def left(self) -> None:
+        """Free the outputs, once no contact is closed. Raises InstrumentError when one is not at zero.
+
+        It is Standing when a contact has been closed meanwhile.
+        """
+        let_through, self._let_through = self._let_through, False
+        standing = self._standing()
+        self._instruments["daq"].let_go()
+        if standing and let_through:
+            raise Standing(f"A patch may have got volts before its contact opened, because {standing}")
+        if standing:
+            raise InstrumentError(standing[0].upper() + standing[1:])
+
+    def _standing(self) -> str:
+        """What stands on an output that was set to zero; "" without any."""
+        for output, volts in self._instruments["daq"].outputs_read().items():
+            if not abs(volts) <= _ZERO:
+                return (
+                    f"the output {output!r} was set to zero and reads {volts:.3g} V: look for another "
+                    "program that uses the card, and for a wire from another output."
                 )
+        return ""
 
     def no_sweep(self) -> None:
         """Raise InstrumentError when a generator that feeds the amplifier is on."""

@@ -10,6 +10,7 @@ from ..errors import HaploopError, InstrumentError
 from ..interlock import Interlocked
 from .audit import Audit
 from .deadline import run_within
+from .outputs import Outputs, Standing
 
 __all__ = ["SafeState"]
 
@@ -21,8 +22,18 @@ _REST = 0.05
 class SafeState:
     """Brings instruments, by role, to their safe state. One that has hung is not tried again."""
 
-    def __init__(self, instruments: Mapping[str, Any], clock: Clock, audit: Audit) -> None:
+    def __init__(
+        self,
+        instruments: Mapping[str, Any],
+        clock: Clock,
+        audit: Audit,
+        outputs: Outputs,
+        lock_out: Callable[[str], object],
+    ) -> None:
+        """`lock_out` is called with what stands on an output that was set to zero."""
         self._instruments = instruments
+        self._outputs = outputs
+        self._lock_out = lock_out
         self._clock = clock
         self._audit = audit
         self._hung: set[str] = set()
@@ -37,21 +48,29 @@ class SafeState:
         failures = []
         steps: tuple[tuple[str, Callable[[Any], object]], ...] = (
             ("player", lambda player: player.stop()),
-            ("daq", lambda daq: daq.zero()),
+            # Held from here until every contact reads open: nobody else writes to an output meanwhile.
+            ("daq", lambda daq: daq.hold()),
             ("generator", lambda generator: generator.off()),
             *((role, _make_safe) for role in self._others(volts=True)),
             ("relay", lambda _: self._clock.sleep(_REST)),
             ("relay", lambda relay: relay.connect(())),
+            ("daq", lambda _: self._outputs.left()),
             # What puts out no volts comes last: if it hangs, it keeps no relay closed.
             *((role, _make_safe) for role in self._others(volts=False)),
         )
+        opened = True
         for role, step in steps:
             if role not in self._instruments:
+                continue
+            if role == "daq" and not opened:  # the outputs stay held: a contact may be closed
                 continue
             try:
                 self._run_within(role, step)
             except Exception as error:
                 failures.append(error)
+                opened &= role != "relay"
+                if isinstance(error, Standing):
+                    self._lock_out(str(error))
         if failures:
             why = " ".join(str(failure) or f"{type(failure).__name__}." for failure in failures)
             self._audit.note_at_last("unsafe", why=why)

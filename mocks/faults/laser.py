@@ -12,7 +12,7 @@ from ...instruments.bounded import Positive
 from ...instruments.config import RigFile
 from ..plant import FaultSettings, LaserHead, OnLaser, ScheduledFault, TimedFault
 
-__all__ = ["LaserBlocked", "LaserDropout", "LaserSpikes", "VibrometerRange"]
+__all__ = ["LaserAskew", "LaserBlocked", "LaserDropout", "LaserSpikes", "VibrometerRange"]
 
 
 class VibrometerRange(OnLaser):
@@ -34,6 +34,26 @@ class VibrometerRange(OnLaser):
     def inspected(self, now: float) -> None:
         """See `OnLaser.inspected`."""
         self.mark(now)
+
+
+class LaserAskew(OnLaser):
+    """The laser does not look along the motion, or its scale is wrong: it shows a share of the velocity."""
+
+    class Settings(FaultSettings):
+        """See `FaultSettings`."""
+
+        scale: Positive = 0.85
+        """Shown velocity over the surface's own: the cosine of the angle, or the error of the scale."""
+
+    settings: Settings
+
+    def velocity(
+        self, velocity: FloatArray, times: FloatArray, full_scale: float, rng: np.random.Generator
+    ) -> FloatArray:
+        """See `OnLaser.velocity`."""
+        if velocity.any():
+            self.mark(float(times[0]))
+        return self.settings.scale * velocity
 
 
 class LaserDropout(TimedFault, OnLaser):

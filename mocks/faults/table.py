@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,10 +12,22 @@ from pydantic import Field
 from ...instruments.arrays import FloatArray
 from ...instruments.bounded import NotNegative, Positive
 from ...instruments.config import RigFile
-from ..plant import BoucWen, Fault, FaultSettings, Hysteresis, Modes, OnSurface, PatchLaw, ScheduledFault
+from ..plant import (
+    AMPLITUDE,
+    BoucWen,
+    Fault,
+    FaultSettings,
+    Hysteresis,
+    Modes,
+    OnSurface,
+    PatchLaw,
+    ScheduledFault,
+)
 
-__all__ = ["FrequencyDrift", "ModeDrift", "PatchDead", "PatchHysteresis"]
+__all__ = ["FrequencyDrift", "ModeDrift", "PatchAsymmetry", "PatchDead", "PatchGain", "PatchHysteresis"]
 
+_LAG = 0.36
+"""Width of the loop of the even part of a patch whose even part lags."""
 Share = Annotated[float, Field(gt=-0.9, lt=9, allow_inf_nan=False)]
 
 
@@ -43,6 +55,77 @@ class PatchDead(OnSurface):
         if volts[self.settings.patch].any():
             self.mark(start)
         return volts
+
+
+class PatchGain(OnSurface):
+    """A patch moves the surface by another amount per volt: part of it is depolarised, cracked or unglued."""
+
+    class Settings(FaultSettings):
+        """See `FaultSettings`."""
+
+        gain: Positive = 0.85
+        """Motion over that of a patch as it was."""
+        patches: tuple[str, ...] | None = None
+        """Names of the patches; None for all."""
+
+    settings: Settings
+
+    def law(self, patch: str, law: PatchLaw) -> PatchLaw:
+        """See `OnSurface.law`."""
+        s = self.settings
+        return law if s.patches is not None and patch not in s.patches else _Weaker(law, s.gain)
+
+    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
+        """See `OnSurface.patches`."""
+        return _noted(self, volts, start)
+
+
+@dataclass(frozen=True, eq=False)
+class _Weaker:
+    inner: PatchLaw
+    gain: float
+
+    def follow(self, volts: FloatArray) -> FloatArray:
+        return np.asarray(self.gain * self.inner.follow(volts))
+
+
+class PatchAsymmetry(OnSurface):
+    """Patches expand more at a positive voltage than they shrink at the negative one: an even order."""
+
+    class Settings(FaultSettings):
+        """See `FaultSettings`."""
+
+        share: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.04
+        """Expansion at +50 V over shrinking at -50 V, less 1; it adds to the default law's 0.02."""
+        shape: Literal["square", "kink", "lagging"] = "square"
+        """Even part of the motion. square: grows with the square of the linear volts. kink: two slopes that
+        meet at zero. lagging: the square of volts that lag by three times the default hysteresis."""
+        patches: tuple[str, ...] | None = None
+        """Names of the patches; None for all."""
+
+    settings: Settings
+
+    def law(self, patch: str, law: PatchLaw) -> PatchLaw:
+        """See `OnSurface.law`."""
+        s = self.settings
+        return law if s.patches is not None and patch not in s.patches else _Uneven(law, s.share, s.shape)
+
+    def patches(self, volts: Mapping[str, FloatArray], start: float) -> Mapping[str, FloatArray]:
+        """See `OnSurface.patches`."""
+        return _noted(self, volts, start)
+
+
+class _Uneven:
+    def __init__(self, inner: PatchLaw, share: float, shape: str) -> None:
+        self._inner, self._shape, self._half = inner, shape, share / 2
+        self._lag = Hysteresis(_LAG)
+
+    def follow(self, volts: FloatArray) -> FloatArray:
+        moved = self._inner.follow(volts)
+        if self._shape == "kink":
+            return np.asarray(moved + self._half * np.abs(moved))
+        base = self._lag.follow(volts) if self._shape == "lagging" else moved
+        return np.asarray(moved + self._half / AMPLITUDE * base**2)
 
 
 class ModeDrift(OnSurface):

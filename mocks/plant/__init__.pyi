@@ -9,6 +9,7 @@ from .fault_kinds import KINDS as KINDS
 from .fault_kinds import FaultKinds as FaultKinds
 from .fault_kinds import Faults as Faults
 from .fault_kinds import fault_class as fault_class
+from .hysteresis import AMPLITUDE as AMPLITUDE
 from .hysteresis import Hysteresis as Hysteresis
 from .hysteresis import PatchLaw as PatchLaw
 from .modal import ModalSurface as ModalSurface

@@ -80,7 +80,10 @@ def wired(scene: Scene) -> dict[str, Output]:
         nodes.update({node: Output(quantity, i) for i, node in enumerate(channels)})
 
     if sensors.force:
-        gauges = _loaded_gauges(scene, np.linalg.inv(np.array(sensors.force.matrix)))
+        matrix = np.array(sensors.force.matrix)
+        # A matrix of fewer axes is a sensor that does not feel the others.
+        whole = np.linalg.matrix_rank(matrix) == len(matrix)
+        gauges = _loaded_gauges(scene, np.linalg.inv(matrix) if whole else np.linalg.pinv(matrix))
         rest = scene.rng("gauges").normal(0, 0.3, 6)
         # Scale the gauges' noise so that Fz, the matrix's third row, has FORCE_NOISE.
         noise = FORCE_NOISE / float(np.linalg.norm(sensors.force.matrix[2]))

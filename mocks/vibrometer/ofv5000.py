@@ -13,7 +13,7 @@ from ..transport import DirectLine, LineServer
 
 __all__ = ["Controller", "twin", "wire"]
 
-RANGES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+RANGES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1, 0.125, 0.2, 0.5, 1.0)
 """Scale of each range (m/s per V; estimate, only `5mm/s/V` was found; docs/hardware.md, "OFV-5000")."""
 _BANDWIDTH_HZ = 20e3
 """Bandwidth when the rig file gives none (estimate; docs/hardware.md, "OFV-5000")."""

@@ -1,5 +1,6 @@
 from .button import button_figure as button_figure
 from .button import check_figure as check_figure
+from .button import iterations_figure as iterations_figure
 from .encoding import FORMATS as FORMATS
 from .encoding import encode as encode
 from .encoding import mark_simulated as mark_simulated
@@ -23,6 +24,4 @@ from .paper import comparison as comparison
 from .paper import drives as drives
 from .paper import profiles as profiles
 from .plotting import Columns as Columns
-from .press import median_press as median_press
-from .press import press_of as press_of
 from .press import recording_figure as recording_figure

@@ -2,69 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from ...calibration import Check, DigitalButton, Feeling, check_feeling
+from ...calibration import Check, DigitalButton, check_feeling
 from .feeling import draw_feeling
-from .plotting import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    Columns,
-    active,
-    legend_under,
-    letter,
-    new_figure,
-    style,
-)
+from .plotting import BLUE, GREY, INK, ORANGE, Columns, active, legend_under, letter, new_figure, style
 
-__all__ = ["button_figure", "check_figure"]
+__all__ = ["button_figure", "check_figure", "iterations_figure"]
 
 
 def check_figure(check: Check, columns: Columns = 2) -> Figure:
     """Draw target and measured acceleration, third octaves with the plays' noise, and what is felt of it."""
     with style():
-        drawn, panels = _panels(columns, "motion", "motion", "motion", "octaves")
-        _check(panels, check, check_feeling(check))
+        drawn, panels = _panels(columns, ("motion", "motion", "motion", "octaves"), _FELT)
+        _check(panels, check)
+        draw_feeling(panels["bands"], panels["time"], check_feeling(check))
     return drawn
 
 
 def button_figure(button: DigitalButton, columns: Columns = 2) -> Figure:
     """Draw a button's check, what is felt of it, and each iteration's error over the plays' noise."""
     with style():
-        drawn, panels = _panels(columns, "motion", "motion", "octaves", "learning")
+        drawn, panels = _panels(columns, _MADE, _FELT)
+        _check(panels, button.check)
         _learning(panels["learning"], button)
-        _check(panels, button.check, check_feeling(button.check, button.press))
+        draw_feeling(panels["bands"], panels["time"], check_feeling(button.check, button.press))
     return drawn
 
 
+def iterations_figure(button: DigitalButton, columns: Columns = 2) -> Figure:
+    """Draw a button's check and each iteration's error, for a report that shows what is felt elsewhere."""
+    with style():
+        drawn, panels = _panels(columns, _MADE)
+        _check(panels, button.check)
+        _learning(panels["learning"], button)
+    return drawn
+
+
+_MADE = ("motion", "motion", "octaves", "learning")
+_FELT = ("bands", "bands", "time", "time")
 _ROWS = {"motion": 1, "octaves": 3, "learning": 3, "bands": 3, "time": 2}
 """Rows of the legend of each panel."""
 
 
-def _panels(columns: Columns, *first_row: str) -> tuple[Figure, dict[str, Axes]]:
-    second = ("bands", "bands", "time", "time")
+def _panels(columns: Columns, *rows: Sequence[str]) -> tuple[Figure, dict[str, Axes]]:
     if columns == 2:
-        drawn = new_figure(5.2)
-        panels = drawn.subplot_mosaic([list(first_row), list(second)])
+        drawn = new_figure(2.6 * len(rows))
+        panels = drawn.subplot_mosaic([list(row) for row in rows])
     else:
-        names = list(dict.fromkeys((*first_row, *second)))
+        names = list(dict.fromkeys(name for row in rows for name in row))
         drawn = new_figure(2.0 * len(names), columns)
         panels = drawn.subplot_mosaic([[name] for name in names])
     for index, (name, axes) in enumerate(panels.items()):
-        beside = [n for n in panels if columns == 2 and (n in second) == (name in second)]
-        letter(axes, index, legend_rows=max(_ROWS[n] for n in (name, *beside)))
+        beside = next(row for row in rows if name in row) if columns == 2 else (name,)
+        letter(axes, index, legend_rows=max(_ROWS[one] for one in beside))
     return drawn, panels
 
 
-def _check(panels: dict[str, Axes], check: Check, feeling: Feeling) -> None:
+def _check(panels: dict[str, Axes], check: Check) -> None:
     _motion(panels["motion"], check)
     _octaves(panels["octaves"], check)
-    draw_feeling(panels["bands"], panels["time"], feeling)
 
 
 def _motion(axes: Axes, check: Check) -> None:

@@ -18,6 +18,7 @@ DPI = 200.0
 _NO_DATE: dict[str, Any] = {"CreationDate": None, "Creator": None, "Producer": None}
 _STRIP = 0.15
 """Height (inches) of the strip below the panels that holds the word "simulated"."""
+_MARK = "simulated"
 
 
 def mark_simulated(figure: Figure) -> None:
@@ -35,6 +36,7 @@ def mark_simulated(figure: Figure) -> None:
         va="bottom",
         fontsize=7,
         color=SOFT,
+        gid=_MARK,
     )
 
 
@@ -98,8 +100,8 @@ _CAPTION_WORDS = 118
 """Characters on a line of a caption."""
 
 
-def on_page(figure: Figure, title: str, caption: str, simulated: bool = False) -> Figure:
-    """Put a figure onto an A4 page, with its title above, and below it its caption, and what is simulated."""
+def on_page(figure: Figure, title: str, caption: str) -> Figure:
+    """Put a figure, drawn and marked, onto an A4 page, with its title above and its caption below."""
     width, height = _PAGE
     lines = textwrap.wrap(caption, _CAPTION_WORDS, break_on_hyphens=False)
     room = height - 2 * _MARGIN - _TITLE - 0.3 - 0.15 * len(lines)
@@ -107,14 +109,16 @@ def on_page(figure: Figure, title: str, caption: str, simulated: bool = False) -
     bottom = height - _MARGIN - _TITLE - own
     across = min(figure.get_figwidth(), width - 2 * _MARGIN)
     figure.set_size_inches(width, height)
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.set(rect=(_MARGIN / width, bottom / height, across / width, own / height))  # type: ignore[call-arg]
+    marks = [text for text in figure.texts if text.get_gid() == _MARK]
+    for mark in marks:
+        mark.set_position(((_MARGIN + across) / width, bottom / height))
+    foot = bottom + _STRIP if marks else bottom
+    rect = (_MARGIN / width, foot / height, across / width, (bottom + own - foot) / height)
+    figure.set_layout_engine("constrained", rect=rect)
+    for axes in figure.axes:
+        axes.set_in_layout(True)  # `lay_out` has placed them on their own canvas
     with style():
         _line(figure, height - _MARGIN, title, 10, "bold")
-        if simulated:
-            x, y = (_MARGIN + across) / width, bottom / height
-            figure.text(x, y, "simulated", ha="right", va="top", fontsize=7, color=SOFT)
         for number, line in enumerate(lines):
             _line(figure, bottom - 0.15 - 0.15 * number, line, 8)
     return figure

@@ -10,18 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from ...calibration import Feeling
-from .plotting import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    VERMILLION,
-    Columns,
-    legend_under,
-    letter,
-    panels,
-    style,
-)
+from .plotting import BLUE, GREEN, GREY, INK, VERMILLION, Columns, legend_under, letter, panels, style
 
 __all__ = ["draw_feeling", "feeling_figure"]
 

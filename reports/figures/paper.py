@@ -44,14 +44,7 @@ if TYPE_CHECKING:
     from ...acquisition import Representative
     from ...calibration import Check, Drive
 
-__all__ = [
-    "Profile",
-    "activation_forces",
-    "activation_time",
-    "comparison",
-    "drives",
-    "profiles",
-]
+__all__ = ["Profile", "activation_forces", "activation_time", "comparison", "drives", "profiles"]
 
 
 _TITLE = 42
@@ -304,9 +297,7 @@ def _forces(axes: Axes, groups: Sequence[FloatArray], names: Sequence[str], colo
     # Long or many names are turned, so that they stay apart.
     turned = sum(len(name) + 1 for name in names) > _NAMES
     axes.set_xticks(
-        range(len(names)),
-        [name.replace("$", r"\$") for name in names],
-        rotation=90 if turned else 0,
+        range(len(names)), [name.replace("$", r"\$") for name in names], rotation=90 if turned else 0
     )
     margin = max(0.6, (4 - len(names)) / 2)
     axes.set_xlim(-margin, len(names) - 1 + margin)
@@ -318,10 +309,7 @@ def _whole(axes: Axes, press: Representative, check: Check) -> None:
     zero = activation_time(press, drive)
     measured = np.arange(len(check.measured)) / check.rate_hz - zero
     recorded = (np.arange(len(press.acceleration)) - press.activation_index) / press.rate_hz
-    curves = (
-        (1.1, recorded, press.acceleration, BLUE),
-        (-1.1, measured, check.measured, INK),
-    )
+    curves = ((1.1, recorded, press.acceleration, BLUE), (-1.1, measured, check.measured, INK))
     for level, time, values, paint in curves:
         axes.axhline(level, color=GREY, linewidth=0.4, zorder=0)
         axes.plot(1e3 * time, level + unit_peak(values), color=paint, linewidth=0.6)

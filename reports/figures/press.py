@@ -1,6 +1,8 @@
-"""Figure of one press of a recording, like the paper's figure 6."""
+"""Figure of one press of each recording, like the paper's figure 6."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,15 +12,17 @@ from ...instruments import DataError
 from .paper import Profile, profiles
 from .plotting import Columns
 
-__all__ = ["median_press", "press_of", "recording_figure"]
+__all__ = ["recording_figure"]
 
 
-def recording_figure(recording: Recording, found: tuple[ButtonPress, ...], columns: Columns = 2) -> Figure:
-    """Draw the press with the median force at activation, like the paper's figure 6. Raises DataError."""
-    return profiles([press_of(recording, median_press(recording, found))], columns)
+def recording_figure(
+    recordings: Sequence[tuple[Recording, tuple[ButtonPress, ...]]], columns: Columns = 2
+) -> Figure:
+    """Draw, of each recording, that of the presses with the median force at activation. Raises DataError."""
+    return profiles([_press_of(one, _median_press(one, found)) for one, found in recordings], columns)
 
 
-def median_press(recording: Recording, found: tuple[ButtonPress, ...]) -> ButtonPress:
+def _median_press(recording: Recording, found: tuple[ButtonPress, ...]) -> ButtonPress:
     """The press with the median force at activation. Raises DataError when none has an activation."""
     whole = [p for p in found if p.activation is not None and p.force_at_activation is not None]
     if not whole:
@@ -28,7 +32,7 @@ def median_press(recording: Recording, found: tuple[ButtonPress, ...]) -> Button
     return sorted(whole, key=lambda p: p.force_at_activation or 0.0)[len(whole) // 2]
 
 
-def press_of(recording: Recording, press: ButtonPress) -> Profile:
+def _press_of(recording: Recording, press: ButtonPress) -> Profile:
     """One press of a recording, to draw; its time begins at its activation, or at its onset without one."""
     zero = press.onset if press.activation is None else press.activation
     acceleration = high_pass(recording.acceleration[2], recording.rate_hz)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
-from ...calibration.upkeep import History, Outcome, calibrations_of
+from ...calibration.upkeep import History, Outcome
 from ...instruments import DataError
 from ...instruments.files import new_file, os_error_text
-from ..figures import before_and_after, responses
-from ..show import OUTCOME_TITLES
-from .rendering import CaptionedFigure, render
+from ..contents import outcome_contents
+from .page import CaptionedFigure, Page
 
 __all__ = ["write_recalibration"]
 
@@ -24,7 +22,12 @@ def write_recalibration(history: History, outcome: Outcome) -> Path | None:
     if outcome.kind == "unchanged" or not outcome.before:
         return None
     path = history.folder / "reports" / f"{outcome.when:%Y%m%dT%H%M%SZ}-{outcome.kind}.html"
-    html = render(_summary(outcome), _captioned_figures(history, outcome), "recalibration.html")
+    contents = outcome_contents(history, outcome)
+    figures = [
+        CaptionedFigure(one.draw(one.things, 2), one.title, one.caption, outcome.simulated)
+        for one in contents.figures
+    ]
+    html = Page(contents.title, f"haploop {metadata.version('haploop')}", [contents], figures).html()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with new_file(path) as part:
@@ -37,37 +40,3 @@ def write_recalibration(history: History, outcome: Outcome) -> Path | None:
             f"The report could not be written: {said} The active calibration is {outcome.active.name}."
         ) from None
     return path
-
-
-def _summary(outcome: Outcome) -> dict[str, Any]:
-    return {
-        **outcome.summary(),
-        "title": OUTCOME_TITLES[outcome.kind],
-        "rig": calibrations_of(outcome.active)[0].response.rig,
-        "software": metadata.version("haploop"),
-    }
-
-
-def _captioned_figures(history: History, outcome: Outcome) -> list[CaptionedFigure]:
-    after = {name: button.check for name, button in outcome.after.items()}
-    captioned = [
-        CaptionedFigure(
-            before_and_after(outcome.before, after),
-            "Before and after",
-            "Target (orange) and measured acceleration (black) of each button, around the largest "
-            "acceleration. Left: the old drive on the drifted table. Right: the new drive. A new drive has a "
-            "new target, because its carrier is the present resonance.",
-            outcome.simulated,
-        )
-    ]
-    if outcome.kind == "restored":
-        old = calibrations_of(history.find(outcome.active.parent))
-        captioned.append(
-            CaptionedFigure(
-                responses(old, calibrations_of(outcome.active)),
-                "The table's response",
-                "Models of the previous and of the active calibration.",
-                outcome.simulated,
-            )
-        )
-    return captioned

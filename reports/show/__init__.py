@@ -1,4 +1,4 @@
-"""Results on standard output: tables, or one JSON object.
+"""The terminal: results on standard output, and meters while presses are recorded.
 
 Names are loaded when they are first used; `__init__.pyi` lists them.
 """

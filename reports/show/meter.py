@@ -99,10 +99,12 @@ class Meter:
             self._zero = next((level.mean for level in levels(block) if level.name == "Fz"), 0.0)
 
     def on_verdict(self, press: PressVerdict) -> None:
-        """Say why a press was not accepted; see `haploop.record`."""
+        """Say why a press was not accepted, or what is doubtful in it; see `haploop.record`."""
         if not press.accepted:
             self._bad += 1
             say(self._console, rejection_line(press))
+        elif press.reason:
+            say(self._console, f"Press {press.number} counts, but: {press.reason}")
 
     def lines(self) -> Group:
         """The two lines as they are now. Called by the display's own thread."""

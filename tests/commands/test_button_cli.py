@@ -52,7 +52,7 @@ def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run:
     values = json.loads(run("show", tmp_path / "both.h5", "--json").stdout)
     assert set(values["scores"]) == {"two-level registration", "two-level barycentre, centred in time"}
     assert values["method"] == min(values["scores"], key=values["scores"].get)
-    result = run("represent", *recordings, "-o", tmp_path / "paper.h5", "--method", "barycentre", "--json")
+    result = run("represent", *recordings, "-o", tmp_path / "paper.h5", "--average", "barycentre", "--json")
     values = json.loads(result.stdout)
     assert (values["method"], values["scores"]) == ("two-level barycentre", {})
     assert "exists" in run("represent", *recordings, "-o", tmp_path / "paper.h5").output
@@ -61,12 +61,12 @@ def test_a_press_is_represented_by_the_method_that_is_asked_for(demo: Demo, run:
 def test_button_and_check_ask_for_the_paper_s_press_too(demo: Demo, run: Run, tmp_path: Path) -> None:
     recording = next((demo.folder / "recordings").glob("*latch*.h5"))
     table = demo.folder / "calibration.h5"
-    result = run("check", recording, "-c", table, "-o", tmp_path, "--method", "barycentre")
+    result = run("check", recording, "-c", table, "-o", tmp_path, "--average", "barycentre")
     assert result.exit_code in (0, 1)
     values = json.loads(run("show", tmp_path / "latch-press.h5", "--json").stdout)
     assert values["method"] == "two-level barycentre"
     made = tmp_path / "mean.h5"
-    run("button", "make", recording, "-c", table, "-o", made, "--iterations", 0, "--press-method", "mean")
+    run("button", "make", recording, "-c", table, "-o", made, "--iterations", 0, "--average", "mean")
     assert haploop.DigitalButton.load(made).press.method == "two-level mean"
 
 
@@ -74,9 +74,8 @@ def test_button_and_check_ask_for_the_paper_s_press_too(demo: Demo, run: Run, tm
     "command",
     [("represent",), ("check", "-c", "x.h5"), ("study", "represent"), ("button", "make", "-c", "x.h5")],
 )
-def test_an_unknown_method_is_one_sentence(run: Run, command: tuple[str, ...]) -> None:
-    option = "--press-method" if command[0] == "button" else "--method"
-    result = run(*command, "latch", option, "median")
+def test_an_unknown_average_is_one_sentence(run: Run, command: tuple[str, ...]) -> None:
+    result = run(*command, "latch", "--average", "median")
     assert (result.exit_code, result.stdout) == (2, "")
     assert len([line for line in result.stderr.splitlines() if line.startswith("Error: ")]) == 1
     assert all(repr(name) in result.stderr for name in get_args(AverageMethod))

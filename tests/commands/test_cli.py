@@ -91,12 +91,12 @@ def test_record_then_show(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_bug_is_one_sentence_and_a_code_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    from haploop.reports import show
+    from haploop.reports import contents
 
     def broken(*_args: object) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(show, "show_file", broken)
+    monkeypatch.setattr(contents, "file_contents", broken)
     result = CliRunner().invoke(cli, ["show", "anything"])
     assert result.exit_code == 70
     assert result.stderr.count("\n") == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,14 @@ def test_a_rig_as_its_file_says_is_all_green(open: OpenRig, seed: int) -> None:
         "daq", "amplifier", "relay", "vibrometer", "force", "acceleration", "table", "rig"
     }  # fmt: skip
     assert_safe(rig)
+
+
+def test_figures_that_are_not_the_products_own_are_shown_with_their_source(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('base = "simulated"\n[relay]\nrating = 60\nrating_source = "label on box 3"\n')
+    with open_rig(path) as rig:
+        (shown,) = [finding for finding in examine(rig) if finding.name == "Ratings"]
+    assert (shown.instrument, shown.status) == ("relay", "yellow") and "label on box 3" in shown.sentence
 
 
 @pytest.mark.many_plays

@@ -124,7 +124,7 @@ def test_what_is_made_of_peoples_recordings_is_for_its_owner_only(
     ready = [
         run("export", pressed, "--to", "csv", "--out", out / "press.csv"),
         run("report", pressed, "--out", out / "report.html"),
-        run("represent", pressed, "--out", out / "press.h5", "--method", "mean"),
+        run("represent", pressed, "--out", out / "press.h5", "--average", "mean"),
         run("export", out / "press.h5", "--to", "ahap", "--out", out / "press.ahap"),
         run("show", pressed, "--plot", out / "presses.png"),
         run("show", recordings, "--plot", out / "forces.svg"),

@@ -13,6 +13,8 @@ from haploop.instruments import InstrumentError, open_rig
 from haploop.instruments.json_text import as_line
 from tests.command_line import Run
 
+pytestmark = pytest.mark.usefixtures("unproved")
+
 RIG = """
 base = "simulated"
 name = "bench"

@@ -132,7 +132,7 @@ def test_what_is_broken_ends_with_three(history: Path, run: Run, tmp_path: Path)
     assert History(history).active() == active
     result = run("recalibrate", "--rig", rig, "--calibrations", history)
     assert result.exit_code == 3
-    assert "Something is broken; nothing was changed." in result.stdout
+    assert "Something is broken; nothing was changed" in result.stdout
 
 
 def test_what_cannot_begin_plays_nothing(history: Path, run: Run, tmp_path: Path) -> None:

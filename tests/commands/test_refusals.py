@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import haploop
 from haploop.acquisition.hdf5 import write
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments.files import os_error_text
-from haploop.reports.outputs import pictures
+from haploop.reports import figures, outputs
 from tests.command_line import Demo, Run
 from tests.elsewhere import in_use_elsewhere
 
@@ -87,7 +88,7 @@ def test_a_check_of_what_is_simulated_says_so(
         drawn.append(figure)
         return b"PNG"
 
-    monkeypatch.setattr(pictures, "encode", encode)
+    monkeypatch.setattr(figures, "encode", encode)
     recording = demo.folder / "recordings" / "P01-latch.h5"
     result = run(
         "check", recording, "--calibration", demo.folder / "calibration.h5", "--out", tmp_path / "new",
@@ -102,10 +103,10 @@ def test_a_check_of_what_is_simulated_says_so(
 
 def test_what_was_measured_is_not_marked(tmp_path: Path) -> None:
     figure = Figure()
-    pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
+    outputs.save_picture(figure, tmp_path / "real.png", simulated=False)
     assert not figure.texts
     with pytest.raises(ConfigurationError, match="exists"):
-        pictures.save_picture(figure, tmp_path / "real.png", simulated=False)
+        outputs.save_picture(figure, tmp_path / "real.png", simulated=False)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sets no limit to the size of a file")
@@ -191,3 +192,50 @@ def test_a_reader_that_leaves_changes_no_exit_code() -> None:
         assert process.stdout is not None and process.stdout.read(5)
         process.stdout.close()
         assert process.wait(60) == 0
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (["serve", "--data", "FILE"], r"--data .*taken is a file: name a folder"),
+        (["list", "kind=recordng"], r"no kind 'recordng': the kinds are recording, representative"),
+        (["list", "kind!=recordng"], r"no kind 'recordng'"),
+        (
+            ["record", "latch", "-p", "P01", "-n", "x"],
+            r"'x' is not a whole number\. Try '.* record --help'",
+        ),
+        (["record", "latch", "-p", "P01", "--wait", "x"], r"'x' is not a number\."),
+        (["record", "latch", "-p"], r"requires an argument\. Try 'haploop record --help'"),
+        (["button", "make", "--out"], r"requires an argument\. Try 'haploop button make --help'"),
+        (["calibrations", "activate", "nothing", "--reason", "why"], r"none yet: make one with .*adopt"),
+    ],
+    ids=lambda part: " ".join(part) if isinstance(part, list) else "",
+)
+def test_what_is_wrong_is_named_with_what_was_expected(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("")
+    result = run(*(part.replace("FILE", str(tmp_path / "taken")) for part in command))
+    assert result.exit_code == 2
+    assert re.search(said, " ".join(result.stderr.split())), result.stderr
+
+
+def test_a_folder_without_calibrations_says_how_to_make_one(run: Run, tmp_path: Path) -> None:
+    result = run("calibrations", "list", "--calibrations", tmp_path / "none")
+    assert result.exit_code == 0
+    assert "holds no calibration yet: make one with `haploop calibrations adopt`" in result.stdout
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("row", "code"), [(2, 0), (0, 2)])
+def test_a_matrix_with_one_element_is_a_sensor_of_one_axis(
+    run: Run, tmp_path: Path, row: int, code: int
+) -> None:
+    matrix = [[0.0] * 6 for _ in range(6)]
+    matrix[row][0] = 5.2
+    rig = tmp_path / "rig.toml"
+    rig.write_text(f'base = "simulated"\n[sensors.force]\nmatrix = {matrix}\n', encoding="utf-8")
+    result = run("record", "latch", "-p", "P01", "-n", 1, "-o", tmp_path, "--rig", rig)
+    assert result.exit_code == code, result.stderr
+    assert code == 0 or "its third row, Fz, is zero" in result.stderr

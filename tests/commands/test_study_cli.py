@@ -82,7 +82,7 @@ def test_a_study_is_represented_by_the_method_in_its_file(run: Run, study: Path,
     assert (values["presses"], values["method"]) == (2, "two-level barycentre")
     assert values["reason"] == "asked for by name"
     assert run("verify", tmp_path / "paper.h5").exit_code == 0
-    made = run("study", "represent", "toggle", "-s", study, "-o", tmp_path / "mean.h5", "--method", "mean")
+    made = run("study", "represent", "toggle", "-s", study, "-o", tmp_path / "mean.h5", "--average", "mean")
     assert "two-level mean: asked for by name" in made.stdout
     for button, told in (("doorbell", "no accepted press of doorbell yet"), ("bell", "no button 'bell'")):
         refused = run("study", "represent", button, "-s", study, "-o", tmp_path / "none.h5")

@@ -234,7 +234,7 @@ def test_what_does_not_fit_is_one_sentence(files: Files, tmp_path: Path) -> None
         haploop.export_file(files.calibration, "wav", tmp_path / "a.wav")
     with pytest.raises(haploop.ConfigurationError, match="Several recordings cannot be exported as 'wav'"):
         haploop.export_file([files.recording, files.recording], "wav", tmp_path / "a.wav")
-    with pytest.raises(haploop.ConfigurationError, match="choose another name"):
+    with pytest.raises(haploop.ConfigurationError, match="write to another place"):
         haploop.export_file(files.representative, "csv", "")
     (tmp_path / "a.wav.json").write_text("mine")
     with pytest.raises(haploop.ConfigurationError, match="already exists"):

@@ -12,7 +12,7 @@ import pytest
 
 from haploop.instruments import ConfigurationError, DataError
 from haploop.instruments import files as published
-from haploop.instruments.files import check_destination, new_file, publish, whole_file
+from haploop.instruments.files import check_destination, new_file, publish, reserved, room, whole_file
 
 
 def no_links(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -124,6 +124,51 @@ def test_a_link_that_the_disk_made_but_did_not_confirm_counts(
     monkeypatch.setattr(os, "link", twice)
     written(tmp_path / "a.txt")
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "mine")]
+
+
+@pytest.mark.usefixtures("any_disk")
+def test_reserved_files_get_their_names_together(tmp_path: Path) -> None:
+    first, second, other = (tmp_path / name for name in ("a.txt", "b.txt", "c.txt"))
+    with reserved(first, second, size=10_000):
+        (held,) = tmp_path.iterdir()
+        assert held.stat().st_size == 10_000
+        written(first)
+        assert held.stat().st_size == 0
+        with pytest.raises(DataError, match="not overwritten"):
+            written(first)
+        written(second)
+        written(other)
+        assert not first.exists() and not second.exists() and other.exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "b.txt", "c.txt"]
+    with pytest.raises(ConfigurationError, match="not overwritten"), reserved(other, second, size=10_000):
+        pass
+
+
+@pytest.mark.usefixtures("any_disk")
+@pytest.mark.parametrize("taken", ["a.txt", "b.txt"])
+def test_of_reserved_files_none_or_all_are_there(tmp_path: Path, taken: str) -> None:
+    first, second = tmp_path / "a.txt", tmp_path / "b.txt"
+    with pytest.raises(ZeroDivisionError), reserved(first, second, size=1):
+        written(first)
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(DataError, match=f"{taken} already exists"), reserved(first, second, size=1):
+        written(first)
+        written(second)
+        (tmp_path / taken).write_text("theirs")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(taken, "theirs")]
+
+
+def test_room_is_given_back_as_it_is_used_and_that_of_a_killed_program_by_the_next(tmp_path: Path) -> None:
+    left = tmp_path / f".room.{'0' * 16}.part"
+    left.write_bytes(b"killed")
+    with room(tmp_path, 1000) as held:
+        (own,) = tmp_path.iterdir()
+        assert own != left
+        for free, remains in ((300, 700), (500, 200), (900, 0)):
+            held.free(free)
+            assert own.stat().st_size == remains
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_error_leaves_nothing_and_is_one_sentence(tmp_path: Path) -> None:

@@ -95,6 +95,43 @@ def test_a_patch_follows_another_law(open: OpenRig) -> None:
     assert off["wider"] > 0.05 and off["bouc-wen"] > 0.05
 
 
+def test_a_patch_that_is_weaker_and_a_laser_that_is_askew_look_alike(open: OpenRig) -> None:
+    """The surface's own velocity tells them apart, which no instrument shows."""
+    tone = sine(260.0, 30, 0.3)
+    shown, own = {}, {}
+    for name, faults in {
+        "as it was": [],
+        "weaker": [{"kind": "patch-gain", "gain": 0.8}],
+        "elsewhere": [{"kind": "patch-gain", "gain": 0.8, "patches": ["B"]}],
+        "askew": [{"kind": "laser-askew", "scale": 0.8}],
+    }.items():
+        rig = open(faults=faults, vibrometer_noise_scale=0)
+        shown[name] = np.std(seen(rig, tone))
+        now = rig.clock.now()
+        own[name] = np.std(rig.simulation.truth.velocity("button", np.linspace(now - 0.4, now, 4000)))
+        assert all(fault.fired for fault in rig.simulation.faults)
+    for name, (by_laser, by_surface) in {
+        "weaker": (0.8, 0.8),
+        "elsewhere": (1.0, 1.0),
+        "askew": (0.8, 1.0),
+    }.items():
+        assert shown[name] / shown["as it was"] == pytest.approx(by_laser, rel=2e-3)
+        assert own[name] / own["as it was"] == pytest.approx(by_surface, rel=2e-2)
+
+
+@pytest.mark.parametrize("shape", ["square", "kink", "lagging"])
+def test_a_patch_that_expands_more_than_it_shrinks(open: OpenRig, shape: str) -> None:
+    """A drive and its negative: their mean is the even order, and -0.02 takes the default law's away."""
+    drive = sine(40.0, 45, 0.5)
+    share = {}
+    for size in (-0.02, 0.02, 0.06):
+        faults = [{"kind": "patch-asymmetry", "share": size, "shape": "square" if size < 0 else shape}]
+        both = [seen(open(faults=faults, vibrometer_noise_scale=0), sign * drive) for sign in (1, -1)]
+        line = np.fft.rfft((both[0] + both[1]) * np.hanning(len(both[0])))[40]  # at 80 Hz
+        share[size] = float(np.abs(line))
+    assert 10 * share[-0.02] < share[0.02] < share[0.06]
+
+
 def listened(rig: Rig, channel: str, count: int, block: int) -> np.ndarray:
     with rig.daq.stream((channel,), 5000, block, count) as stream:
         return np.asarray(stream.capture().volts[0])

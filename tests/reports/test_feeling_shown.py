@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from haploop.calibration import Feeling, feeling_of
+from haploop.reports.contents.check import feeling_facts, feeling_values
 from haploop.reports.figures import feeling_figure, png
-from haploop.reports.show.feeling import add_feeling, feeling_values
-from haploop.reports.show.formatting import property_table
 
 RATE = 5000.0
 
@@ -36,13 +35,13 @@ def test_the_values_are_json_and_say_what_the_feeling_is(size: float, with_press
             assert len(stored["bands_db"]) == len(values["third_octaves_hz"])
 
 
-def test_the_table_holds_the_levels_and_every_sentence() -> None:
+def test_the_facts_hold_the_levels_and_every_sentence() -> None:
     feeling = felt(0.3)
-    table = property_table("A button")
-    add_feeling(table, feeling)
-    cells = [str(cell) for column in table.columns for cell in column.cells]
-    assert f"measured {feeling.measured[0].total:+.1f} dB" in " ".join(cells)
-    assert set(feeling.notes) <= set(cells)
+    lines = [str(line) for one in feeling_facts(feeling) for line in one.lines]
+    assert f"measured {feeling.measured[0].total:+.1f} dB" in " ".join(lines)
+    assert set(feeling.notes) <= set(lines)
+    said = [line for one in feeling_facts(feeling, feeling.notes[:1]) for line in one.lines]
+    assert feeling.notes[0] not in said and len(said) == len(lines) - 1
 
 
 def test_the_figure_has_levels_and_both_thresholds_for_each_button() -> None:

@@ -24,8 +24,8 @@ from haploop.console import server
 from haploop.experiments import load_experiment
 from haploop.instruments import ConfigurationError, open_rig
 from haploop.reports import figures, plot
+from haploop.reports.contents import forces_in
 from haploop.reports.figures.plotting import colour, legend_under, letter, new_figure, style
-from haploop.reports.show import forces_in
 from tests.command_line import Demo, Run
 from tests.reports.colour_vision import LEAST, VISIONS, lab, nearest
 from tests.reports.figure_checks import alike, drawn_texts, overlaps
@@ -34,8 +34,9 @@ BUTTONS = ("latch", "toggle", "push")
 NAMES = (
     "profiles", "profile", "recording", "forces", "forces of twelve", "forces of one", "drives",
     "drive of a long name", "drive",
-    "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button", "map",
-    "map of a row", "before and after", "responses", "ratings", "ratings of seven", "confusion",
+    "comparison", "comparison of one", "response", "response and truth", "feeling", "check", "button",
+    "iterations", "map", "map of a row", "before and after", "responses", "ratings", "ratings of seven",
+    "confusion",
     "confusion of many", "trend",
 )  # fmt: skip
 Draw = Callable[..., Figure]
@@ -119,7 +120,9 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
     return {
         "profiles": lambda c: figures.profiles([figures.Profile.of(p) for p in presses], c),
         "profile": lambda c: figures.profiles([figures.Profile.of(presses[0])], c),
-        "recording": lambda c: figures.recording_figure(recordings[0], accepted_presses(recordings[0]), c),
+        "recording": lambda c: figures.recording_figure(
+            [(recordings[0], accepted_presses(recordings[0]))], c
+        ),
         "forces": lambda c: figures.activation_forces(forces_in(recordings), None, c),
         "forces of twelve": lambda c: figures.activation_forces(twelve, {"latch": 7.0, "push": 4.0}, c),
         "forces of one": lambda c: figures.activation_forces({"a $x_1$": {"P01": np.array([7.0])}}, None, c),
@@ -135,6 +138,7 @@ def gallery(demo: Demo) -> Mapping[str, Draw]:
         "feeling": lambda c: figures.feeling_figure(felt, c),
         "check": lambda c: figures.check_figure(checks[0], c),
         "button": lambda c: figures.button_figure(button, c),
+        "iterations": lambda c: figures.iterations_figure(button, c),
         "map": lambda c: figures.map_figure(whole, c),
         "map of a row": lambda c: figures.map_figure(part, c),
         "before and after": lambda _: figures.before_and_after(by_name, {"latch": checks[0]}),
@@ -167,9 +171,13 @@ def test_every_figure_is_among_them(gallery: Mapping[str, Draw]) -> None:
 
 
 def test_a_figure_on_a_page_is_marked_without_touching_its_caption(gallery: Mapping[str, Draw]) -> None:
-    page = figures.on_page(gallery["drive"](2), "Figure 1. A title.", 20 * "words of a caption ", True)
+    figure = gallery["drive"](2)
+    figures.mark_simulated(figure)
+    figures.encode(figure)  # a page takes a figure that was placed on its own canvas before
+    page = figures.on_page(figure, "Figure 1. A title.", 20 * "words of a caption ")
     texts = drawn_texts(page)
     assert overlaps(page, texts) == [] and "simulated" in [text for text, *_ in texts]
+    assert min(axes.get_position().y0 for axes in page.axes) > 0.7  # on top of the page, above its caption
 
 
 def test_a_text_over_another_and_off_the_canvas_is_found() -> None:

@@ -1,14 +1,16 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
-from haploop.calibration import feeling_of
+from haploop.instruments import DataError
+from haploop.reports.contents import Cell, Contents, Grid, Verdict, fact, plain, verdict_cell
 from haploop.reports.figures.encoding import png
 from haploop.reports.figures.paper import Profile, activation_forces, profiles
 from haploop.reports.figures.plotting import active, continuous_phase, spectrum
-from haploop.reports.html.rendering import CaptionedFigure, render
-from haploop.reports.show import feeling_values
+from haploop.reports.html import CaptionedFigure, Page
 
 RATE = 5000.0
 
@@ -90,50 +92,57 @@ def test_the_same_figure_is_the_same_bytes() -> None:
     assert b"Software" not in first and b"matplotlib" not in first
 
 
-def summary(**changes: object) -> dict[str, object]:
-    silence = np.zeros(2500)
-    button = {
-        "presses": 10, "presses_detected": 9, "activation_force_n": None, "activation_force_true_n": 7.5,
-        "drive_peak_v": 48.0, "scale": 0.8, "in_band": 0.9, "band_hz": [30.0, 600.0],
-        "wideband_nrmse": 0.31, "wideband_interval": [0.3, 0.32], "wideband_floor": 0.05,
-        "judged_hz": 2500.0, "nrmse": 0.3, "outside": 0.08, "correlation": 0.95, "envelope_correlation": 0.97,
-        "third_octave_error_db": 2.0, "floor": 0.05, "tolerance": 0.2,
-        "passed": False, "verdict": "fail", "notes": [], "left_out": [],
-        "reasons": ["The surface differs by 31 % <rms>."],
-        "feeling": feeling_values(feeling_of(silence, silence, 5000.0, silence)),
-        "sources": [{"file": "P01-latch.h5", "sha256": "ab12"}],
-    }  # fmt: skip
-    values: dict[str, object] = {
-        "simulated": True, "mode": "twin", "rig": "lab", "rig_file": "lab.toml", "seed": 3,
-        "simulation": {"seed": 3}, "participants": 1, "buttons": {"latch": button}, "patch": "A",
-        "point": "button", "resonance_hz": 263.5, "resonance_true_hz": 263.6, "model_error": 0.01,
-        "coherence_min_in_band": 0.9, "band_hz": [30.0, 600.0], "simulated_s": 90.0, "wall_s": 20.0,
-        "notes": [],
-        "folder": "demo", "report": "demo/report.html", "software": {"haploop": "0.1.0"},
-        "date": "2026-01-02T03:04:05+00:00", "passed": False,
-    }  # fmt: skip
-    return {**values, **changes}
+def section(verdict: str = "fail", simulated: bool = True) -> Contents:
+    said = Verdict("Check of the <latch>", verdict, verdict == "pass", "error 31 %", "It differs <rms>.")
+    return Contents(
+        "Check of the <latch>",
+        [fact("Error", "31.0 %", nrmse=0.31), fact("Verdict", verdict_cell(verdict)), fact(scale=0.8)],
+        [Grid("Levels & bands", ("Band", "dB"), [("a", "1.0"), ("b", Cell("-", "aside"))], below="Of two.")],
+        ["A note & no markup."],
+        simulated=simulated,
+        verdicts=[said],
+    )
 
 
-def test_a_failed_button_is_reported_as_failed_with_its_reason() -> None:
-    page = render(summary(), [])
-    assert 'class="failed"' in page and ">Fail<" in page and ">Pass<" not in page
-    assert "The surface differs by 31 % &lt;rms&gt;." in page
-    assert "not measured" in page
+@pytest.mark.parametrize(("verdict", "tone"), [("fail", "bad"), ("pass", "good"), ("not shown", "doubtful")])
+def test_a_verdict_is_reported_as_what_it_is_with_its_reason(verdict: str, tone: str) -> None:
+    page = Page("Report", "Rig: lab.", [section(verdict)]).html()
+    assert f'<td class="{tone}">{verdict}</td>' in page
+    told = "FAIL" if verdict == "fail" else verdict
+    assert f'<dd class="{tone}">{told}</dd>' in page
+    assert "It differs &lt;rms&gt;." in page and "A note &amp; no markup." in page
+    assert '<td class="aside">-</td>' in page and "Of two." in page and "0.8" not in page
     assert "Everything here is simulated" in page
 
 
 def test_a_real_rig_s_report_does_not_call_itself_simulated() -> None:
-    page = render(summary(simulated=False), [])
-    assert "simulated" not in page.replace(".simulated", "")
-    assert "Truth" not in page
+    page = Page("Report", "Rig: lab.", [section(simulated=False)]).html()
+    assert "simulated" not in page.replace(".simulated", "").lower()
+    both = Page("Report", "Rig: lab.", [section(simulated=False), section()]).html()
+    assert "Some of these data come from simulated" in both
 
 
 def test_a_report_is_the_same_when_it_is_made_again() -> None:
-    def page() -> str:
-        return render(summary(), [CaptionedFigure(profiles([profile()]), "A press", "A caption.", True)])
+    def page() -> Page:
+        return Page("A press", "", [section()], [CaptionedFigure(profiles([profile()]), "A", "B.", True)])
 
-    assert page() == page()
+    assert page().html() == page().html() and page().pdf() == page().pdf()
+
+
+def test_a_figure_is_drawn_once_and_placed_on_the_page_and_on_paper() -> None:
+    page = Page("A press", "", [section()], [CaptionedFigure(profiles([profile()]), "A press", "B.", True)])
+    html, pdf = page.html(), page.pdf()
+    assert html.count("data:image/png") == 1 and len(re.findall(rb"/Type /Page\b", pdf)) == 2
+
+
+def test_values_are_json_and_lines_are_text() -> None:
+    found = Contents("A", [fact("Error", ["1", "", "2"], error=np.float64("nan"), of=np.arange(2))], kind="k")
+    assert found.values == {"kind": "k", "error": None, "of": [0, 1]}
+    assert found.rows == [("Error", "1"), ("", "2")]
+    with pytest.raises(DataError, match="no plot"):
+        found.draw()
+    with pytest.raises(TypeError, match="object has no form"):
+        plain(object())
 
 
 def test_presses_that_agree_lie_within_the_panel_of_all_buttons() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ def test_a_report_needs_no_other_file_and_says_what_is_simulated(made: Path, dem
     assert not re.search(r'(?:src|href)="(?!data:)', page)
     assert not re.search(r"<script|@import|url\(", page)
     assert page.count('src="data:image/png;base64,') == 3
-    assert "Simulated." in page and "All of these data" in page
+    assert "Simulated." in page and "Everything here is simulated." in page
     sha256 = demo.summary["buttons"]["latch"]["sources"][0]["sha256"]
     assert sha256 in page
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", page, re.S)
@@ -80,6 +81,19 @@ def test_a_study_s_report_describes_its_participants_and_takes_names_for_text(
     within = run("report", tmp_path / "recordings", "-o", tmp_path / "within.html")
     assert within.exit_code == 0, within.output
     assert (tmp_path / "within.html").read_bytes() == (tmp_path / "a.html").read_bytes()
+
+
+def test_what_several_files_show_alike_is_one_figure_and_drawn_once(demo: Demo, tmp_path: Path) -> None:
+    again = Path(shutil.copy(demo.folder / "calibration.h5", tmp_path / "again.h5"))
+    presses = [demo.folder / "presses" / f"{name}.h5" for name in ("latch", "push")]
+    made = write_report([demo.folder / "calibration.h5", again, *presses, presses[0]], tmp_path / "a.html")
+    assert [path.name for path in made.figures if path.suffix == ".svg"] == [
+        "01-presses.svg",
+        "02-response.svg",
+    ]
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    caption = page.split("<figcaption>")[1]
+    assert caption.count("n = 10 presses") == 2 and "latch.h5" in caption and "push.h5" in caption
 
 
 def test_a_folder_of_files_is_reported_and_shown_and_any_other_refused(

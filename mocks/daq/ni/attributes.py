@@ -64,7 +64,7 @@ def serve(system: NiSystem, match: re.Match[str], request: Any, reply: Any) -> N
             f"Specified property is not supported by the channels of {task.name!r}: {name}.",
         )
     if kind in ("Chan", "Timing", "Trig", "Buffer"):
-        system.release(task)
+        system.changed_properties(task)
     stores: list[dict[Any, Any]] = [task.settings]
     key: Any = (kind, name)
     if kind == "Chan":

@@ -35,7 +35,7 @@ def _properties(kind: str, fixed: dict[str, Any], fields: dict[str, str]) -> Cal
     def call(system: NiSystem, request: Any, alive: Alive) -> Any:
         task = system.task(request.task.name)
         _refuse_running(task)
-        system.release(task)
+        system.changed_properties(task)
         for attribute, value in fixed.items():
             task.settings[kind, attribute] = value
         for name, attribute in fields.items():

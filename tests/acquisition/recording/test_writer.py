@@ -22,8 +22,9 @@ from haploop.acquisition.recording import set_aside
 from haploop.acquisition.recording.recovery import recover_damaged
 from haploop.acquisition.recording.rows import block_dtype
 from haploop.acquisition.recording.salvage import finish
-from haploop.acquisition.recording.writer import Writer, _allocate
+from haploop.acquisition.recording.writer import Writer
 from haploop.instruments import Block, ConfigurationError, DataError, InstrumentError
+from haploop.instruments.files import allocate
 from haploop.instruments.safety import marked
 from tests.acquisition.recording.pattern import CHANNELS, PRESS, block_of, header
 
@@ -75,7 +76,7 @@ def test_room_is_taken_in_zeros_where_the_system_has_no_call_for_it(
     path = tmp_path / "room"
     path.write_bytes(b"x" * 100)
     with path.open("r+b") as file:
-        _allocate(file.fileno(), 90, length)
+        allocate(file.fileno(), 90, length)
     assert path.read_bytes() == b"x" * 90 + bytes(length) + b"x" * max(0, 10 - length)
 
 

@@ -211,11 +211,11 @@ def test_a_full_scale_sensor_is_flagged(tmp_path):
     rig = world_rig(seed=1)
     rig.daq.world.gain = 6.0
     with pytest.raises(
-        DataError, match=r"Press 1 of 2 was not accepted in 5 attempts.*A sensor left its range"
+        DataError, match=r"Press 1 of 2 was not accepted in 5 attempts.*a sensor left its range"
     ):
         record(rig, "push", "P01", 2, tmp_path)
     recording = assert_kept(rig, tmp_path / "P01-push.h5", 5 * 2500)
     assert recording.saturated.any()
     assert [press.saturated for press in find_presses(recording)] == 5 * [True]
-    assert [press.flags for press in recording.verdicts] == 5 * [("saturated",)]
+    assert [press.flags for press in recording.verdicts] == 5 * [("saturated", "sensor")]
     assert isinstance(rig.daq.world, World)

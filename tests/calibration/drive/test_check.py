@@ -116,7 +116,7 @@ def test_a_few_plays_are_told_how_many_would_show_it(
     tamper(
         calibrated.rig,
         monkeypatch,
-        laser=lambda v: (1 + 0.04 * noise.standard_normal()) * v * 0.81,
+        laser=lambda v: (1 + 0.04 * noise.standard_normal()) * v * 0.8,
     )
     result = check(calibrated.rig, drive, plays=3)
     assert result.verdict == "not shown"

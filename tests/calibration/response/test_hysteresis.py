@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,18 @@ def test_the_inverse_undoes_the_loop(patch: Hysteresis) -> None:
     assert np.abs(patch.from_linear_volts(linear_volts) - walk).max() < 1e-9
     assert np.abs(patch.to_linear_volts(patch.from_linear_volts(walk)) - walk).max() < 1e-9
     assert patch.from_linear_volts(np.zeros(10)) == pytest.approx(0)
+
+
+@pytest.mark.parametrize("even", [(0.04, 0.0), (0.0, 0.07), (-0.03, 0.05), (0.05, -0.1)])
+def test_the_inverse_undoes_the_even_order_too(patch: Hysteresis, even: tuple[float, float]) -> None:
+    bent = replace(patch, even=np.array(even))
+    volts = 48 * np.sin(np.random.default_rng(1).standard_normal(5000).cumsum() / 5)
+    linear_volts = bent.to_linear_volts(volts)
+    assert np.abs(linear_volts - patch.to_linear_volts(volts)).max() > 0.3
+    assert np.abs(bent.from_linear_volts(linear_volts) - volts).max() < 1e-9
+    # A limit in volts is kept in both directions: the weaker one sets what is planned.
+    steps = [bent.to_linear_volts(sign * np.linspace(0, 48, 100))[-1] for sign in (1, -1)]
+    assert bent.reach(48) == pytest.approx(min(np.abs(steps)))
 
 
 @pytest.mark.parametrize("amplitude", [2, 10, 30, 50])

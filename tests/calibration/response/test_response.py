@@ -220,6 +220,7 @@ def test_a_response_is_a_value(calibrated: Calibrated) -> None:
     assert replace(calibrated.calibration.response, patch="B").patch == "B"
 
 
+@pytest.mark.usefixtures("unproved")
 def test_a_contact_that_fails_once_is_noticed_before_anything_is_measured(open: OpenRig) -> None:
     """The first play erases the patch's memory; without it, the next one's motion is another."""
     rig = open(faults=[{"kind": "relay-welded", "times": 1}])

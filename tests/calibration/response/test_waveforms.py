@@ -10,7 +10,7 @@ import pytest
 
 from haploop.acquisition import verify
 from haploop.calibration import LinearSweep, Waveforms, measure_response
-from haploop.reports.show import file_contents
+from haploop.reports.contents import file_contents
 from tests.conftest import OpenRig
 
 pytestmark = pytest.mark.rig

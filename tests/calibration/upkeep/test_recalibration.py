@@ -491,3 +491,27 @@ def test_nothing_is_activated_from_a_disturbed_measurement(
     assert changed_nothing(history, outcome, before, "broken")
     assert f"{outcome.active.name} stays the active one." in outcome.sentences[-1]
     assert any("hum" in sentence or "steady tones" in sentence for sentence in outcome.sentences)
+
+
+@pytest.mark.requires("simulation")
+@pytest.mark.parametrize("scale", [0.7, 0.85, 0.93, 1.07, 1.3])
+@pytest.mark.parametrize("drifted", [False, True])
+def test_a_laser_askew_is_named_and_nothing_is_adopted(
+    open: OpenRig, history: History, full: bool, scale: float, drifted: bool
+) -> None:
+    """A factor within the accepted gain is told on a table as it was, and stops what a drift would begin."""
+    if not full and (scale, drifted) not in {(0.85, False), (1.3, True), (0.93, True)}:
+        pytest.skip("the same with other scales: with --full only")
+    before = content(history)
+    faults: list[dict[str, Any]] = [{"kind": "laser-askew", "scale": scale}]
+    if drifted:
+        faults.append({"kind": "mode-drift", "frequency": 0.01, "frequency_each": 0.005, "damping_each": 0.1})
+    rig = left_alone(open(faults=faults))
+    outcome = recalibrate(rig, history)
+    told = " ".join(outcome.sentences)
+    assert changed_nothing(
+        history, outcome, before, "broken" if drifted or abs(scale - 1) > 0.1 else "unchanged"
+    )
+    assert outcome.verdicts[0].factor == pytest.approx(scale, abs=0.02)
+    assert "laser's scale is wrong" in told and "or the patch's strength changed" in told
+    assert rig.simulation.faults[0].fired

@@ -253,3 +253,39 @@ def test_a_key_of_very_many_parts_takes_no_memory(tmp_path: Path, text: str) -> 
     path.write_text('notes = "a.b.c"\n# ' + "a." * 50 + "\n" + "a." * 90 + "b = 1\n")
     with pytest.raises(ConfigurationError, match="name"):
         load_rig_file(path)
+
+
+def test_an_output_terminal_has_one_name(tmp_path: Path) -> None:
+    """Two would be one output of one task, which the card refuses when it is to be set to zero."""
+    text = 'base = "haptable"\n[daq.outputs]\nother = { terminal = "dev2/AO0" }\n'
+    with pytest.raises(ConfigurationError, match=r"dev2/AO0 has two names, 'amplifier' and 'other'"):
+        load_rig_file(written(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("table", "line", "own"),
+    [
+        ("relay", "rating = 400", r"rating = 400 is not what the Yocto-MaxiCoupler has \(48\)"),
+        ("relay", "rating = 48.01", "rating = 48.01 is not"),
+        ("amplifier", "gain = 5", r"gain = 5 is not what the E-413.D2 has \(50\)"),
+        ("amplifier", "gain = 50.5", "gain = 50.5 is not"),
+        ("amplifier", "max = 500", "max = 500 is not"),
+        ("amplifier", "min = -101", "min = -101 is not"),
+        ("amplifier", "current_peak = 0.2", "current_peak = 0.2 is not"),
+        ("amplifier", "current_average = 0.06", "current_average = 0.06 is not"),
+    ],
+)
+def test_a_figure_that_is_not_the_products_own_states_its_source(
+    table: str, line: str, own: str, tmp_path: Path
+) -> None:
+    """With rating = 400 for a box of 48 V, 150 V were played whole."""
+    text = f'base = "haptable"\n[{table}]\n{line}\n'
+    with pytest.raises(ConfigurationError, match=f"{own}.*say where it is from in rating_source"):
+        load_rig_file(written(tmp_path, text))
+    given = load_rig_file(written(tmp_path, f'{text}rating_source = "data sheet PZ193E"\n'))
+    assert given.devices[table].settings["rating_source"] == "data sheet PZ193E"
+
+
+@pytest.mark.parametrize("line", ["rating = 42", "[amplifier]\nmax = 300\nmin = -20\ncurrent_peak = 0.01"])
+def test_a_stricter_figure_needs_no_source(line: str, tmp_path: Path) -> None:
+    load_rig_file(written(tmp_path, f'base = "haptable"\n[relay]\n{line}\n'))

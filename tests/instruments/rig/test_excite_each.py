@@ -34,6 +34,7 @@ def test_one_drive_reaches_all_patches_that_are_named(open: OpenRig) -> None:
     assert volts == pytest.approx([20, 20, 0, 0], abs=0.5)
 
 
+@pytest.mark.usefixtures("unproved")
 def test_every_drive_is_held_to_the_limits(open: OpenRig) -> None:
     rig = open("four-channel")
     with pytest.raises(LimitError, match="of the relay"):

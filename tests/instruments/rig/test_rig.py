@@ -184,6 +184,7 @@ def test_a_generator_sweeps_a_patch_while_the_daq_records(swept: Rig) -> None:
     assert_safe(swept)
 
 
+@pytest.mark.usefixtures("unproved")
 @pytest.mark.requires("simulation")
 @pytest.mark.parametrize(
     "waveform",
@@ -265,6 +266,7 @@ def test_a_sweep_needs_a_generator_at_the_amplifiers_input(open: OpenRig, tmp_pa
     assert np.abs(rig.excite(tone(rig), ["A"], ["drive"]).volts).max() == pytest.approx(0.4, rel=0.02)
 
 
+@pytest.mark.usefixtures("unproved")
 def test_more_volts_than_the_limits_allow_are_stopped_whoever_plays(open: OpenRig) -> None:
     """An amplifier whose real gain is twice the rig file's."""
     rig = open(faults=[{"kind": "amplifier-gain", "gain": 100.0}])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -87,10 +86,6 @@ class Lab:
         self._kept[role] = instrument
         return instrument
 
-    def today(self) -> datetime:
-        """The computer's calendar time."""
-        return datetime(2026, 11, 22, tzinfo=UTC) + timedelta(seconds=self.clock.now())
-
 
 @contextmanager
 def lab(folder: Path, file: RigFile | str = "haptable") -> Iterator[Lab]:
@@ -116,7 +111,6 @@ def lab(folder: Path, file: RigFile | str = "haptable") -> Iterator[Lab]:
         # Looked up anew at each opening, which is most of its time.
         patch.setattr(metadata, "version", cache(metadata.version))
         patch.setattr(opening, "RealClock", lambda: here.clock)
-        patch.setattr("haploop.instruments.safety.limiter.now_utc", here.today)
         patch.setattr("haploop.instruments.safety.machine._place", lambda: folder)
         yield here
     here.world.close()

@@ -29,6 +29,8 @@ from haploop.instruments.config.validation import validate
 from haploop.instruments.safety.audit import Audit, entries, state_folder
 from tests.mutating import mutations
 
+pytestmark = pytest.mark.usefixtures("unproved")
+
 FILE = load_rig_file("simulated")
 DRIVE = 10 * np.sin(2 * np.pi * 250 * np.arange(5000) / 50_000) * np.hanning(5000)
 

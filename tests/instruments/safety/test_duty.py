@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,8 @@ from haploop.instruments.json_text import of_file
 from haploop.instruments.safety.duty import plays_of
 from tests.instruments.safety.at_the_patch import bursts, busiest_minute
 from tests.instruments.safety.lab import Lab, lab
+
+pytestmark = pytest.mark.usefixtures("unproved")
 
 RATE = 50_000
 TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(round(1.5 * RATE)) / RATE) * np.hanning(round(1.5 * RATE))
@@ -62,7 +66,7 @@ def test_a_play_is_counted_before_it_begins(here: Lab, tmp_path: Path) -> None:
     seen: list[float] = []
 
     def look(*_: object) -> None:
-        now = here.today().timestamp()
+        now = here.clock.now()
         spans = [plays_of(tmp_path, {piece}, now) for piece in rig.hardware]
         assert all(spans) and len(rig.hardware) >= 3
         seen.extend(stop - start for ((start, stop),) in spans)
@@ -90,12 +94,27 @@ def test_a_count_that_cannot_be_read_is_a_full_minute(here: Lab, tmp_path: Path,
         rig.excite(TONE, ["A"], ["drive"])
 
 
-def test_a_clock_that_was_set_back_forgets_nothing(here: Lab, tmp_path: Path) -> None:
-    now = here.today().timestamp()
+def test_a_computer_that_was_started_again_forgets_nothing_and_remembers_it_once(
+    here: Lab, tmp_path: Path
+) -> None:
+    """The clock began anew: what was played counts as just ended, and is a minute old a minute later."""
     with open_rig(allowed(0.05)) as rig:
         rig.excite(TONE, ["A"], ["drive"])
-    (start, stop), *_ = plays_of(tmp_path, rig.hardware, now - 3600)
-    assert stop == now - 3600 and stop - start == pytest.approx(1.5, abs=0.01)
+    (start, stop), *_ = plays_of(tmp_path, rig.hardware, 0.5)
+    assert stop == 0.5 and stop - start == pytest.approx(1.5, abs=0.01)
+    assert plays_of(tmp_path, rig.hardware, 60.4) and not plays_of(tmp_path, rig.hardware, 60.6)
+
+
+def test_a_calendar_that_is_set_forward_forgets_nothing(here: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a minute, and by two days: 5.75 s were played where 3 were allowed."""
+    record = here.truth.record()
+    for ahead in (0, 120, 200_000):
+        today = datetime.now(UTC) + timedelta(seconds=ahead)
+        monkeypatch.setattr("haploop.instruments.safety.audit.now_utc", lambda today=today: today)
+        monkeypatch.setattr("time.time", today.timestamp)
+        with open_rig(allowed(0.05)) as rig, suppress(LimitError):
+            rig.excite(TONE, ["A"], ["drive"])
+    assert busiest_minute(bursts(record)) < 3.01
 
 
 def test_nothing_is_played_that_cannot_be_counted(

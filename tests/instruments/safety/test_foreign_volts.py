@@ -57,12 +57,13 @@ def test_an_output_that_does_not_take_its_zero_keeps_the_contacts_open(mode: Any
     with open_rig("simulated", simulate=mode) as rig:
         leave(rig, "amplifier", 8.0)
         with monkeypatch.context() as patch:
-            patch.setattr(rig.daq, "zero", lambda: None)  # it says that it did
+            patch.setattr(rig.daq, "hold", lambda: None)  # it says that it did
             with pytest.raises(InstrumentError, match=r"'amplifier' was set to zero and reads 8 V"):
                 rig.relay.connect(["A"])
         assert not rig.simulation.truth.closed and reached(rig) == 0
 
 
+@pytest.mark.usefixtures("unproved")
 @MODES
 def test_plays_begin_from_zero_whatever_was_left(mode: Any) -> None:
     with open_rig("simulated", simulate=mode) as rig:

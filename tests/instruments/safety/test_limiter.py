@@ -14,11 +14,14 @@ from pydantic import ValidationError
 from haploop.instruments import ConfigurationError, Daq, LimitError, Rig, Sweep, load_rig_file, open_rig
 from haploop.instruments.config.rig_file import Device, DriveLimits, RigFile
 from haploop.instruments.generator.role import Generator
+from haploop.instruments.limits import Limits
 from haploop.instruments.player.role import Player
 from haploop.instruments.relay.role import Relay
 from haploop.instruments.safety.audit import entries
 from haploop.mocks.daq.twin import DaqTwin
 from tests.instruments.safety.at_the_patch import Burst, bursts
+
+pytestmark = pytest.mark.usefixtures("unproved")
 
 RATE = 50_000.0
 TONE = 10 * np.sin(2 * np.pi * 250 * np.arange(10_000) / RATE) * np.hanning(10_000)
@@ -308,3 +311,39 @@ def test_no_value_in_what_was_opened_can_be_changed(rig: Rig) -> None:
     file.amplifier.settings["gain"] = 1.0  # type: ignore[union-attr]
     with pytest.raises(LimitError):
         rig.excite(9 * TONE, ["A"], ["drive"])
+
+
+# What a notebook writes past the freezing
+
+
+def rewrite(target: object, **values: object) -> None:
+    vars(target).update(values)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda r: rewrite(r.file.limits, max=400.0, min=-400.0, peak_to_peak=800.0), "limit"),
+        (lambda r: rewrite(r.file.limits, duty=1.0, slew=1e9), "limit"),
+        (lambda r: rewrite(r.amplifier, limits=lambda _n: Limits()), "limit"),
+        (lambda r: object.__setattr__(r.amplifier, "limits", lambda _n: Limits()), "limit"),
+        (lambda r: rewrite(r.relay, rating=400.0), "limit"),
+        (lambda r: rewrite(r.table, patch_capacitance=1e-12), "limit"),
+        (lambda r: rewrite(r.amplifier._settings, gain=5.0), "amplifier's gain"),
+        (lambda r: rewrite(r.amplifier, to_input=lambda drive: drive / 5), "amplifier's gain"),
+        (lambda r: rewrite(r.file.abort, drive=1e6), "rig file"),
+        (lambda r: rewrite(r.file.sensors.drive, ratio=1.0), "rig file"),
+        (lambda r: rewrite(r, file=load_rig_file("four-channel")), "limit"),
+    ],
+)
+def test_what_the_limits_rest_on_is_compared_with_a_copy(
+    rig: Rig, change: Callable[[Rig], object], what: str
+) -> None:
+    """Once, 157 V were played for 0.1 s by a notebook that had rewritten its limits."""
+    rig.excite(TONE, ["A"], ["drive"])
+    change(rig)
+    for drive in (TONE, 14 * TONE):
+        with pytest.raises(LimitError, match=f"Nothing is played: the {what} of the open rig is not what it"):
+            rig.excite(drive, ["A"], ["drive"])
+    assert rig.simulation.truth.peak < 10.5
+    assert [e["kind"] for e in entries(rig.audit.folder)].count("refused") == 2

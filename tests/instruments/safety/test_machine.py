@@ -14,7 +14,7 @@ import pytest
 
 from haploop.instruments import InstrumentError
 from haploop.instruments.safety import machine
-from haploop.instruments.safety.lock import InUse, hold
+from haploop.instruments.safety.lock import InUse, hold, is_marked, marked
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and users of POSIX")
@@ -24,7 +24,7 @@ HOLDER = """
 import os, sys
 from pathlib import Path
 from haploop.instruments.safety import machine
-from haploop.instruments.safety.lock import InUse, hold
+from haploop.instruments.safety.lock import InUse, hold, is_marked, marked
 from haploop.instruments.safety.lockout import Lockout, clear_lockout, lockout_of, set_lockout
 from haploop.instruments.json_text import as_file
 if len(sys.argv) > 2:
@@ -209,3 +209,38 @@ def test_what_is_synced_is_the_whole_content(place: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.pread(number, 100, 0)))
     machine.write(machine.folder() / "a.duty", b"content")
     assert synced == [b"content"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="mount namespaces are Linux's")
+def test_a_program_that_sees_another_folder_there_excludes_others_too(place: Path) -> None:
+    """A service with a private /var/tmp has the same path, and finds no lock of ours in it."""
+    theirs = f"""
+import sys
+from pathlib import Path
+from haploop.instruments.safety import machine
+from haploop.instruments.safety.lock import hold
+machine._place = lambda: Path({str(place)!r})
+with hold({{{PIECE!r}}}, "The rig 'theirs'"):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", theirs], stdin=pipe, stdout=pipe, text=True) as program:
+        assert program.stdout is not None and program.stdout.readline() == "held\n"
+        for path in place.glob("*.lock"):
+            path.unlink()
+        with pytest.raises(InUse, match=r"a program that has a .* of its own"), hold({PIECE}, "The rig"):
+            pass
+        program.kill()
+    with hold({PIECE}, "The rig 'mine'"):
+        pass
+
+
+def test_what_a_killed_program_has_marked_is_removed_when_somebody_looks(tmp_path: Path) -> None:
+    """A lock file stayed beside the recording."""
+    path = tmp_path / "one.h5"
+    (tmp_path / ".one.h5.lock").touch()
+    assert not is_marked(path) and not list(tmp_path.iterdir())
+    with marked(path):
+        assert is_marked(path) and is_marked(path)
+    assert not list(tmp_path.iterdir())

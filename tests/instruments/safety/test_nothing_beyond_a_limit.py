@@ -110,6 +110,7 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
         "input": file.amplifier.settings["input"] if source in ("daq", "each") else "source",
         "current_peak": near(0.1, 0.03, 0.3),
         "current_average": near(0.05, 0.003, 0.1),
+        "rating_source": "a test",
     }
     table = file.table.model_copy(
         update={
@@ -119,7 +120,7 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
             "rate_hz": draw(st.sampled_from((20_000.0, 50_000.0))),
         }
     )
-    relay = file.relay.settings | {"rating": near(55, 0.2, 0.8)}
+    relay = file.relay.settings | {"rating": near(55, 0.2, 0.8), "rating_source": "a test"}
     changed: dict[str, Any] = {
         "limits": limits,
         "table": table,

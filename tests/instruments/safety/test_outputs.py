@@ -22,7 +22,11 @@ class Rig(dict[str, Any]):
         self.done: list[str] = []
         inputs = fed if isinstance(fed, dict) else {}
         super().__init__(
-            daq=SimpleNamespace(zero=lambda: self.done.append("zero"), outputs_read=lambda: standing),
+            daq=SimpleNamespace(
+                hold=lambda: self.done.append("zero"),
+                let_go=lambda: self.done.append("let go"),
+                outputs_read=lambda: standing,
+            ),
             amplifier=SimpleNamespace(input="" if inputs else fed, inputs=inputs),
         )
 
@@ -47,7 +51,7 @@ def test_an_output_that_cannot_be_set_keeps_the_relay_open() -> None:
     def held() -> None:
         raise InstrumentError("Dev2 is in use.")
 
-    rig["daq"].zero = held
+    rig["daq"].hold = held
     with pytest.raises(InstrumentError, match=r"not known to be at zero volts: Dev2 is in use\."):
         Outputs(rig).rest()
 
@@ -118,8 +122,13 @@ def test_what_cannot_be_counted_is_said(tmp_path: Path) -> None:
 
 
 def test_counts_of_pieces_that_were_not_used_for_a_day_are_removed(tmp_path: Path) -> None:
-    for name, age in (("old.duty", 86_401), ("new.duty", 86_399), ("old.lockout", 10**6)):
-        (tmp_path / name).touch()
-        os.utime(tmp_path / name, (10**9 - age, 10**9 - age))
-    clear_old(tmp_path, 10.0**9)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.duty", "old.lockout"]
+    now = 10.0**6
+    for piece, age in (("old", 86_401), ("new", 86_399), ("of a longer uptime", -(10**5))):
+        count_plays(tmp_path, {piece}, [(now - age - 1, now - age)])
+        os.utime(tmp_path / machine.file_for(piece, "duty"), (0, 0))
+    (tmp_path / "damaged.duty").touch()
+    (tmp_path / "old.lockout").touch()
+    clear_old(tmp_path, now)
+    left = {path.name for path in tmp_path.iterdir()}
+    kept = {machine.file_for(piece, "duty") for piece in ("new", "of a longer uptime")}
+    assert left == {"damaged.duty", "old.lockout"} | kept

@@ -40,11 +40,15 @@ class World:
     def __init__(self, folder: Path) -> None:
         self.clock = VirtualClock()
         self.audit = Audit(load_rig_file("simulated"), folder / "log", True)
-        self.on = False
+        self.held: list[bool] = []
         self.standing = {"one": 0.0}
         self.generator = SimpleNamespace(output="one", identity="A generator", is_on=False)
         self.amplifier = E413.open(E413.Settings(input="one", gain=50), self.clock)
-        daq = SimpleNamespace(zero=lambda: None, outputs_read=lambda: self.standing)
+        daq = SimpleNamespace(
+            hold=lambda: self.held.append(True),
+            let_go=lambda: self.held.append(False),
+            outputs_read=lambda: self.standing,
+        )
         roles = {"daq": daq, "generator": self.generator, "amplifier": self.amplifier}
         self.outputs = Outputs(roles)
         self.counted = folder / "counted"
@@ -293,7 +297,7 @@ def test_a_waveform_that_cannot_be_judged_is_one_sentence(
 
 def test_what_is_played_is_counted_before_it_begins_and_as_it_was(world: World) -> None:
     def counted() -> list[float]:
-        now = world.audit._wall().timestamp()
+        now = world.clock.now()
         return [round(stop - start, 3) for start, stop in plays_of(world.counted, {"card"}, now + 0.5)]
 
     limits = replace(LIMITS, duty=1.0 / 60)
@@ -350,7 +354,7 @@ def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_afte
     long = np.sin(np.arange(65_000) / 3)
     with world.permit({"one": long}):
         world.clock.sleep(65.0)
-    now = world.audit._wall().timestamp()
+    now = world.clock.now()
     ((start, stop),) = plays_of(world.counted, {"card"}, now + 0.5)
     assert stop - start == pytest.approx(64.999, abs=0.002)
     world.clock.sleep(61.0)
@@ -358,7 +362,7 @@ def test_a_play_that_began_more_than_a_minute_ago_is_counted_until_a_minute_afte
         pass
 
 
-def test_without_a_rig_nothing_is_authorised_but_a_relay() -> None:
+def test_without_a_rig_nothing_is_authorised_but_to_open() -> None:
     nobody = Interlocked._interlock
     for ask in (
         lambda: nobody.authorise("one", DRIVE, RATE),
@@ -367,4 +371,6 @@ def test_without_a_rig_nothing_is_authorised_but_a_relay() -> None:
     ):
         with pytest.raises(LimitError, match="Nothing is played on 'one' without a rig's limits"):
             ask()
-    nobody.authorise_patches(frozenset({"A"}))
+    with pytest.raises(LimitError, match="Patch A, B is not connected without a rig"):
+        nobody.authorise_patches(frozenset({"B", "A"}))
+    nobody.authorise_patches(frozenset())

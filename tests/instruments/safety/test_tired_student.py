@@ -268,6 +268,8 @@ def _no_duty(patch: pytest.MonkeyPatch) -> None:
 
 def _not_frozen(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("haploop.instruments.frozen.Frozen.__setattr__", object.__setattr__)
+    # A play is held to a copy of the limits besides.
+    patch.setattr("haploop.instruments.safety.figures.Kept.ratings", lambda _, n, now: now.ratings[n])
 
 
 @pytest.mark.parametrize("take_out", [_no_rest, _no_duty, _not_frozen], ids=lambda f: f.__name__)

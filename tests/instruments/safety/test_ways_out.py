@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 from haploop.instruments import InstrumentError, Rig, open_rig
-from haploop.instruments.daq.ni_daqmx import NiDaq
 from haploop.instruments.safety.audit import entries
 from haploop.instruments.safety.lock import hold
 from haploop.instruments.signals import at_console_close, ending_in_order
@@ -194,7 +193,7 @@ def test_two_threads_that_close_a_rig_wait_for_each_other(monkeypatch: pytest.Mo
     ("asked", "step"),
     [
         (Rig.make_safe, "haploop.mocks.daq.twin.DaqTwin.zero"),
-        (lambda rig: rig.daq.zero(), f"{NiDaq.__module__}.NiDaq._write_zero"),
+        (lambda rig: rig.daq.zero(), "haploop.instruments.daq.ni_outputs.NiOutputs._write_zero"),
     ],
 )
 def test_two_threads_that_ask_for_the_safe_state_take_turns(

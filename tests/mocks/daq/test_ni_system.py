@@ -11,7 +11,14 @@ from pathlib import Path
 import grpc
 import nidaqmx
 import pytest
-from nidaqmx.constants import BusType, ProductCategory, TerminalConfiguration, UsageTypeAI
+from nidaqmx.constants import (
+    BusType,
+    ProductCategory,
+    SampleTimingType,
+    TaskMode,
+    TerminalConfiguration,
+    UsageTypeAI,
+)
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.system import Device, PhysicalChannel, System
 
@@ -115,3 +122,43 @@ def test_program_of_its_own(tmp_path: Path) -> None:
             _, said = process.communicate(timeout=10)
     assert process.returncode == 0 or sys.platform == "win32"
     assert "Bridge (PXIe-4331) is not known" in said
+
+
+def test_a_committed_task_keeps_its_outputs_when_it_stops_and_changes(
+    options: nidaqmx.GrpcSessionOptions,
+) -> None:
+    """NI-DAQmx Key Concepts, "Transitioning the State Backwards": it is verified again when it starts."""
+    with (
+        nidaqmx.Task("first", grpc_options=options) as task,
+        nidaqmx.Task("second", grpc_options=options) as other,
+    ):
+        for one in (task, other):
+            one.ao_channels.add_ao_voltage_chan("Card/ao0")
+
+        def taken() -> bool:
+            try:
+                other.write(1.0, auto_start=True)
+            except nidaqmx.DaqError as error:
+                assert error.error_type is DAQmxErrors.PAL_RESOURCE_RESERVED
+                return False
+            return True
+
+        task.write(0.0, auto_start=True)
+        assert taken(), "a start that reserved is undone by the stop"
+        task.control(TaskMode.TASK_COMMIT)
+        assert not taken()
+        task.start()
+        task.write(0.0)
+        task.stop()
+        task.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+        assert not taken()
+        task.write([0.0] * 10, auto_start=False)
+        task.start()
+        task.stop()
+        task.timing.samp_timing_type = SampleTimingType.ON_DEMAND
+        assert not taken()
+        task.timing.cfg_samp_clk_timing(1e9, samps_per_chan=10)
+        with pytest.raises(nidaqmx.DaqError):
+            task.control(TaskMode.TASK_COMMIT)
+        task.control(TaskMode.TASK_UNRESERVE)
+        assert taken()

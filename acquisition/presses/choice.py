@@ -1,0 +1,94 @@
+"""Presses of recordings that an average may use, and why each of the others is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...instruments.arrays import BoolArray, FloatArray
+from ..recording import Recording
+from .cutting import Activated
+from .double_clicks import double_clicks
+from .quality import accepted_presses, is_of
+from .segmentation import ButtonPress
+from .sensor_faults import axis_fault, signal_fault, upside_down
+
+__all__ = ["few", "held", "single", "usable"]
+
+
+def usable(recording: Recording, left_out: list[str]) -> list[Activated]:
+    """Presses with their activation instants (samples); the others are added to `left_out`."""
+    good = []
+    accepted = accepted_presses(recording)
+    left_out += [
+        f"{recording.participant}, press {bad.number}, attempt {bad.attempt}: {bad.reason}"
+        for bad in recording.verdicts
+        if not bad.accepted
+    ]
+    for number, press in enumerate(accepted, start=1):
+        if press.saturated:
+            left_out.append(f"{recording.participant}, press {number}: a sensor was saturated")
+        elif press.activation is None:
+            left_out.append(f"{recording.participant}, press {number}: the contact did not change")
+        else:
+            good.append((press, press.activation))
+    good = [one for one in good if _sound(recording, one[0], left_out)]
+    left_out += [
+        f"{recording.participant}, press {verdict.number}, attempt {verdict.attempt}: it is not found with "
+        "the recording's segmentation"
+        for verdict in recording.accepted
+        if not any(is_of(verdict, press) for press in accepted)
+    ]
+    return good
+
+
+def _sound(recording: Recording, press: ButtonPress, left_out: list[str]) -> bool:
+    """True for a press whose signals are right, or can be corrected; another is added to `left_out`."""
+    rest = recording.rest
+    wrong = "" if upside_down(recording, rest) else axis_fault(recording, rest)
+    if wrong := wrong or signal_fault(
+        recording, rest, slice(press.onset, press.release + 1), recording.acceleration[2][rest]
+    ):
+        at = press.onset / recording.rate_hz
+        left_out.append(f"{recording.participant}, press at {at:.2f} s: {wrong}")
+    return not wrong
+
+
+def held(
+    recording: Recording, presses: Sequence[Activated], least: float, left_out: list[str]
+) -> list[Activated]:
+    """The presses whose contact was closed for `least` samples; the others are added to `left_out`."""
+    long = []
+    for press, at in presses:
+        if press.opened is None or press.opened - at >= least:
+            long.append((press, at))
+        else:
+            left_out.append(
+                f"{recording.participant}, press at {at / recording.rate_hz:.2f} s: it was held for less "
+                "than half the time of the others"
+            )
+    return long
+
+
+def single(
+    accelerations: FloatArray, rate_hz: float, at: int, presses: Sequence[str]
+) -> tuple[BoolArray, list[str]]:
+    """(presses,): True for the presses of a participant without a second click; and sentences on the others.
+
+    `accelerations` is (presses, samples) with the activation at sample `at`.
+    """
+    clicks = double_clicks(accelerations, rate_hz)
+    told = [
+        f"{press}: it clicked twice, once {abs(click - at) / rate_hz * 1e3:.0f} ms "
+        f"{'after' if click > at else 'before'} the activation, where the others do not"
+        for press, click in zip(presses, clicks, strict=True)
+        if np.isfinite(click)
+    ]
+    return np.isnan(clicks), told
+
+
+def few(sentences: Sequence[str]) -> str:
+    """The first three of these, and how many more there are."""
+    more = [f"and {len(sentences) - 3} more"] if len(sentences) > 3 else []
+    return "; ".join([*sentences[:3], *more])

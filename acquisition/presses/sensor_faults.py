@@ -1,0 +1,136 @@
+"""What is wrong with the sensors, seen in the samples of a press and of the rest before it.
+
+With hands off an accelerometer shows gravity: +9.8 m/s^2 along z. -9.8 is a sensor upside down, of which all
+that is recorded is the negative of the truth; another value is a tilt, a wrong zero, or a wire that is off.
+Hum stands in the rest as lines at the mains' harmonics, and so in the press: its rms over that of the press's
+motion is the relative error of one press. No warp removes it, and an average only slowly, because it has
+another phase in each press. A sensor of bandwidth B cannot come and go within 1 / (4 B): what does so in one
+or two samples is a spike of the electronics. A load along z strains all gauges that have a weight in Fz: the
+wire of one that does not move is off, and the force is short by its part. A strain gauge creeps: a part of
+the load is still read after the finger has left, and fades.
+
+Assumed: no motor starts in the rest, z is vertical, the finger presses within the circle of the gauges. The
+polarity is not told by the motion: a click may start up or down.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from ...instruments.arrays import FloatArray
+from ...instruments.mains import mains_hum
+from ..recording import Recording
+
+__all__ = ["axis_fault", "doubt", "signal_fault", "upside_down"]
+
+_LOUD = 0.15
+"""Hum over a press's motion (rms) from which the press is refused: with 0.25, r of a representative press was
+0.96 to 0.99, and with 0.08 it was 0.993 or more (on five simulated rigs)."""
+_SLOW = 0.05
+"""s: a motion slower than this is no click, nor gravity's change as the cap tilts."""
+_SPIKE, _ABOVE = 10.0, 0.5
+"""Height of a spike over the noise's standard deviation, and over the motion within `_NEAR` samples."""
+_NEAR = 5
+_STILL, _WEIGHT = 0.01, 0.1
+"""A gauge is still when its share of the force is below the first, though its weight in Fz, over the largest
+one's, is above the second; of a press at the centre it has a third."""
+_CREPT, _LEAVES = 0.01, 0.05
+"""Part of a press's force that is left once the finger has left (s), from which the sensor creeps."""
+
+
+def upside_down(recording: Recording, rest: slice) -> bool:
+    """True when the accelerometer shows gravity along -z in the samples `rest`."""
+    sensor = recording.sensors.acceleration
+    return sensor is not None and sensor.upside_down(_volts(recording, sensor.channels)[:, rest])
+
+
+def axis_fault(recording: Recording, rest: slice) -> str:
+    """A clause on an accelerometer that shows at rest what gravity cannot be; empty for a right one."""
+    sensor = recording.sensors.acceleration
+    if sensor is None:
+        return ""
+    volts = _volts(recording, sensor.channels)[:, rest]
+    shown = sensor.to_si(volts).mean(axis=1)
+    off = [axis for axis in (0, 1) if abs(shown[axis]) >= sensor.range]
+    if wrong := sensor.fault_along_z(volts):
+        return f"the accelerometer shows {shown[2]:.1f} m/s² along z at rest: {wrong}"
+    if off:
+        return (
+            f"the accelerometer shows {shown[off[0]]:.1f} m/s² along {'xy'[off[0]]} at rest: check its wires"
+        )
+    return ""
+
+
+def signal_fault(recording: Recording, rest: slice, press: slice, still: FloatArray) -> str:
+    """A clause on why a press's signals are wrong, and what to do; empty when they are right.
+
+    `rest` and `press` are samples with hands off before the press, and those of the press; `still` is the
+    vertical acceleration (samples,) of a rest of 0.4 s or more, in which hum can be told.
+    """
+    sensor, force = recording.sensors.acceleration, recording.sensors.force
+    if sensor is None or force is None:
+        return ""
+    motion = recording.acceleration[2][press]
+    hum = _hum(still, motion, recording.rate_hz)
+    if hum and hum[0] > _LOUD:
+        return (
+            f"the accelerometer has {hum[1]}, {hum[0]:.0%} of the press's motion; check its ground and cable"
+        )
+    if sensor.bandwidth_hz < recording.rate_hz / 4 and (count := _spikes(still, motion)):
+        return (
+            f"the accelerometer's signal has {count} spike{'s' * (count > 1)}; check its wires and its supply"
+        )
+    gauges = _volts(recording, force.channels)
+    weights = np.asarray(force.matrix[2])
+    shares = weights * (gauges[:, press].mean(axis=1) - gauges[:, rest].mean(axis=1))
+    heavy = np.abs(weights) > _WEIGHT * np.abs(weights).max()
+    deaf = heavy & (np.abs(shares) < _STILL * np.abs(shares).sum())
+    if deaf.any() and not deaf[heavy].all():
+        name = force.channels[int(np.argmax(deaf))]
+        return f"the channel {name} does not follow the force; check its wire and the sensor's supply"
+    return ""
+
+
+def doubt(recording: Recording, rest: slice, press: slice, still: FloatArray) -> str:
+    """A clause on what is doubtful in a press that counts: hum, x and y, creep; empty without.
+
+    The recording ends with hands off, after this press.
+    """
+    sensor = recording.sensors.acceleration
+    doubts = []
+    if sensor is not None:
+        if wrong := sensor.fault_at_rest(_volts(recording, sensor.channels)[:, rest]):
+            doubts.append(f"accelerometer: {wrong.removesuffix('.')}")
+        if hum := _hum(still, recording.acceleration[2][press], recording.rate_hz):
+            doubts.append(f"the accelerometer has {hum[1]}, {hum[0]:.0%} of the press")
+    late = recording.force[press.stop :][round(_LEAVES * recording.rate_hz) :]
+    if len(late) >= _LEAVES * recording.rate_hz:
+        left = float(late.mean() - recording.force[rest].mean()) / float(recording.force[press].max())
+        if left > _CREPT:
+            doubts.append(f"the force sensor creeps: {left:.1%} of the force is left after the press")
+    return "; ".join(doubts)
+
+
+def _volts(recording: Recording, channels: tuple[str, ...]) -> FloatArray:
+    return np.asarray(recording.volts[[recording.channels.index(name) for name in channels]])
+
+
+def _hum(still: FloatArray, motion: FloatArray, rate_hz: float) -> tuple[float, str] | None:
+    """Hum in an acceleration at rest, relative to the motion of a press; and in words."""
+    hum = mains_hum(still, rate_hz)
+    if hum is None:
+        return None
+    fast = motion - scipy.ndimage.uniform_filter1d(motion, max(1, round(_SLOW * rate_hz)))
+    power = max(float(np.mean(fast**2)) - hum.rms**2, hum.rms**2 / 100)
+    return hum.rms / float(np.sqrt(power)), f"mains hum, {hum.rms:.2g} m/s² rms at {hum.mains_hz:g} Hz"
+
+
+def _spikes(still: FloatArray, motion: FloatArray) -> int:
+    """Count what comes and goes within two samples of a press."""
+    # Half of the rest's samples at most can be spikes themselves.
+    noise = 1.4826 * float(np.median(np.abs(still - np.median(still))))
+    smooth = scipy.ndimage.median_filter(motion, 5)
+    near = 2 * _NEAR + 1
+    moves = scipy.ndimage.maximum_filter1d(smooth, near) - scipy.ndimage.minimum_filter1d(smooth, near)
+    return int(np.sum(np.abs(motion - smooth) > np.maximum(_SPIKE * noise, _ABOVE * moves)))

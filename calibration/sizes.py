@@ -1,0 +1,21 @@
+"""Room (bytes) that results may take on a disk, held before a voltage is put out.
+
+Upper bounds: twice what the shipped rigs need, or more (measured; a test compares). A result that is larger
+still is written if the disk has the room then.
+"""
+
+from __future__ import annotations
+
+__all__ = ["BUTTON", "CALIBRATION", "CHECK", "PLAY", "STEP", "WAVEFORMS"]
+
+CALIBRATION = 2_000_000
+WAVEFORMS = 48_000_000
+"""Of one calibration, as measured; a third of it, packed."""
+CHECK = 4_000_000
+"""A check without its plays, with press, drive and picture."""
+PLAY = 200_000
+"""One play of a check."""
+BUTTON = 12_000_000
+"""A digital button without what it learned from."""
+STEP = 2_000_000
+"""One iteration of learning."""

@@ -1,0 +1,145 @@
+"""The outputs of one NI card or chassis: one task, which reserves them from the first zero to the last.
+
+A task that was committed explicitly keeps its resources when it is stopped and when its timing is changed,
+and an output keeps its last value meanwhile (NI-DAQmx Key Concepts, "Transitioning the State Backwards"). So
+the same task writes zero on demand, plays on a sample clock and writes zero again, and no other program can
+write to the outputs in between (-50103).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
+from typing import Any, Protocol
+
+import numpy as np
+from nidaqmx.constants import SampleTimingType, TaskMode
+from nidaqmx.errors import DaqError
+from nidaqmx.stream_writers import AnalogMultiChannelWriter
+
+from ..arrays import FloatArray
+from ..clock import RealClock
+from ..errors import HaploopError, InstrumentError
+from .ni_sentences import refused
+from .ni_settings import Output
+
+__all__ = ["NiOutputs"]
+
+_IN_USE = -50103
+_TRIES = 10
+"""Attempts to reserve the outputs, which another program's single write holds for an instant."""
+_PAUSE = 0.01
+"""Time between them (s)."""
+
+
+class Cards(Protocol):
+    """What the outputs ask of the cards that they are on."""
+
+    def task(self, purpose: str) -> Any:
+        """Create a task, a context that clears it."""
+
+    def add_output(self, task: Any, output: Output) -> None:
+        """Give a task an output."""
+
+    def talking_to(self, device: str) -> AbstractContextManager[None]:
+        """Turn any error of NI's library into one sentence about `device`."""
+
+
+class NiOutputs:
+    """The outputs of `home`, by name; errors are InstrumentErrors about it."""
+
+    def __init__(self, daq: Cards, home: str, outputs: Mapping[str, Output]) -> None:
+        self._daq, self._home, self._outputs = daq, home, outputs
+        self._task: Any = None
+        self._plays = False
+
+    def rest(self) -> None:
+        """Stop what plays, write zero, and keep the outputs reserved. Idempotent.
+
+        Raises InstrumentError where another program holds an output, and where one has taken an output that
+        rested here: then it is at zero again, and was not meanwhile, perhaps.
+        """
+        rested = self._task is not None and not self._plays
+        if self._task is not None:
+            try:
+                self._write_zero()
+                return
+            except HaploopError as error:
+                if not isinstance(error.__cause__, DaqError):  # the server is gone
+                    raise
+            self._drop()
+        for left in reversed(range(_TRIES)):
+            try:
+                self._reserve()
+                break
+            except HaploopError as error:
+                self._drop()
+                if not left or getattr(error.__cause__, "error_code", 0) != _IN_USE:
+                    raise
+                RealClock().sleep(_PAUSE)
+        if rested:
+            raise InstrumentError(
+                f"Another program has taken the outputs of {self._home}, which this one held at zero: see "
+                "what else uses the card."
+            )
+
+    def play(self, waveforms: Mapping[str, FloatArray], rate_hz: float, clock: str) -> Any:
+        """Load waveforms ((samples,) V, all of one length) and arm them: sample 0 at `clock`'s first edge.
+
+        An output without a waveform plays zero. Returns the task, which is the caller's until `rest`.
+        """
+        if self._plays:
+            raise refused(self._home, _IN_USE, "")
+        self.rest()
+        length = len(next(iter(waveforms.values())))
+        silence = np.zeros(length)
+        rows = np.array([waveforms.get(name, silence) for name in self._outputs], np.float64)
+        task, self._plays = self._task, True
+        with self._daq.talking_to(self._home):
+            task.stop()
+            # The master's own card too: two dividers of one timebase need not give the same rate.
+            task.timing.cfg_samp_clk_timing(rate_hz, clock, samps_per_chan=length)
+            task.control(TaskMode.TASK_COMMIT)
+            taken = AnalogMultiChannelWriter(task.out_stream, auto_start=False).write_many_sample(rows)
+            if taken != length:
+                raise InstrumentError(
+                    f"{self._home} took {taken} of a waveform's {length} samples; nothing was played."
+                )
+            task.start()
+        return task
+
+    def let_go(self) -> None:
+        """Free the outputs, which keep their value."""
+        task, self._task, self._plays = self._task, None, False
+        if task is not None:
+            with self._daq.talking_to(self._home):
+                task.close()
+
+    def _drop(self) -> None:
+        """As `let_go`, for a task that may be broken or cleared already."""
+        with suppress(HaploopError):
+            self.let_go()
+
+    def _reserve(self) -> None:
+        with self._daq.talking_to(self._home):
+            self._task = self._daq.task(f"{self._home} output")
+            for output in self._outputs.values():
+                self._daq.add_output(self._task, output)
+            self._task.control(TaskMode.TASK_COMMIT)
+            self._task.start()
+        self._write_zero()
+
+    def _write_zero(self) -> None:
+        task = self._task
+        with self._daq.talking_to(self._home):
+            if self._plays:
+                # A task in error says so again when it is stopped; the stream has raised that error.
+                with suppress(HaploopError), self._daq.talking_to(self._home):
+                    task.stop()
+                task.timing.samp_timing_type = SampleTimingType.ON_DEMAND
+                task.start()
+                self._plays = False
+            zeros: float | Sequence[float] = [0.0] * len(self._outputs) if len(self._outputs) > 1 else 0.0
+            taken = task.write(zeros, auto_start=False)
+        if taken != 1:
+            raise InstrumentError(f"{self._home} did not say that its outputs took zero: try again.")

@@ -1,0 +1,57 @@
+"""Looks at a contact that is closed outside a play, as long as it is closed.
+
+In a play the abort monitor looks at every block. Outside, nobody may ask for anything while a contact is
+closed, and a box without a dead-man never opens by itself: so a thread looks, in real time. On a virtual
+clock, which stands still while nobody waits, each renewal looks.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from ..clock import Clock, RealClock
+from ..errors import HaploopError
+from .deadline import DEADLINE
+
+__all__ = ["Watch"]
+
+_OFTEN = 0.2
+"""Interval of the looks (s)."""
+
+
+class Watch:
+    """Calls `look` while a contact is closed, until it raises HaploopError: by then it has opened it."""
+
+    def __init__(self, clock: Clock, look: Callable[[], None]) -> None:
+        self.on = False
+        """True while a contact is closed outside a play."""
+        self._real = isinstance(clock, RealClock)
+        self._look = look
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def begin(self) -> None:
+        """Start to look."""
+        self.on = True
+        if self._real:
+            self._ended = threading.Event()
+            self._thread = threading.Thread(
+                target=self._run, args=(self._ended,), name="watch of a closed contact", daemon=True
+            )
+            self._thread.start()
+
+    def end(self) -> None:
+        """Look no more. Idempotent."""
+        self.on = False
+        self._ended.set()
+        thread, self._thread = self._thread, None
+        if thread not in (None, threading.current_thread()):
+            thread.join(DEADLINE)
+
+    def _run(self, ended: threading.Event) -> None:
+        while not ended.wait(_OFTEN):
+            try:
+                self._look()
+            except HaploopError:
+                return

@@ -1,0 +1,184 @@
+"""What a calibration, its waveforms and a drive say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ...calibration import Calibration, Drive, Resonance, Waveforms
+from .. import figures
+from . import captions
+from .parts import Contents, Drawing, Fact, Verdict, fact
+from .words import damping, percent, sentence
+
+__all__ = [
+    "calibration_contents",
+    "drive_contents",
+    "drive_drawing",
+    "drive_facts",
+    "response_drawing",
+    "waveforms_contents",
+]
+
+
+def calibration_contents(calibration: Calibration) -> Contents:
+    """What a calibration says: the measured response, and the model that was fitted to it."""
+    response, model = calibration.response, calibration.model
+    patch, point, repeats = response.patch, response.point, response.repeats
+    low, high = response.frequencies[[0, -1]]
+    radius, known = response.confidence(), response.coherence
+    lowest, median = (float(known.min()), float(np.median(known))) if known.size else (None, None)
+    coherence = "not measured" if lowest is None else f"median {median:.4f}, lowest {lowest:.4f}"
+    relative = np.median(radius) / np.abs(response.velocity).max() if radius.size else None
+    stable = bool(model.stable)
+    facts = [
+        fact("Rig", f"{response.rig}, {response.created}", rig=response.rig, created=response.created),
+        fact(
+            "Response",
+            f"{low:.0f} to {high:.0f} Hz, {repeats} repeats",
+            band_hz=(low, high),
+            repeats=repeats,
+            patch=patch,
+            point=point,
+            confidence=relative,
+        ),
+        fact("Excitation", response.excitation, excitation=response.excitation),
+        fact("Source", response.source if response.source != "measured" else "", source=response.source),
+        fact("Coherence", coherence, coherence_min=lowest, coherence_median=median),
+        fact(
+            "Resonance",
+            f"{model.resonance_hz:.2f} Hz (the strongest of {len(model.resonances)})",
+            resonance_hz=model.resonance_hz,
+            resonances=[_resonance(one) for one in model.resonances],
+        ),
+        fact("Damping ratio", damping(model.carriers[0])),
+        fact("Carrier", model.ambiguity, carriers_hz=[one.frequency_hz for one in model.carriers]),
+        fact(
+            "Model",
+            f"{percent(model.error)} from the response, {'stable' if stable else 'UNSTABLE'}",
+            model_error=model.error,
+            stable=stable,
+        ),
+    ]
+    verdict = Verdict(
+        f"Calibration, patch {patch} at {point}",
+        "stable" if stable else "unstable",
+        stable,
+        f"model {percent(model.error)} from the response; coherence "
+        f"{'not measured' if lowest is None else f'at least {lowest:.3f}'}",
+    )
+    return Contents(
+        f"Calibration of patch {patch} at the {point} point",
+        facts,
+        kind="calibration",
+        simulated=response.simulated,
+        rig=response.rig,
+        verdicts=[verdict],
+        figures=[response_drawing(calibration)],
+    )
+
+
+def _resonance(one: Resonance) -> dict[str, Any]:
+    return {
+        "frequency_hz": one.frequency_hz,
+        "damping": one.damping,
+        "damping_interval": one.damping_interval,
+        "damping_is_bound": one.damping_is_bound,
+        "strength": one.strength,
+    }
+
+
+def response_drawing(calibration: Calibration) -> Drawing:
+    """The figure of a measured response and its model."""
+    response = calibration.response
+    return Drawing(
+        "response",
+        f"Response of patch {response.patch} at the {response.point} point",
+        captions.RESPONSE,
+        [calibration],
+        lambda some, columns: figures.response(some[0], columns=columns),
+        lambda _: f"n = {response.repeats} repeats ({response.excitation}), {response.created}.",
+        identity=(response.rig, response.patch, response.point, response.created),
+        several=1,
+    )
+
+
+def drive_contents(drive: Drive) -> Contents:
+    """What a drive says."""
+    return Contents(
+        f"Drive of the {drive.button} button at patch {drive.patch}",
+        list(drive_facts(drive)),
+        kind="drive",
+        simulated=drive.simulated,
+        rig=drive.rig,
+        figures=[drive_drawing(drive)],
+    )
+
+
+def drive_facts(drive: Drive) -> Iterator[Fact]:
+    """The voltage of a drive, how it was computed, and how much of the press it reaches."""
+    low, high = drive.band
+    peak_to_peak, duration = float(np.ptp(drive.volts)), len(drive.volts) / drive.rate_hz
+    yield fact(
+        "Drive",
+        f"{drive.peak:.1f} V peak, {peak_to_peak:.1f} V peak to peak at patch {drive.patch}",
+        drive_peak_v=drive.peak,
+        drive_peak_to_peak_v=peak_to_peak,
+        button=drive.button,
+        patch=drive.patch,
+    )
+    length = f"{1e3 * duration:.0f} ms at {drive.rate_hz:g} Hz"
+    yield fact("Length", length, duration_s=duration, rate_hz=drive.rate_hz)
+    carrier = f", with {drive.carrier_hz:.2f} Hz" if drive.carrier_hz else ""
+    yield fact("Method", f"{drive.method}{carrier}", method=drive.method, carrier_hz=drive.carrier_hz)
+    yield fact(
+        "Band",
+        f"{low:.0f} to {high:.0f} Hz, {percent(drive.in_band)} of the energy",
+        band_hz=drive.band,
+        in_band=drive.in_band,
+    )
+    yield fact("Scale", f"{drive.scale:.4f} of the recorded acceleration", scale=drive.scale)
+    yield fact("Predicted error", percent(drive.predicted_error), predicted_error=drive.predicted_error)
+    yield fact("Not reached", drive.unreached, unreached=drive.unreached)
+
+
+def drive_drawing(drive: Drive) -> Drawing:
+    """The figure of a drive."""
+    return Drawing(
+        "drives",
+        "Drives",
+        captions.DRIVES,
+        [drive],
+        lambda some, columns: figures.drives(some, columns=columns),
+        lambda some: sentence(
+            [f"{one.button}, {one.method}, {one.band[0]:.0f} to {one.band[1]:.0f} Hz" for one in some]
+        ),
+        identity=(drive.button, drive.patch, drive.volts.tobytes()),
+    )
+
+
+def waveforms_contents(waveforms: Waveforms) -> Contents:
+    """What the waveforms of a calibration say."""
+    captures = waveforms.captures
+    channels = sorted({channel for capture in captures for channel in capture.channels})
+    facts = [
+        fact(patch=waveforms.patch, point=waveforms.point),
+        fact(
+            "Plays",
+            f"{len(captures)}, {waveforms.seconds:.1f} s in all",
+            plays=len(captures),
+            seconds=waveforms.seconds,
+            rate_hz=captures[0].rate_hz if captures else None,
+        ),
+        fact("Channels", ", ".join(channels), channels=channels),
+        fact("Calibration", f"SHA-256 {waveforms.calibration}", calibration=waveforms.calibration),
+    ]
+    return Contents(
+        f"Waveforms of a calibration of patch {waveforms.patch}, {waveforms.point} point",
+        facts,
+        kind="waveforms",
+        simulated=waveforms.simulated,
+        undrawn="There is no plot of waveforms: plot the calibration that they belong to.",
+    )

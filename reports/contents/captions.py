@@ -1,0 +1,75 @@
+"""Captions of the figures of a report: what is drawn, and in which units."""
+
+from __future__ import annotations
+
+__all__ = [
+    "BEFORE_AND_AFTER",
+    "CHECK",
+    "COMPARISON",
+    "CONFUSION",
+    "DRIVES",
+    "FEELING",
+    "FORCES",
+    "ITERATIONS",
+    "LEARNING",
+    "MAP",
+    "PRESSES",
+    "RATINGS",
+    "RESPONSE",
+]
+
+PRESSES = (
+    "Vertical acceleration over its peak (thin, blue), force in N (thick, red) and activation state (dashed, "
+    "green; shaded while active), and the power spectral density (PSD) of the acceleration in (m/s²)²/Hz. "
+    "After the paper's figure 6."
+)
+FORCES = (
+    "Force in N at the activation of each press (dots), and mean and standard deviation (square, bar) for "
+    "each participant and for all together. After the paper's figure 7."
+)
+RESPONSE = (
+    "Velocity in µm/s per volt at the patch, its phase in degrees and its coherence: measured (thick), and "
+    "the fitted rational model (thin). The dotted line is the strongest resonance."
+)
+DRIVES = "Voltage at the patch in V, over time in ms. After the paper's figure 8."
+COMPARISON = (
+    "Left: the recorded press above the measured motion of the surface, each over its peak. Middle: target "
+    "(thick) and measured (thin) acceleration in m/s² around the largest peak. Right: power spectral density "
+    "(PSD) of the whole motion, of the recorded press to the same scale, and of the noise left in the mean "
+    "of the plays; the band that the drive uses is shaded. After the paper's figure 9."
+)
+FEELING = (
+    "Left: third-octave levels in dB re 1 µm/s² in the loudest 100 ms of each signal, the noise left in the "
+    "mean of the plays, and thresholds of detection: of a finger at rest (line), and the lowest of the table "
+    "(dotted). Right: level in 20 ms over the threshold of a finger at rest (0 dB); dotted, where the lowest "
+    "threshold lies for the measured motion. Above 400 Hz the thresholds are estimates."
+)
+CHECK = (
+    "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the whole motion with the "
+    "noise left in the mean of the plays; third octaves in the loudest 100 ms against thresholds of "
+    "detection; level in 20 ms over the threshold of a finger at rest (0 dB)."
+)
+_ITERATIONS = "Iterations: error within the band of each drive that was tried."
+LEARNING = f"{CHECK} {_ITERATIONS}"
+ITERATIONS = (
+    "Target (thick) and measured (thin) acceleration in m/s²; third octaves of the whole motion with the "
+    f"noise left in the mean of the plays. {_ITERATIONS}"
+)
+BEFORE_AND_AFTER = (
+    "Target (orange) and measured acceleration (black) of each button, around the largest acceleration. "
+    "Left: the old drive on the drifted table. Right: the new drive. A new drive has a new target, because "
+    "its carrier is the present resonance."
+)
+MAP = (
+    "Top: largest displacement in µm per V at the best frequency, for each patch and for all together; the "
+    "ring marks the best point. Bottom: the strongest modes, each from −1 to 1, with white lines where it "
+    "does not move. Grey: not measured. After the paper's figure 3."
+)
+CONFUSION = (
+    "Answers in percent of the trials in which a button was presented (rows sum to 100), for each group and "
+    "day. After the paper's figure 13."
+)
+RATINGS = (
+    "Mean and standard deviation over participants of the rating of each adjective pair; larger is nearer to "
+    "the second adjective. After the paper's figure 14."
+)

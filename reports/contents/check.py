@@ -1,0 +1,244 @@
+"""What a check and a digital button say, and what a finger would feel of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...acquisition import Representative
+from ...calibration import Check, DigitalButton, Feeling, check_feeling
+from ...calibration.perception import Levels
+from .. import figures
+from . import captions
+from .calibration import drive_drawing, drive_facts, response_drawing
+from .parts import Contents, Drawing, Fact, Verdict, fact, plain, verdict_cell
+from .press import press_drawing
+from .words import interval, percent, sentence
+
+__all__ = ["button_contents", "check_contents", "feeling_facts", "feeling_values"]
+
+_OF_ITERATION = ("wideband_nrmse", "nrmse", "floor", "kept", "reason")
+
+
+def check_contents(check: Check, press: Representative | None = None, file: Path | None = None) -> Contents:
+    """What a check says.
+
+    `press`, the recorded one, adds how loud the motion is against it; `file` is where the plays are kept.
+    """
+    drive, feeling = check.drive, check_feeling(check, press)
+    facts = [
+        fact(**check.summary()),
+        *_check_facts(check, feeling),
+        *drive_facts(drive),
+        fact("Every play is kept in", str(file), file=file) if file else fact(),
+    ]
+    return Contents(
+        f"Check of the {drive.button} button, {check.plays} plays",
+        facts,
+        kind="check",
+        simulated=check.simulated,
+        rig=drive.rig,
+        verdicts=[_verdict(f"Check of the {drive.button} button", check)],
+        figures=[
+            Drawing(
+                "check",
+                f"Check of the {drive.button} button: {check.verdict}",
+                captions.CHECK,
+                [check],
+                lambda some, columns: figures.check_figure(some[0], columns),
+                lambda _: f"n = {check.plays} plays.",
+                several=1,
+            )
+        ],
+    )
+
+
+def button_contents(button: DigitalButton) -> Contents:
+    """What a digital button says: its check, its drive, and what they were made from."""
+    press, drive, check, learning = button.press, button.drive, button.check, button.learning
+    response, feeling = button.calibration.response, check_feeling(check, press)
+    tried = [
+        f"{number}: in band {one.nrmse:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
+        for number, one in enumerate(learning.iterations)
+    ]
+    facts = [
+        fact(passed=button.passed, check=check.summary()),
+        fact(
+            "Made",
+            f"{button.created} on {drive.rig}, patch {drive.patch} at the {drive.point} point",
+            created=button.created,
+            software=button.made_with,
+            rig=drive.rig,
+            point=drive.point,
+        ),
+        *_check_facts(check, feeling),
+        *drive_facts(drive),
+        fact(
+            "Learning",
+            [*tried, learning.stopped],
+            iterations=[{name: getattr(one, name) for name in _OF_ITERATION} for one in learning.iterations],
+            best=learning.best,
+            stopped=learning.stopped,
+        ),
+        fact(
+            "Calibration",
+            f"{response.created}, SHA-256 {drive.calibration}",
+            calibrated=response.created,
+            calibration_sha256=drive.calibration,
+        ),
+        fact(
+            "Recordings",
+            [f"{name}, SHA-256 {content}" for name, content in drive.sources],
+            sources=[{"file": name, "sha256": content} for name, content in drive.sources],
+        ),
+        fact("Content", f"SHA-256 {button.digest}", content_sha256=button.digest),
+    ]
+    title = f"Digital {press.button} button"
+    return Contents(
+        f"{title}, {verdict_cell(check.verdict).text}",
+        facts,
+        kind="button",
+        simulated=button.simulated,
+        rig=drive.rig,
+        verdicts=[_verdict(title, check)],
+        figures=_figures_of(button, feeling),
+        picture=Drawing(
+            f"button-{press.button}",
+            title,
+            captions.LEARNING,
+            [button],
+            lambda some, columns: figures.button_figure(some[0], columns),
+            _plays,
+        ),
+    )
+
+
+def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
+    press, check, learning = button.press, button.check, button.learning
+    return [
+        press_drawing(press),
+        response_drawing(button.calibration),
+        drive_drawing(button.drive),
+        Drawing(
+            "motion",
+            "Measured motion of the surface",
+            captions.COMPARISON,
+            [button],
+            lambda some, columns: figures.comparison([(one.press, one.check) for one in some], columns),
+            _plays,
+        ),
+        Drawing(
+            "feeling",
+            "What a finger would feel",
+            captions.FEELING,
+            [(button, feeling)],
+            lambda some, columns: figures.feeling_figure(
+                [(one.press.button, felt) for one, felt in some], columns
+            ),
+            lambda some: _plays([one for one, _ in some]),
+        ),
+        Drawing(
+            f"button-{press.button}",
+            f"Digital {press.button} button: {check.verdict}",
+            captions.ITERATIONS,
+            [button],
+            lambda some, columns: figures.iterations_figure(some[0], columns),
+            lambda _: f"n = {check.plays} plays, {len(learning.iterations) - 1} corrections.",
+            several=1,
+        ),
+    ]
+
+
+def _plays(buttons: Sequence[DigitalButton]) -> str:
+    return sentence([f"{one.press.button}, n = {one.check.plays} plays" for one in buttons])
+
+
+def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
+    """The verdict with its reasons, the errors that it is of, and what a finger would feel."""
+    low, high = check.drive.band
+    yield fact("Verdict", [verdict_cell(check.verdict), *check.reasons, *check.notes])
+    yield fact(
+        "Error, whole motion",
+        f"{_error(check)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
+        f"{check.plays} plays",
+    )
+    yield fact(
+        f"Within {low:.0f} to {high:.0f} Hz", f"{percent(check.nrmse)} ({interval(check.nrmse_interval)})"
+    )
+    yield fact(
+        "Motion outside", f"{percent(check.outside)} of the target ({interval(check.outside_interval)})"
+    )
+    yield fact("Correlation", f"{check.correlation:.4f}, of the envelopes {check.envelope_correlation:.4f}")
+    yield fact("Third octaves", f"{check.third_octave_error_db:.2f} dB")
+    yield fact(
+        "Noise of the plays' mean",
+        f"{percent(check.wideband_floor)}, within the band {percent(check.floor)}",
+    )
+    yield from feeling_facts(feeling, check.notes)
+
+
+def _error(check: Check) -> str:
+    return f"{percent(check.wideband_nrmse)} ({interval(check.wideband_interval)})"
+
+
+def _verdict(subject: str, check: Check) -> Verdict:
+    return Verdict(
+        subject,
+        check.verdict,
+        check.passed,
+        f"error {_error(check)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
+        " ".join((*check.reasons, *check.notes)),
+    )
+
+
+def feeling_values(feeling: Feeling) -> dict[str, Any]:
+    """Levels above threshold, bands, parts and sentences, for JSON."""
+    found: dict[str, Any] = {
+        "felt": feeling.felt,
+        "difference_felt": feeling.difference,
+        "difference_comparable": feeling.comparable,
+        "loudness_db": feeling.loudness_db,
+        "levels": {
+            name: [
+                {
+                    "window_s": level.window,
+                    "start_s": level.start,
+                    "above_resting_threshold_db": level.total,
+                    "above_lowest_threshold_db": level.sensitive,
+                    "bands_db": level.bands,
+                }
+                for level in pair
+            ]
+            for name, pair in _signals(feeling).items()
+        },
+        "noise_above_resting_threshold_db": feeling.noise_total,
+        "third_octaves_hz": feeling.octaves_hz,
+        "resting_threshold_db": feeling.resting_db,
+        "lowest_threshold_db": feeling.sensitive_db,
+        "reference_m_s2": 1e-6,
+        "above_threshold_s": feeling.spans,
+        "lost_s": feeling.lost,
+        "notes": feeling.notes,
+    }
+    return {name: plain(value) for name, value in found.items()}
+
+
+def feeling_facts(feeling: Feeling, said: Collection[str] = ()) -> Iterator[Fact]:
+    """Levels above threshold, whether it can be felt, and the sentences that are not `said` already."""
+    names = {"residual": "difference", "recorded": "recorded press"}
+    levels = [
+        ", ".join(
+            f"{names.get(name, name)} {pair[k].total:+.1f} dB" for name, pair in _signals(feeling).items()
+        )
+        for k in (0, 1)
+    ]
+    yield fact(
+        "Above threshold", [f"100 ms: {levels[0]}", f"20 ms: {levels[1]}"], feeling=feeling_values(feeling)
+    )
+    yield fact("Can be felt", [feeling.felt, *(note for note in feeling.notes if note not in said)])
+
+
+def _signals(feeling: Feeling) -> dict[str, Sequence[Levels]]:
+    recorded = {} if feeling.recorded is None else {"recorded": feeling.recorded}
+    return {"target": feeling.target, "measured": feeling.measured, "residual": feeling.residual, **recorded}

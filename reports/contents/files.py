@@ -1,0 +1,96 @@
+"""What files, folders and values of haploop say: which function makes the contents of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...acquisition import Recording, Representative, hdf5, load_study
+from ...calibration import Calibration, Check, DigitalButton, Drive, Waveforms
+from ...calibration.map import VibrationMap
+from ...instruments import DataError
+from .calibration import calibration_contents, drive_contents, waveforms_contents
+from .check import button_contents, check_contents
+from .map import map_contents
+from .parts import Contents
+from .press import press_contents
+from .recording import recording_contents
+
+__all__ = ["contents_of", "file_contents", "files_of", "recordings_in"]
+
+_KINDS: dict[str, tuple[type, Callable[[Path], Any], Callable[[Any], Contents]]] = {
+    "recording": (Recording, Recording.open, recording_contents),
+    "representative": (Representative, Representative.load, press_contents),
+    "calibration": (Calibration, Calibration.load, calibration_contents),
+    "waveforms": (Waveforms, Waveforms.load, waveforms_contents),
+    "drive": (Drive, Drive.load, drive_contents),
+    "check": (Check, Check.load, check_contents),
+    "button": (DigitalButton, DigitalButton.load, button_contents),
+    "map": (VibrationMap, VibrationMap.load, map_contents),
+}
+"""The class of each kind of result, and the functions that read a file of it and say what it says."""
+
+
+def contents_of(value: Any) -> Contents:
+    """What a result says. Raises DataError for damaged data, TypeError for what is no result."""
+    for kind, _, say in _KINDS.values():
+        if isinstance(value, kind):
+            return say(value)
+    raise TypeError(f"{type(value).__name__} is nothing that haploop shows.")
+
+
+def file_contents(path: str | Path) -> Contents:
+    """What a file, or the folder of a vibration map, says.
+
+    Raises DataError for a file that is missing, damaged, or of another kind.
+    """
+    path = Path(path)
+    kind = "map" if path.is_dir() else hdf5.kind_of(path)
+    if kind not in _KINDS:
+        raise DataError(f"{path} holds a {kind}, which `haploop show` cannot display.")
+    _, load, say = _KINDS[kind]
+    return say(load(path))
+
+
+def files_of(path: Path) -> list[Path]:
+    """What to read of a file or folder: itself, the study whose recordings it holds, or the files in it.
+
+    Raises DataError for a folder that holds nothing to read.
+    """
+    if not path.is_dir() or any((path / name).is_file() for name in ("study.toml", "map.json")):
+        return [path]
+    whole = path.resolve()
+    if whole.name == "recordings" and (whole.parent / "study.toml").is_file():
+        return [whole.parent]
+    if (path / "experiment.toml").is_file():
+        raise DataError(
+            f"{path} is an experiment: write its table with `haploop experiment export {path} ANSWERS.csv`, "
+            "and name that."
+        )
+    # Waveforms have no figure of their own: they belong to the calibration beside them.
+    files = sorted(one for one in path.glob("*.h5") if not Waveforms.is_beside(one))
+    if not files:
+        raise DataError(
+            f"{path} holds neither a study (study.toml), nor a map (map.json), nor files of haploop (.h5): "
+            "name a folder that does, or files."
+        )
+    return files
+
+
+def recordings_in(paths: Sequence[Path]) -> list[Recording]:
+    """Open recordings, and those of studies and in folders. Raises DataError for files of other kinds."""
+    found: list[Recording] = []
+    for one in (file for path in paths for file in files_of(path)):
+        if one.is_dir() or one.suffix == ".toml":
+            study = load_study(one)
+            found += (recording for button in study.file.buttons for recording in study.recordings(button))
+            continue
+        kind = hdf5.kind_of(one)
+        if kind != "recording":
+            raise DataError(
+                f"{one} holds a {kind}, and several files are shown together only when all are recordings: "
+                "show it alone, or name all of them to `haploop report`."
+            )
+        found.append(Recording.open(one))
+    return found

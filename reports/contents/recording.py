@@ -1,0 +1,229 @@
+"""What a recording says: its presses, and the data recorded along with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...acquisition import ButtonPress, Recording, accepted_presses, activation_forces, find_presses
+from ...acquisition.recording import AlongFile, AlongReading
+from ...instruments.arrays import FloatArray
+from .. import figures
+from . import captions
+from .parts import Contents, Drawing, Fact, Verdict, fact
+from .words import counted, sentence
+
+__all__ = ["Forces", "forces_drawing", "forces_in", "recording_contents"]
+
+Forces = Mapping[str, Mapping[str, FloatArray]]
+"""Force at activation (N) of each press: button -> participant -> (presses,)."""
+
+
+def forces_in(recordings: Sequence[Recording]) -> Forces:
+    """Collect the force at activation of every accepted press. Raises DataError."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for recording in recordings:
+        mine = found.setdefault(recording.button, {}).setdefault(recording.participant, [])
+        mine += activation_forces(recording)
+    return {
+        button: {participant: np.array(mine) for participant, mine in sorted(by.items()) if mine}
+        for button, by in found.items()
+        if any(by.values())
+    }
+
+
+def forces_drawing(recordings: Sequence[Recording], of: str = "") -> Drawing:
+    """The figure of the forces of recordings; `of` is added to its title."""
+    return Drawing(
+        "forces",
+        f"Force at activation{of}",
+        captions.FORCES,
+        recordings,
+        lambda some, columns: figures.activation_forces(forces_in(some), columns=columns),
+        lambda some: sentence(
+            [
+                f"{button}, n = {sum(map(len, by.values()))} presses by {counted(by, 'participant')}"
+                for button, by in forces_in(some).items()
+            ]
+        ),
+        several=1000,
+    )
+
+
+def recording_contents(recording: Recording) -> Contents:
+    """What a recording says. Raises DataError for damaged data."""
+    found = find_presses(recording)
+    counting = accepted_presses(recording, found)
+    forces = [p.force_at_activation for p in counting if p.force_at_activation is not None]
+    bad = [press for press in recording.verdicts if not press.accepted]
+    mean = float(np.mean(forces)) if forces else None
+    deviation = float(np.std(forces, ddof=1)) if len(forces) > 1 else None
+    spread = "" if deviation is None else f" ± {deviation:.3f}"
+    saturated = [number for number, p in enumerate(found, 1) if p.saturated]
+    header, rate_hz, complete = recording.header, recording.rate_hz, bool(recording.complete)
+    why = ("gap", "overrun", "error", "interrupted", "recovered")
+    ended = next((event.text for event in reversed(recording.events) if event.kind in why), None)
+    state = "complete" if complete else f"incomplete: {ended or 'the recording ended early.'}"
+    length = f"{recording.duration:.2f} s, {len(recording.channels)} channels at {rate_hz:g} Hz"
+    facts = [
+        fact(file=recording.path, channels=recording.channels, participant_columns=recording.about),
+        fact(
+            "Button",
+            f"{recording.button}, pressed by {recording.participant}",
+            button=recording.button,
+            participant=recording.participant,
+        ),
+        fact(
+            "Study",
+            header.study and f"{header.study}, session {header.session}",
+            study=header.study,
+            session=header.session,
+        ),
+        *(fact(column, str(value)) for column, value in recording.about.items()),
+        fact("Notes", header.notes, notes=header.notes),
+        fact("Rig", recording.rig, rig=recording.rig),
+        fact("Length", length, duration_s=recording.duration, rate_hz=rate_hz),
+        fact(
+            "State",
+            "in progress" if recording.in_progress else state,
+            complete=complete,
+            in_progress=recording.in_progress,
+            ended=ended,
+        ),
+        fact(
+            "Presses found",
+            [
+                f"{len(found)}, {len(counting)} of them accepted",
+                *(f"press {p.number}, attempt {p.attempt}: {p.reason}" for p in bad),
+            ],
+            presses_detected=len(found),
+            presses_accepted=len(counting),
+            presses=[_press(p, rate_hz, p in counting) for p in found],
+            bad_presses=[
+                {"press": p.number, "attempt": p.attempt, "flags": p.flags, "reason": p.reason} for p in bad
+            ],
+        ),
+        fact(
+            "Force at activation",
+            "none" if mean is None else f"{mean:.3f}{spread} N",
+            activation_force_n=mean,
+            activation_force_sd_n=deviation,
+        ),
+        fact(
+            "Saturated",
+            f"in presses {', '.join(map(str, saturated))}" if saturated else "never while pressed",
+            saturated_presses=saturated,
+        ),
+        *_along(recording),
+        fact("Content", f"SHA-256 {recording.content_hash}", content_hash=recording.content_hash),
+    ]
+    subject = f"{recording.participant}, {recording.button}"
+    whole = Verdict(
+        subject,
+        "complete" if complete else "incomplete",
+        complete,
+        f"{len(recording.accepted)} presses accepted, {len(bad)} not",
+    )
+    drawings = [forces_drawing([recording])] if forces else []
+    picture = _pressed(recording, counting)
+    return Contents(
+        f"Recording {recording.path.name}",
+        facts,
+        kind="recording",
+        simulated=recording.simulated,
+        rig=recording.rig,
+        verdicts=[
+            whole,
+            *(
+                Verdict(subject, "not accepted", False, f"press {p.number}, attempt {p.attempt}", p.reason)
+                for p in bad
+            ),
+        ],
+        figures=[*drawings, *([picture] if _has_activation(counting) else [])],
+        picture=picture,
+    )
+
+
+def _press(press: ButtonPress, rate_hz: float, accepted: bool) -> dict[str, Any]:
+    return {
+        "onset_s": press.onset / rate_hz,
+        "activation_s": None if press.activation is None else press.activation / rate_hz,
+        "force_at_activation_n": press.force_at_activation,
+        "release_s": press.release / rate_hz,
+        "saturated": press.saturated,
+        "accepted": accepted,
+    }
+
+
+def _has_activation(presses: Sequence[ButtonPress]) -> bool:
+    return any(p.activation is not None and p.force_at_activation is not None for p in presses)
+
+
+def _pressed(recording: Recording, presses: tuple[ButtonPress, ...]) -> Drawing:
+    return Drawing(
+        "presses",
+        "One press of each recording",
+        captions.PRESSES,
+        [(recording, presses)],
+        lambda some, columns: figures.recording_figure(some, columns),  # noqa: PLW0108 - loads matplotlib
+        lambda some: sentence(
+            [
+                f"{one.button} by {one.participant}, the press with the median force at activation of "
+                f"n = {len(mine)}"
+                for one, mine in some
+            ]
+        ),
+    )
+
+
+def _along(recording: Recording) -> Iterator[Fact]:
+    """Extra channels, readings, files, and failures to read them; times are seconds from the first sample."""
+    rate_hz = recording.rate_hz
+    extra: dict[str, dict[str, Any]] = {}
+    for name, sensor in recording.sensors.extra.items():
+        spread, called = _spread(recording.extra[name]), sensor.name or name
+        extra[name] = {"name": called, "channel": sensor.channel, "unit": sensor.unit, **spread}
+        yield fact(
+            called, f"{spread['mean']:.5g} {sensor.unit}, {_range(spread)}" if spread else "no samples"
+        )
+
+    read: dict[tuple[str, str], list[float]] = {}
+    for one in recording.readings:
+        read.setdefault((f"{one.instrument}: {one.name}", one.unit), []).append(one.value)
+    for (label, unit), values in read.items():
+        spread = _spread(np.array(values))
+        yield fact(label, f"{spread['mean']:.5g} {unit}, {_range(spread)} in {counted(values, 'reading')}")
+
+    written: dict[str, list[str]] = {}
+    for file in recording.files:
+        written.setdefault(f"{file.instrument}: {file.name}", []).append(file.file)
+    for label, names in written.items():
+        yield fact(label, f"{counted(names, 'file')}, {names[0]} to {names[-1]}")
+
+    failures = [event for event in recording.events if event.kind in ("along-error", "along-full")]
+    yield fact(
+        "",
+        [f"at {event.sample / rate_hz:.2f} s: {event.text}" for event in failures],
+        extra=extra,
+        readings=[_timed(one, rate_hz) for one in recording.readings],
+        files=[_timed(file, rate_hz) for file in recording.files],
+        along_errors=[{"time_s": event.sample / rate_hz, "error": event.text} for event in failures],
+    )
+
+
+def _timed(one: AlongReading | AlongFile, rate_hz: float) -> dict[str, Any]:
+    values = one._asdict()
+    return {"time_s": values.pop("sample") / rate_hz, **values}
+
+
+def _spread(signal: FloatArray) -> dict[str, float]:
+    """Mean, smallest and largest value; empty without samples."""
+    if not signal.size:
+        return {}
+    return {"mean": float(signal.mean()), "min": float(signal.min()), "max": float(signal.max())}
+
+
+def _range(spread: Mapping[str, float]) -> str:
+    return f"from {spread['min']:.5g} to {spread['max']:.5g}"

@@ -1,0 +1,50 @@
+"""Numbers as the reader of a table sees them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence, Sized
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ...calibration import Resonance
+
+__all__ = ["ANSWERS_SIMULATED", "counted", "damping", "fixed", "interval", "percent", "sentence"]
+
+ANSWERS_SIMULATED = "Simulated participants answered: no person did."
+
+
+def percent(value: float | None, digits: int = 1) -> str:
+    """A fraction as a percentage; "-" for None and NaN."""
+    return "-" if value is None or not math.isfinite(value) else f"{100 * value:.{digits}f} %"
+
+
+def interval(edges: Sequence[float | None]) -> str:
+    """A confidence interval as percentages."""
+    low, high = edges
+    return f"{percent(low)} to {percent(high)}"
+
+
+def fixed(value: float | None, digits: int, unit: str = "") -> str:
+    """A number with fixed decimals and its unit; "-" for None and NaN."""
+    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}f}{unit and ' ' + unit}"
+
+
+def counted(things: Sized | int, what: str) -> str:
+    """A number of things: "1 file", "2 files"."""
+    number = things if isinstance(things, int) else len(things)
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def sentence(parts: Sequence[str], mark: str = "; ") -> str:
+    """Parts as one sentence."""
+    told = mark.join(parts)
+    return f"{told[:1].upper()}{told[1:]}."
+
+
+def damping(resonance: Resonance) -> str:
+    """Damping ratio of a resonance in percent, with its interval of 95 %, or the bound that is known."""
+    low, high = resonance.damping_interval
+    if resonance.damping_is_bound:
+        return f"at most {100 * high:.2g} %"
+    return f"{100 * resonance.damping:.3g} % ({100 * low:.3g} to {100 * high:.3g} %)"

@@ -1,0 +1,129 @@
+"""A report as a page of HTML that needs no other file, and as a PDF: the same facts, and the same figures.
+
+The same results give the same bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from ...terminal.progress import SIMULATED
+from ..contents import Contents, Verdict, text_of
+from ..figures import mark_simulated, on_page, pdf_of, png, text_page
+
+__all__ = ["CaptionedFigure", "Page"]
+
+_LINES = 72
+"""Lines of text on a page of the PDF."""
+_WORDS = 105
+"""Characters on a line."""
+
+
+@dataclass(frozen=True, eq=False)
+class CaptionedFigure:
+    """A figure with its title and its caption, drawn once and placed on each page; marked if simulated."""
+
+    figure: Figure
+    title: str
+    caption: str
+    simulated: bool
+
+    def __post_init__(self) -> None:
+        if self.simulated:
+            mark_simulated(self.figure)
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """A report: what its results say, and its figures."""
+
+    title: str
+    lead: str
+    sections: Sequence[Contents]
+    figures: Sequence[CaptionedFigure] = ()
+    sources: Sequence[tuple[str, str]] = ()
+    """Name and SHA-256 of the content of each file that was read."""
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """The verdicts of all sections."""
+        return [verdict for section in self.sections for verdict in section.verdicts]
+
+    @property
+    def simulated(self) -> str:
+        """Whether "all" or "some" of the sections are simulated; "" for none."""
+        said = [section.simulated for section in self.sections if section.simulated is not None]
+        return "all" if said and all(said) else "some" if any(said) else ""
+
+    def html(self) -> str:
+        """The report as HTML; figures are embedded as PNG."""
+        environment = Environment(
+            loader=PackageLoader("haploop.reports.html", ""),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        images = [(one, base64.b64encode(png(one.figure)).decode("ascii")) for one in self.figures]
+        return environment.get_template("page.html").render(page=self, images=images)
+
+    def pdf(self) -> bytes:
+        """The report as a PDF of A4 pages. The figures are placed on them, and are of no further use."""
+        return pdf_of(self._pages())
+
+    def _pages(self) -> Iterator[Figure]:
+        lines = list(self._lines())
+        for first in range(0, len(lines), _LINES):
+            yield text_page(lines[first : first + _LINES])
+        for number, one in enumerate(self.figures, 1):
+            yield on_page(one.figure, f"Figure {number}. {one.title}.", one.caption)
+
+    def _lines(self) -> Iterator[tuple[str, bool]]:
+        """Yield lines of text, and whether each is bold."""
+        yield self.title, True
+        yield self.lead, False
+        if self.simulated:
+            yield SIMULATED, True
+        yield "", False
+        if self.verdicts:
+            yield "Verdicts", True
+            for one in self.verdicts:
+                told = f"{one.subject}: {one.said}; {one.measured}"
+                yield from _wrapped(f"{told}. {one.why}" if one.why else told)
+            yield "", False
+        for section in self.sections:
+            yield section.title, True
+            for text in _told(section):
+                yield from _wrapped(text)
+            yield "", False
+        if self.sources:
+            yield "Data", True
+            for name, digest in self.sources:
+                yield from _wrapped(f"{name}: SHA-256 {digest}")
+
+
+def _told(section: Contents) -> Iterator[str]:
+    """What a section says, as text: a row of a table becomes a line."""
+    for label, cell in section.rows:
+        yield f"{label}: {text_of(cell)}" if label else text_of(cell)
+    for grid in section.tables:
+        if grid.title:
+            yield f"{grid.title}:"
+        for first, *others in grid.rows:
+            cells = zip(grid.headings[1:], others, strict=True)
+            told = "; ".join(f"{heading} {text_of(cell)}" for heading, cell in cells if text_of(cell))
+            yield f"{text_of(first)}: {told}"
+        if grid.below:
+            yield grid.below
+    yield from section.said
+
+
+def _wrapped(text: str) -> Iterator[tuple[str, bool]]:
+    for line in textwrap.wrap(text, _WORDS, subsequent_indent="    ", break_on_hyphens=False):
+        yield line, False

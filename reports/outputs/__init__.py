@@ -1,8 +1,0 @@
-"""Output files of commands: names checked before anything is measured, and pictures as new files.
-
-Names are loaded when they are first used; `__init__.pyi` lists them.
-"""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

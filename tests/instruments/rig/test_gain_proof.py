@@ -1,0 +1,101 @@
+"""The amplifier's gain is proved at a volt before the first play of a session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haploop.instruments import InstrumentError, LimitError, Rig, RigFile, Sweep, load_rig_file, open_rig
+from haploop.instruments.rig.gain_proof import TOO_MUCH, loudest, tone
+from haploop.instruments.safety.audit import entries
+from tests.instruments.safety.at_the_patch import bursts
+from tests.instruments.safety.test_limiter import TONE, generator_rig
+
+
+def excite(rig: Rig) -> Any:
+    return rig.excite(np.pad(TONE, 100), ["A"], ["drive"])
+
+
+def sweep(rig: Rig) -> Any:
+    return rig.generate(Sweep(10, 300, 0.3, 20), ["A"], ["drive"])
+
+
+SOURCES = pytest.mark.parametrize(
+    ("file", "play"),
+    [
+        (load_rig_file("simulated"), excite),
+        (load_rig_file("four-channel"), excite),
+        (load_rig_file("sound-card"), excite),
+        (generator_rig(), sweep),
+    ],
+)
+
+
+@SOURCES
+@pytest.mark.parametrize("gain", [5.0, 25.0])
+def test_a_gain_that_is_higher_than_the_file_says_is_found_at_a_volt(
+    file: RigFile, play: Callable[[Rig], Any], gain: float
+) -> None:
+    """A tenth of the true gain of 50 in the file once put 168 V on the patch for 0.2 s."""
+    stated = gain
+    amplifier = file.amplifier.model_copy()  # type: ignore[union-attr]
+    amplifier.__pydantic_extra__ = dict(amplifier.settings) | {"gain": stated, "rating_source": "a test"}
+    with open_rig(file.model_copy(update={"amplifier": amplifier}), simulate="twin") as rig:
+        record = rig.simulation.truth.record()
+        with pytest.raises(InstrumentError, match=r"played to prove the gain: correct gain in \[amplifier\]"):
+            play(rig)
+        assert rig.simulation.truth.peak < 1.1 * 50 / stated
+        assert sum(burst.seconds for burst in bursts(record)) < 0.3
+        assert rig.lockout is not None and "prove the gain" in rig.lockout.why
+        assert [e["kind"] for e in entries(rig.audit.folder)].count("tripped") == 1
+        with pytest.raises(LimitError, match="locked out"):
+            play(rig)
+
+
+@SOURCES
+def test_a_gain_is_proved_once_in_a_session(file: RigFile, play: Callable[[Rig], Any]) -> None:
+    with open_rig(file, simulate="twin") as rig:
+        record = rig.simulation.truth.record()
+        play(rig)
+        first, *others = bursts(record)
+        assert first.high == pytest.approx(1, rel=0.05) and first.seconds < 0.3
+        assert others and max(burst.high for burst in others) > 9
+        count = len(bursts(record))
+        play(rig)
+        assert len(bursts(record)) == count + len(others)
+
+
+def test_each_channel_of_an_amplifier_is_proved() -> None:
+    with open_rig("four-channel", simulate="twin") as rig:
+        for patches in ({"A": TONE, "C": TONE}, {"A": TONE, "B": TONE}):
+            rig.excite_each(patches, ["drive"])
+        played = [e["output"] for e in entries(rig.audit.folder) if e["kind"] == "played" and e["peak"] <= 1]
+        assert played == ["amplifier", "amplifier_c", "amplifier_b"]
+
+
+def test_nothing_is_proved_for_a_drive_that_is_refused_or_silent() -> None:
+    with open_rig("simulated") as rig:
+        with pytest.raises(LimitError, match="falls to"):
+            rig.excite(10 * TONE, ["A"], ["drive"])
+        rig.excite(0 * TONE, ["A"], ["drive"])
+        rig.excite(TONE, [], ["drive"])
+        assert rig.simulation.truth.peak == 0
+
+
+@pytest.mark.parametrize("mains_hz", [50.0, 60.0])
+@pytest.mark.parametrize("hum", [0.0, 1.0])
+def test_the_amplitude_is_the_tones(mains_hz: float, hum: float) -> None:
+    """Wherever it is, on an offset, in the noise of a monitor and with hum as large: no lockout for these."""
+    rng = np.random.default_rng(3)
+    for noise in (0.0, 0.03, 0.3):
+        for before in (0, 777, 20_000):
+            for phase in np.arange(0, 6.28, 0.4):
+                volts = 0.4 + np.pad(tone(1.0, 50_000.0), (before, 500))
+                volts += noise * rng.standard_normal(len(volts))
+                t = np.arange(len(volts)) / 50_000.0
+                for harmonic, share in ((1, 1.0), (2, 0.3), (3, 0.2)):
+                    volts += hum * share * np.sin(2 * np.pi * harmonic * mains_hz * t + phase)
+                assert abs(loudest(volts, 50_000.0) - 1) < 0.03 + 0.12 * hum < TOO_MUCH - 1
