@@ -152,9 +152,11 @@ def learn(
     first = _iteration(drive, drive.volts, outcome.accelerations, outcome.rate_hz)
     tried = [replace(first, kept=True, reason="the drive as computed")]
     best, step = 0, 1.0
-    stopped = _unlearnable(outcome, target_of(drive, outcome.rate_hz))
-    told = f"{first.reason}. Nothing can be learnt from these plays."
-    stopped = stopped or (told if first.disturbed else _ended(tried, best, step, iterations))
+    stopped = (
+        _unlearnable(outcome, target_of(drive, outcome.rate_hz))
+        or (f"{first.reason}. Nothing can be learnt from these plays." if first.disturbed else "")
+        or _ended(tried, best, step, iterations)
+    )
     if not stopped:
         estimate = _informed(rig, drive, calibration).after(drive.volts, outcome)
     while not stopped and not (stopped := _ended(tried, best, step, iterations)):
