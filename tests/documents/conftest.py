@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from tests.documents.pages import name_of
@@ -12,7 +14,9 @@ ALWAYS = ("README.md", "docs/tutorial.md")
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if config.getoption("--pages"):
         return
+    here = Path(__file__).parent
     for item in items:
-        path = getattr(item, "callspec", None) and item.callspec.params.get("path")
-        if path and name_of(path) not in ALWAYS:
+        callspec = getattr(item, "callspec", None)
+        path = callspec.params.get("path") if callspec and item.path.parent == here else None
+        if path is not None and name_of(path) not in ALWAYS:
             item.add_marker(pytest.mark.skip(reason="runs with --pages"))
