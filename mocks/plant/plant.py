@@ -218,8 +218,9 @@ class Plant(Scene):
             for run in source.take(until):
                 if len(run.values):
                     together.setdefault((run.start, run.period, len(run.values)), {})[place] = run.values
+        # Of steps at one instant, such as zero and the beginning of a play, the last to come holds.
         groups = deque(
-            _Group(*key[:2], played) for key, played in sorted(together.items(), key=lambda i: i[0])
+            _Group(*key[:2], played) for key, played in sorted(together.items(), key=lambda i: i[0][0])
         )
         while groups:
             group = groups.popleft()

@@ -111,7 +111,7 @@ def test_the_safe_state_is_reached_even_when_one_part_fails(
         raise InstrumentError("the card is gone.")
 
     with monkeypatch.context() as patch:
-        patch.setattr(rig.daq, "zero", dead)
+        patch.setattr(rig.daq, "hold", dead)
         with pytest.raises(InstrumentError, match="safe state was not confirmed: the card is gone"):
             rig.make_safe()
     assert_safe(rig)
@@ -242,7 +242,7 @@ def test_the_generator_is_off_before_the_relay_opens_whatever_else_fails(
         raise InstrumentError("the card is gone.")
 
     with monkeypatch.context() as patch:
-        patch.setattr(swept.daq, "zero", dead)
+        patch.setattr(swept.daq, "hold", dead)
         patch.setattr(swept.generator, "off", lambda: (order.append("off"), off())[1])
         patch.setattr(swept.relay, "connect", lambda p: (order.append("open"), connect(p))[1])
         with pytest.raises(InstrumentError, match="safe state was not confirmed: the card is gone"):

@@ -69,3 +69,12 @@ def test_outputs_on_different_clocks_play_at_the_same_time() -> None:
 def test_an_output_of_the_same_kind_takes_the_place_of_the_one_before() -> None:
     times, volts = put_out(Card(Run(0.1, np.inf, np.array([0.5]))), Card(Run(0.2, np.inf, np.array([0.25]))))
     assert len(times) == 1 and volts[0] == pytest.approx(0.25 * AMPLIFIER_GAIN, rel=0.02)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_of_steps_at_one_instant_the_last_to_come_holds(first: bool) -> None:
+    """A card goes to zero and begins to play at the same instant of a virtual clock, or the other way round."""
+    zero = Run(0.1, np.inf, np.zeros(1))
+    wave = Run(0.1, 1e-3, np.array([0.5, 0.5, 0.5]))
+    times, volts = put_out(Card(zero, wave) if first else Card(wave, zero))
+    assert at(times, volts, 0.5) == pytest.approx(0.5 * AMPLIFIER_GAIN if first else 0, rel=0.02, abs=1e-9)
