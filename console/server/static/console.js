@@ -129,6 +129,7 @@ addEventListener("storage", (event) => { if (event.key === "haploop-token") loca
 // STOP: to the worker itself first, which needs no server; then by way of the server.
 let ways = null;
 async function greet() {
+  if (forParticipant) return; // it may not ask, and has no STOP
   try {
     const found = await get("/api/hello");
     if (ways && ways.stop.url !== found.stop.url) return location.reload(); // another worker: the page's policy names the old one
@@ -176,10 +177,15 @@ function bar() {
     el("div", { id: "connection", class: "banner error", role: "alert" }),
     el("div", { id: "stopped", class: "banner", role: "alert" }),
     el("div", { id: "said", class: "banner error", role: "alert" }),
-    el("div", { id: "job", class: "banner info", role: "status" }));
+    el("div", { id: "job", class: "banner info", role: "status" }),
+    el("div", { id: "held", class: "banner info", role: "status" }));
 }
 
-let shownStop = -1, shownJob = "";
+// The page on which what holds the rig is conducted.
+const conducted = { preflight: "/preflight", record: "/record", study: "/study", calibrate: "/table", map: "/table", activate: "/table", make: "/buttons", check: "/buttons", adopt: "/buttons", surface: "/experiment" };
+const linked = (text, path) => (text && path ? el("a", { href: path }, text) : text);
+
+let shownStop = -1, shownJob = "", shownHeld = "";
 function drawBar(now) {
   $("rig").textContent = `Rig ${now.rig ?? ""}`;
   $("simulated").classList.toggle("hidden", !now.simulated);
@@ -190,13 +196,15 @@ function drawBar(now) {
   }
   if (now.job && now.job.state === "running" && now.stop.state !== "reaching") $("stopped").textContent = "";
   const job = now.job;
-  const text = now.gone ? now.gone : !job ? "" : { waiting: `${job.title}: opening the rig`, running: `${job.title}: running`, done: `${job.title}: done`,
+  const text = now.gone ? now.gone : !job ? "" : { waiting: `${job.title}: opening the rig`, running: `${job.title}: ${now.paused ? "paused" : "running"}`, done: `${job.title}: done`,
     stopped: `${job.title}: stopped`, failed: `${job.title}: ${job.sentence}`, unconfirmed: job.sentence }[job.state];
   if (text !== shownJob) {
     shownJob = text;
     $("job").className = `banner ${now.gone || (job && ["failed", "unconfirmed"].includes(job.state)) ? "error" : job && job.state === "done" ? "safe" : "info"}`;
-    $("job").textContent = text;
+    fill($("job"), linked(text, job && !now.gone ? conducted[job.kind] : ""));
   }
+  const held = now.held ? `${now.held.participant}'s session of the experiment ${now.held.experiment} holds the rig` : "";
+  if (held !== shownHeld) { shownHeld = held; fill($("held"), linked(held, "/experiment")); }
 }
 
 // A time of a file or a snapshot, as the clock on this wall shows it.
