@@ -240,6 +240,7 @@ class Worker:
                 "state": "waiting",
                 "sentence": "",
                 "result": {},
+                "ended": "",
             }
             if job.gated:
                 self.board.set(session=None)
@@ -305,6 +306,8 @@ class Worker:
         finally:
             # STOP may come once more, at any line: the board must show the end of the job all the same.
             with uninterrupted():
+                if needs_rig and kind != "safe":
+                    self._forget_settings(kind)
                 self._finish(*outcome)
 
     def _outcome(self, kind: str, work: Work, needs_rig: bool) -> tuple[str, str, dict[str, Any]]:
@@ -326,9 +329,14 @@ class Worker:
             waits = self._stopping.job_ended(state, sentence, self._left_safe)
             # STOP met a job before it had opened the rig, or one that has no use for it.
             unread = waits and not len(self._jobs)
-            self._show_job(state=state, sentence=sentence, result=result)
+            now = datetime.now(UTC).isoformat()
+            self._show_job(state=state, sentence=sentence, result=result, ended=now)
         if unread:
             self._add("safe", {})
+
+    def _forget_settings(self, kind: str) -> None:
+        """Settings hold for what they were made in, or before, and not for the next one."""
+        self.board.set(auto=True, **({"step": False} if JOBS[kind].gated else {}))
 
     def _on_rig(self, kind: str, work: Work) -> dict[str, Any]:
         """Open the rig, work, and leave it in the safe state. Raises _UnconfirmedError when that failed."""

@@ -158,10 +158,14 @@ export async function stop() {
   said("unconfirmed", "Neither the worker nor the server answers. Switch the amplifier off by hand.");
 }
 
+const NEWS = 30000; // ms for which the end of something is news
+let forgetStop = 0, forgetJob = 0;
 function said(how, sentence) {
   const place = $("stopped");
   place.className = `banner ${how === "safe" ? "safe" : how === "reaching" ? "info" : "error"}`;
   place.textContent = sentence ? `STOP: ${sentence}` : "";
+  clearTimeout(forgetStop);
+  if (how === "safe") forgetStop = setTimeout(() => { place.textContent = ""; }, NEWS);
 }
 
 const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"], ["/study", "Study"], ["/table", "Table"], ["/buttons", "Digital buttons"], ["/experiment", "Experiment"], ["/catalogue", "Files"]];
@@ -185,26 +189,41 @@ function bar() {
 const conducted = { preflight: "/preflight", record: "/record", study: "/study", calibrate: "/table", map: "/table", activate: "/table", make: "/buttons", check: "/buttons", adopt: "/buttons", surface: "/experiment" };
 const linked = (text, path) => (text && path ? el("a", { href: path }, text) : text);
 
-let shownStop = -1, shownJob = "", shownHeld = "";
+let shownStop = null, shownJob = null, lastTurn = "", shownHeld = "";
 function drawBar(now) {
   $("rig").textContent = `Rig ${now.rig ?? ""}`;
   $("simulated").classList.toggle("hidden", !now.simulated);
-  if (now.stop && now.stop.number && `${now.stop.number}${now.stop.state}` !== shownStop) {
-    shownStop = `${now.stop.number}${now.stop.state}`;
-    // Another tab's, or an older one, once a new job runs.
-    if (!(now.job && ["running", "waiting"].includes(now.job.state) && now.stop.state === "safe")) said(now.stop.state, now.stop.sentence);
+  const stopped = now.stop && now.stop.number ? `${now.stop.number}${now.stop.state}` : "";
+  if (stopped !== shownStop) {
+    // Another tab's. One that was over before this page was opened, or since which a job runs, is no news.
+    if (stopped && !(now.stop.state === "safe" && (shownStop === null || busy(now)))) said(now.stop.state, now.stop.sentence);
+    shownStop = stopped;
   }
   if (now.job && now.job.state === "running" && now.stop.state !== "reaching") $("stopped").textContent = "";
-  const job = now.job;
-  const text = now.gone ? now.gone : !job ? "" : { waiting: `${job.title}: opening the rig`, running: `${job.title}: ${now.paused ? "paused" : "running"}`, done: `${job.title}: done`,
-    stopped: `${job.title}: stopped`, failed: `${job.title}: ${job.sentence}`, unconfirmed: job.sentence }[job.state];
-  if (text !== shownJob) {
-    shownJob = text;
-    $("job").className = `banner ${now.gone || (job && ["failed", "unconfirmed"].includes(job.state)) ? "error" : job && job.state === "done" ? "safe" : "info"}`;
-    fill($("job"), linked(text, job && !now.gone ? conducted[job.kind] : ""));
-  }
+  drawJob(now, now.job);
   const held = now.held ? `${now.held.participant}'s session of the experiment ${now.held.experiment} holds the rig` : "";
   if (held !== shownHeld) { shownHeld = held; fill($("held"), linked(held, "/experiment")); }
+}
+
+// What has ended is said for a while, and not on a page that was opened after it; a failure until it is closed.
+function drawJob(now, job) {
+  const text = now.gone ? now.gone : !job ? "" : { waiting: `${job.title}: opening the rig`, running: `${job.title}: ${now.paused ? "paused" : "running"}`, done: `${job.title}: done`,
+    stopped: `${job.title}: stopped`, failed: `${job.title}: ${job.sentence}`, unconfirmed: job.sentence }[job.state];
+  const mark = job ? `${job.number} ${job.ended} ${text}` : text;
+  if (mark === shownJob) return;
+  const failed = job && job.state === "failed", over = !now.gone && job && ["done", "stopped"].includes(job.state);
+  const old = (over && shownJob === null) || (failed && localStorage.getItem("haploop-closed") === mark);
+  const turn = job ? `${job.number} ${job.state}` : "";
+  if (shownJob !== null && turn !== lastTurn) say(""); // it was about what has ended now, or came before what has begun
+  shownJob = mark;
+  lastTurn = turn;
+  const clear = () => fill($("job"));
+  clearTimeout(forgetJob);
+  $("job").className = `banner ${now.gone || (job && ["failed", "unconfirmed"].includes(job.state)) ? "error" : job && job.state === "done" ? "safe" : "info"}`;
+  if (old || !text) return clear();
+  const close = el("button", { type: "button", onclick: () => { localStorage.setItem("haploop-closed", mark); clear(); } }, "Close");
+  fill($("job"), linked(text, now.gone ? "" : conducted[job.kind]), ...(failed && !now.gone ? [" ", close] : []));
+  if (over) forgetJob = setTimeout(clear, NEWS);
 }
 
 // A time of a file or a snapshot, as the clock on this wall shows it.

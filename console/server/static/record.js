@@ -4,7 +4,8 @@ import { sitting } from "./sitting.js";
 sitting($("sitting"));
 $("form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  await start("record", { participant: $("participant-name").value, button: $("button").value, presses: Number($("number").value), notes: $("notes").value });
+  const begun = await start("record", { participant: $("participant-name").value, button: $("button").value, presses: Number($("number").value), notes: $("notes").value });
+  if (begun) $("notes").value = ""; // the next recording's are others
 });
 on("state", (now) => {
   $("start").disabled = busy(now);

@@ -31,7 +31,8 @@ async function show(anew) {
 
 $("form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  await start("study", { study: $("study").value, participant: $("who").value, button: $("button").value, notes: $("notes").value });
+  const begun = await start("study", { study: $("study").value, participant: $("who").value, button: $("button").value, notes: $("notes").value });
+  if (begun) $("notes").value = ""; // the next run's are others
 });
 const enable = (now) => { $("start").disabled = busy(now) || !$("study").value; };
 on("state", (now) => {

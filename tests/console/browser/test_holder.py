@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
@@ -53,6 +54,69 @@ def test_the_participants_page_asks_for_nothing_that_it_may_not_have(browser, ta
     expect(shown.locator("#simulated")).to_be_visible(timeout=WAIT)
     assert not refused
     shown.context.close()
+
+
+def test_numbers_agree_after_stop_and_settings_are_the_next_sessions_own(tab, console):
+    """The last blocks of a recording that is stopped may be in its file only."""
+    page = tab.page
+
+    def without_the_last(message):
+        """The view lags by 200 samples, as when STOP comes between a block's file and its view."""
+        told = json.loads(message) if isinstance(message, str) else {}
+        if told.get("scope", {}).get("received"):
+            told["scope"]["received"] -= 200
+            message = json.dumps(told)
+        socket[0].send(message)
+
+    socket = []
+
+    def route(one):
+        socket[:] = [one]
+        one.connect_to_server().on_message(without_the_last)
+
+    page.route_web_socket("**/socket", route)
+    visit(tab, console, "record")
+    page.get_by_label("Notes").fill("A note of this one.")
+    fill(page, "P44", "toggle", 60)
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.get_by_label("Notes")).to_have_value("", timeout=WAIT)
+    expect(page.locator("#count")).to_contain_text("P44", timeout=WAIT)
+    expect(page.locator("#last")).to_contain_text("good", timeout=WAIT)
+    page.keyboard.press("Escape")
+    told(page, "by P44: stopped")
+    expect(page.locator("#disk")).to_contain_text("at the end: all that were received", timeout=WAIT)
+    counts = [page.locator(one).inner_text().split(" samples")[0] for one in ("#received", "#disk")]
+    assert counts[0] == counts[1] and counts[0] != "-"
+    expect(page.locator("#missed")).to_contain_text("did not reach this view; the file has them")
+
+
+def test_banners_of_what_is_over_go_away(tab, console):
+    page = tab.page
+    page.clock.install()
+    visit(tab, console, "record")
+    fill(page, "P45", "toggle", 60)
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.locator("#count")).to_contain_text("P45", timeout=WAIT)
+    expect(page.locator("#last")).to_contain_text("good", timeout=WAIT)
+    page.keyboard.press("Escape")
+    told(page, "by P45: stopped")
+    expect(page.locator("#stopped")).to_contain_text("read back", timeout=WAIT)
+    page.clock.fast_forward(31_000)
+    for banner in ("#job", "#stopped"):
+        expect(page.locator(banner)).to_have_text("")
+    fill(page, "P45", "toggle", 2)  # recorded already
+    page.get_by_role("button", name="Record", exact=True).click()
+    told(page, "P45-toggle.h5")
+    page.clock.fast_forward(31_000)
+    told(page, "P45-toggle.h5")
+    page.reload()
+    told(page, "P45-toggle.h5")
+    page.get_by_role("button", name="Close").click()
+    expect(page.locator("#job")).to_have_text("")
+    visit(tab, console, "preflight")
+    expect(page.locator("#auto-label")).to_be_visible()
+    for banner in ("#job", "#stopped", "#said"):
+        expect(page.locator(banner)).to_have_text("")
 
 
 def participants_page(browser, page, console, refused=None):
