@@ -20,6 +20,7 @@ from haploop.console.worker import worker as workers
 from haploop.console.worker.listener import Listener
 from haploop.console.worker.worker import Worker
 from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
+from haploop.reports.contents.recording import recording_contents
 
 DEADLINE = 60.0
 
@@ -106,6 +107,9 @@ def test_a_session_with_a_rejection_a_note_and_a_pause(tmp_path):
     assert {"paused", "resumed", "note"} <= set(kinds)
     assert [(v.number, v.attempt) for v in recording.verdicts if "rejected" in v.flags] == [(2, 1)]
     assert recording.header.notes == "Preflight overridden: a test"
+    contents = recording_contents(recording)
+    assert [note["text"] for note in contents.values["operator_notes"]] == ["Shoe fell."]
+    assert any("Shoe fell." in str(line) for one in contents.facts for line in one.said)
 
 
 def test_each_press_waits_for_next_the_first_too_and_the_setting_holds_for_one_session(tmp_path):

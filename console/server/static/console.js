@@ -42,7 +42,13 @@ export async function picture(path) {
 }
 
 // Offer names in a list; what was chosen stays chosen. `empty` is what the name "" says; else `last` chooses the last.
-export function choose(select, names, { empty = "", last = false } = {}) {
+// `first` stands in place of a list that is empty: what to do first.
+export function choose(select, names, { empty = "", last = false, first = [] } = {}) {
+  const said = select.nextElementSibling, missing = first.length && !names.length;
+  if (said && said.classList.contains("first")) said.remove();
+  select.classList.toggle("hidden", Boolean(missing));
+  select.disabled = Boolean(missing); // or the browser refuses the form, without a word
+  if (missing) select.after(el("p", { class: "first" }, ...first));
   const before = [...select.selectedOptions].map((option) => option.value).filter((name) => names.includes(name));
   fill(select, ...names.map((name) => el("option", { value: name }, name || empty)));
   if (before.length || select.multiple) for (const option of select.options) option.selected = before.includes(option.value);
@@ -173,9 +179,9 @@ const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"
 function bar() {
   const links = pages.map(([path, name]) => el("a", { href: path, "aria-current": path === location.pathname ? "page" : null }, name));
   const header = el("header", { class: "bar" },
-    el("button", { id: "stop", type: "button", onclick: stop, "aria-keyshortcuts": "Escape" }, "STOP", el("kbd", {}, "Esc")),
-    el("nav", { "aria-label": "Pages" }, ...links),
-    el("span", { class: "rig", id: "rig" }), el("span", { class: "badge hidden", id: "simulated" }, "SIMULATED"));
+    el("div", { class: "strip" }, el("button", { id: "stop", type: "button", onclick: stop, "aria-keyshortcuts": "Escape" }, "STOP", el("kbd", {}, "Esc")),
+      el("span", { class: "rig", id: "rig" }), el("span", { class: "badge hidden", id: "simulated" }, "SIMULATED")),
+    el("nav", { "aria-label": "Pages" }, ...links));
   document.body.prepend(header,
     el("div", { id: "exposed", class: "banner exposed", role: "note" }),
     el("div", { id: "connection", class: "banner error", role: "alert" }),

@@ -7,8 +7,7 @@ const running = () => state && state.experiment;
 document.addEventListener("hello", async (event) => {
   $("participant").setAttribute("href", event.detail.participant);
   const { experiments } = await get("/api/files");
-  choose($("experiment"), experiments);
-  if (!experiments.length) say("There is no experiment in the data folder yet: make one with `haploop experiment new FOLDER` there.", "info");
+  choose($("experiment"), experiments, { first: ["There is no experiment in the data folder yet: first make one there, with ", el("code", {}, "haploop experiment new FOLDER"), "."] });
   if (running()) $("experiment").value = running().experiment;
   await show(true);
 });
@@ -67,7 +66,7 @@ for (const [letter, id] of [["n", "next"], ["a", "again"], ["d", "by-hand"], ["p
 
 on("state", (all) => {
   const now = all.experiment, step = now && now.step, asked = Boolean(now && now.turn);
-  $("begin").disabled = Boolean(now);
+  $("begin").disabled = Boolean(now) || !$("experiment").value;
   $("where").textContent = now ? `${now.participant}, group ${now.group}, day ${now.session} of ${now.sessions}${Object.entries(now.levels).map(([name, level]) => `, ${name} ${level}`).join("")}` : "No session runs.";
   rig(all);
   $("prompt").textContent = !now ? "Nothing." : !step ? "The session is complete." : now.paused ? "Paused" : now.problem ? now.problem
