@@ -109,7 +109,7 @@ def test_a_session_with_a_rejection_a_note_and_a_pause(tmp_path):
     assert recording.header.notes == "Preflight overridden: a test"
     contents = recording_contents(recording)
     assert [note["text"] for note in contents.values["operator_notes"]] == ["Shoe fell."]
-    assert any("Shoe fell." in str(line) for one in contents.facts for line in one.said)
+    assert any("Shoe fell." in str(line) for one in contents.facts for line in one.lines)
 
 
 def test_each_press_waits_for_next_the_first_too_and_the_setting_holds_for_one_session(tmp_path):

@@ -237,6 +237,21 @@ export const at = (when) => new Date(when).toLocaleString("en-GB", { dateStyle: 
 
 export const busy = (now) => Boolean(now.job && ["waiting", "running"].includes(now.job.state));
 
+// What a field may hold is said in our words: the browser's own say "the requested format".
+const name = (most) => `Use up to ${most} letters, digits, _ and -, beginning with a letter or a digit, such as doorbell.`;
+const may = { "[A-Za-z]{1,4}[0-9]{1,4}": "A pseudonym has one to four letters, then one to four digits, such as P01. Do not use a person's name.", "[A-Za-z0-9][A-Za-z0-9_\\-]{0,39}": name(40), "[A-Za-z0-9][A-Za-z0-9_\\-]{0,59}": name(60) };
+function problem(field) {
+  const { valueMissing, patternMismatch, tooShort, badInput, rangeOverflow, rangeUnderflow, stepMismatch } = field.validity;
+  if (patternMismatch) return may[field.pattern] || "";
+  if (badInput || rangeOverflow || rangeUnderflow || stepMismatch) return `A number from ${field.min} to ${field.max}${field.step ? "" : ", a whole one"}.`;
+  if (valueMissing) return field.type === "checkbox" ? "Tick this first." : "Fill this in first.";
+  return tooShort ? `At least ${field.minLength} characters.` : "";
+}
+for (const field of document.querySelectorAll("main input, main select")) {
+  field.addEventListener("invalid", () => field.setCustomValidity(problem(field)));
+  for (const kind of ["input", "change"]) field.addEventListener(kind, () => field.setCustomValidity(""));
+}
+
 // Keys: Esc is STOP everywhere; letters act only outside of fields, and can be switched off.
 const keys = new Map();
 export const key = (name, action) => keys.set(name, action);

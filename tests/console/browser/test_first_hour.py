@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from tests.console.browser.browsing import PAGES, WAIT, Tab, expect, visit
+from tests.console.browser.browsing import PAGES, WAIT, Tab, expect, fill, told, visit
 from tests.console.serving import served
 
 pytestmark = pytest.mark.timeout(600)
@@ -72,3 +72,39 @@ def test_files_shows_experiments_too(tab, console):
     page.get_by_role("button", name="List").click()
     expect(page.locator("#count")).to_have_text("2 files", timeout=WAIT)
     expect(page.locator("#files")).to_contain_text("rating/experiment.toml")
+
+
+def test_a_participant_who_is_recorded_again_gets_a_name_for_the_file(tab, console):
+    page = visit(tab, console, "record")
+    name = page.get_by_label("File, without .h5")
+    for _ in range(2):
+        fill(page, "P51", "toggle", 1)
+        page.get_by_role("button", name="Record", exact=True).click()
+        told(page, "by P51: done")
+        expect(name).to_have_value(re.compile("P51-toggle-[23]"), timeout=WAIT)
+    expect(name).to_have_value("P51-toggle-3", timeout=WAIT)
+    expect(page.locator("#again")).to_contain_text("P51-toggle.h5 was recorded already")
+    name.fill("P51-toggle")
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.locator("#said")).to_contain_text("P51-toggle.h5 already exists", timeout=WAIT)
+    expect(page.locator("#participants option")).to_have_attribute("value", "P51")
+    found = sorted(path.name for path in (console.data / "recordings").glob("*.h5"))
+    assert found == ["P51-toggle-2.h5", "P51-toggle.h5"]
+
+
+def test_what_a_name_may_contain_is_said_by_us(tab, console):
+    page = visit(tab, console, "record")
+    for label, wrong, sentence in (
+        ("Participant (a pseudonym such as P01)", "Anna Smith", "one to four letters, then one to four"),
+        ("Participant (a pseudonym such as P01)", "", "Fill this in first."),
+        ("Button", "my button", "up to 40 letters, digits, _ and -"),
+        ("File, without .h5", "a/b", "up to 60 letters"),
+        ("Presses", "900", "A number from 1 to 200, a whole one."),
+    ):
+        field = page.get_by_label(label, exact=True)
+        right = field.input_value()
+        field.fill(wrong)
+        page.get_by_role("button", name="Record", exact=True).click()
+        assert sentence in field.evaluate("(one) => one.validationMessage")
+        field.fill(right)
+        assert field.evaluate("(one) => one.validationMessage") == ""
