@@ -33,7 +33,7 @@ __all__ = ["record", "represent"]
 @click.option(
     "--out", "-o", type=PATH, default=Path("recordings"), show_default=True, help="Folder for the recording."
 )
-@click.option("--name", default="", help="Name of the file, without .h5. [default: PARTICIPANT-BUTTON]")
+@click.option("--name", default="", help="Name of the file, if not PARTICIPANT-BUTTON.")
 @NOTES
 @WAIT
 @PATIENCE
@@ -53,7 +53,7 @@ def record(
     rig: ChosenRig,
     as_json: bool,
 ) -> int:
-    """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5, or OUT/NAME.h5.
+    """Record presses of one BUTTON into OUT/PARTICIPANT-BUTTON.h5.
 
     BUTTON may be any name; a new button needs no preparation. A press that fails its quality check is
     kept, marked, and asked for again. At a console, type r and Enter to reject the preceding press.
