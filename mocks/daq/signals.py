@@ -119,7 +119,7 @@ def signal_of(
 def _from_file(path: Path, rate_hz: float | None) -> tuple[FloatArray, float | None]:
     try:
         if path.suffix == ".npy":
-            return np.load(path, allow_pickle=False).astype(np.float64), rate_hz
+            return np.load(path).astype(np.float64), rate_hz
         if path.suffix == ".csv":
             return np.loadtxt(path, delimiter=",", ndmin=1, dtype=np.float64), rate_hz
         if path.suffix == ".wav":

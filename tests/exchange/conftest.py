@@ -89,7 +89,7 @@ def make_check(drive: Drive) -> Check:
         floor=0.01, outside=0.01, outside_interval=pair, correlation=0.99, envelope_correlation=0.99,
         octaves_hz=octaves, target_db=level, measured_db=level, floor_db=level - 40,
         third_octave_error_db=0.1, drift=0.0, drive_measured_peak=20.0, overload=False, tolerance=0.2,
-        verdict="pass", reasons=(), notes=(), simulated=True,
+        tones_hz=np.zeros(0), background=0.0, verdict="pass", reasons=(), notes=(), simulated=True,
     )  # fmt: skip
 
 

@@ -226,7 +226,7 @@ def test_at_a_terminal_sentences_and_meter_never_share_a_line(tmp_path: Path) ->
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     screen, erased = drawn(run_in_a_terminal(tmp_path, "study", "run"))
     assert max(map(len, screen + erased)) <= 80
-    refused = "P01, toggle: Press 2, attempt 1: A sensor left its range. It is kept and will be repeated."
+    refused = "P01, toggle: Press 1, attempt 2: A sensor left its range. It is kept and will be repeated."
     assert refused in " ".join(line.strip() for line in screen)
     assert not any("░" in line for line in screen), "the meter is taken away at the end"
     bars = [line for line in erased if "░" in line or "█" in line]

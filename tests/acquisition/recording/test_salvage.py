@@ -153,9 +153,10 @@ def test_blocks_of_other_channels_are_not_read(path: Path) -> None:
 
 def test_logs_recordings_in_progress_and_hashes(path: Path, tmp_path: Path) -> None:
     log = tmp_path / "session-1.jsonl"
-    log.write_text(as_line({"number": 1}), encoding="utf-8")
-    assert verify(log) == () and content_hash(log) == hashlib.sha256(log.read_bytes()).hexdigest()
-    log.write_text(as_line({"number": 1})[:-5], encoding="utf-8")
+    line = as_line({"number": 1, "previous": ""})
+    log.write_text(line, encoding="utf-8")
+    assert not verify(log) and content_hash(log) == hashlib.sha256(log.read_bytes()).hexdigest()
+    log.write_text(line[:-5], encoding="utf-8")
     with pytest.raises(DataError, match="no line that was written completely"):
         verify(log)
     with marked(path):

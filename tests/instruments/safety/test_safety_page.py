@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,9 @@ def test_doctor_shows_a_box_that_may_close_at_power_on_in_red(monkeypatch: pytes
 def test_a_card_that_reports_no_number_is_known_by_its_name_and_server(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("haploop.instruments.daq.ni_cards.numbers_of", lambda *_: {"Dev1": ("PCI-6034E 1A",)})
+    # Of the modules that have been imported: another test may have imported them anew.
+    cards = importlib.import_module("haploop.instruments.daq.ni_cards")
+    monkeypatch.setattr(cards, "numbers_of", lambda *_: {"Dev1": ("PCI-6034E 1A",)})
     settings = load_rig_file("haptable").daq.settings
     for server, here in ((None, "this computer"), ("LOCALHOST:31763", "127.0.0.1:31763")):
         named = NiDaq.hardware(NiDaq.Settings.model_validate(settings | {"server": server}))

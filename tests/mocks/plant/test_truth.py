@@ -10,7 +10,7 @@ from haploop.pytest_plugin import OpenRig
 pytestmark = pytest.mark.rig
 
 
-def test_the_true_velocity_is_the_lasers_before_pole_and_delay(open: OpenRig) -> None:
+def test_the_true_velocity_is_the_lasers_before_pole_and_delay(open: OpenRig, unproved: None) -> None:
     rig = open(vibrometer_noise_scale=0)
     if rig.simulation is None:
         pytest.skip("only a simulation knows the truth")
