@@ -66,7 +66,7 @@ for (const [letter, id] of [["n", "next"], ["a", "again"], ["d", "by-hand"], ["p
 
 on("state", (all) => {
   const now = all.experiment, step = now && now.step, asked = Boolean(now && now.turn);
-  $("begin").disabled = Boolean(now) || !$("experiment").value;
+  $("begin").disabled = Boolean(now);
   $("where").textContent = now ? `${now.participant}, group ${now.group}, day ${now.session} of ${now.sessions}${Object.entries(now.levels).map(([name, level]) => `, ${name} ${level}`).join("")}` : "No session runs.";
   rig(all);
   $("prompt").textContent = !now ? "Nothing." : !step ? "The session is complete." : now.paused ? "Paused" : now.problem ? now.problem

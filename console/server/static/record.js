@@ -5,7 +5,9 @@ sitting($("sitting"));
 $("form").addEventListener("submit", async (event) => {
   event.preventDefault();
   const begun = await start("record", { participant: $("participant-name").value, button: $("button").value, name: $("name").value, presses: Number($("number").value), notes: $("notes").value });
-  if (begun) $("notes").value = ""; // the next recording's are others
+  if (!begun) return;
+  $("notes").value = ""; // the next recording's are others
+  document.activeElement.blur(); // letters are commands from now on
 });
 // What was recorded is offered; a participant who presses a button again gets a file of another name.
 let recorded = [], own = false, job = "";
