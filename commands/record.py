@@ -33,6 +33,7 @@ __all__ = ["record", "represent"]
 @click.option(
     "--out", "-o", type=PATH, default=Path("recordings"), show_default=True, help="Folder for the recording."
 )
+@click.option("--name", default="", help="Name of the file, if not PARTICIPANT-BUTTON.")
 @NOTES
 @WAIT
 @PATIENCE
@@ -44,6 +45,7 @@ def record(
     participant: str,
     presses: int,
     out: Path,
+    name: str,
     notes: str,
     wait: float | None,
     patience: float | None,
@@ -58,9 +60,15 @@ def record(
     """
     with rig.opened() as opened, show.Meter(opened) as meter:
         rig.state.recordings = out
-        aside = haploop.set_aside(out / haploop.file_name(participant, button))
+        path = out / haploop.file_name(participant, button, name)
+        aside = haploop.set_aside(path)
         if aside is not None:
             note(f"An interrupted recording without a press was renamed to {aside}.")
+        if path.exists():
+            raise haploop.ConfigurationError(
+                f"{path} already exists and is not overwritten: give this recording a name of its own with "
+                f"--name, such as {path.stem}-2."
+            )
         protocol = haploop.Protocol(
             wait=600.0 if wait is None else wait,
             patience=15.0 if patience is None else patience,
@@ -78,6 +86,7 @@ def record(
             protocol=protocol,
             notes=notes,
             on_request=meter.on_request,
+            name=name,
         )
     show.print_contents(contents.file_contents(recording.path), as_json)
     return 0

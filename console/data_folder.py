@@ -16,6 +16,11 @@ class DataFolder:
     def __init__(self, root: Path) -> None:
         self.root = root.expanduser().resolve()
 
+    @property
+    def sitting(self) -> Path:
+        """File whose mark (`marked`) says that a server conducts a session of an experiment."""
+        return self.root / "experiment-session"
+
     def path(self, name: object) -> Path:
         """Return the path of a name relative to this folder, with forward slashes.
 

@@ -47,6 +47,7 @@ CODES = 32768
 _AGAIN = "Copy it again from its source."
 _PSEUDONYM = re.compile(r"[A-Za-z]{1,4}[0-9]{1,4}")
 _BUTTON = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +134,8 @@ class Contents:
         return digest.hexdigest()
 
 
-def file_name(participant: str, button: str) -> str:
-    """`<participant>-<button>.h5`. Raises ConfigurationError for an invalid name."""
+def file_name(participant: str, button: str, name: str = "") -> str:
+    """`<participant>-<button>.h5`, or `<name>.h5`. Raises ConfigurationError for an invalid name."""
     if not _PSEUDONYM.fullmatch(participant):
         raise ConfigurationError(
             f"{participant!r} is not a valid participant pseudonym: use one to four letters, then one to "
@@ -145,7 +146,12 @@ def file_name(participant: str, button: str) -> str:
             f"{button!r} is not a valid button name: use up to 40 letters, digits, '_' and '-', "
             "beginning with a letter or a digit, such as doorbell."
         )
-    return f"{participant}-{button}.h5"
+    if name and not _NAME.fullmatch(name):
+        raise ConfigurationError(
+            f"{name!r} is not a valid name for a recording's file: use up to 60 letters, digits, '_' "
+            f"and '-', beginning with a letter or a digit, such as {participant}-{button}-2, without .h5."
+        )
+    return f"{name or f'{participant}-{button}'}.h5"
 
 
 def codes_per_volt(full_scale: FloatArray) -> NDArray[np.float32]:

@@ -58,8 +58,9 @@ def record(
     protocol: Protocol | None = None,
     notes: str = "",
     on_request: Callable[[Request], None] = ignore,
+    name: str = "",
 ) -> Recording:
-    """Record `presses` good presses of a button into `<out>/<participant>-<button>.h5`.
+    """Record `presses` good presses of a button into `<out>/<participant>-<button>.h5`, or `<out>/<name>.h5`.
 
     An interrupted recording of that name without a single press is set aside first (`set_aside`).
     The operator is asked to keep hands off, then for each press once the one before has ended. The
@@ -82,7 +83,7 @@ def record(
             "others into another folder."
         )
     presses = int(presses)
-    path = Path(out) / file_name(participant, button)
+    path = Path(out) / file_name(participant, button, name)
     set_aside(path)
     pending = tuple((number, 1) for number in range(1, presses + 1))
     session = Session(path, button, participant, pending, presses, notes=notes)

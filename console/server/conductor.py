@@ -10,23 +10,20 @@ from __future__ import annotations
 import secrets
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
 from ...acquisition import file_name
 from ...experiments import Session, Step, Store, open_session, played_by_rig, session_levels
 from ...instruments import ConfigurationError, DataError, HaploopError, InstrumentError, RealClock
+from ...instruments.safety import marked
 from ..data_folder import DataFolder, store_of
 
 __all__ = ["Conductor"]
 
 Worker = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
 """Sends the worker a command; returns status and answer. Raises InstrumentError."""
-
-
-def _no_worker(_name: str, _values: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
-    return 503, {"error": "There is no worker."}
 
 
 _BY_HAND = ("presses", "finger")
@@ -63,7 +60,7 @@ class _Sitting:
 class Conductor:
     """At most one session at a time. For any thread; `operator` and `participant` are what pages show."""
 
-    def __init__(self, data: DataFolder, worker: Worker = _no_worker) -> None:
+    def __init__(self, data: DataFolder, worker: Worker) -> None:
         self._data, self._worker = data, worker
         self._surface: Mapping[str, Any] | None = None
         """What the worker's board says of a rig that plays digital buttons."""
@@ -88,12 +85,34 @@ class Conductor:
                 raise ConfigurationError("A session runs already: end it first.")
             store, consent = store_of(self._data, values.get("experiment")), values.get("consent") is True
             with ExitStack() as stack:
+                self._hold(stack, str(values.get("experiment")), participant)
                 session = stack.enter_context(
                     open_session(store, participant, RealClock(), number, consent=lambda: consent)
                 )
                 session.event("page", **rig)
                 self._sitting = _Sitting(str(values.get("experiment")), store, session, stack.pop_all())
             self._show()
+
+    def _hold(self, stack: ExitStack, experiment: str, participant: str) -> None:
+        """Keep the rig and the participant's page for this session. Raises HaploopError when taken."""
+        try:
+            stack.enter_context(marked(self._data.sitting))
+        except InstrumentError:
+            raise ConfigurationError(
+                "A session of an experiment runs on another `haploop serve` of this data folder: end it "
+                "there first."
+            ) from None
+        self._ask_for_rig(experiment, participant)
+        stack.callback(self._let_go)
+
+    def _ask_for_rig(self, experiment: str, participant: str) -> None:
+        status, answer = self._worker("hold", {"experiment": experiment, "participant": participant})
+        if status != 200:
+            raise ConfigurationError(str(answer.get("error", "The worker refused.")))
+
+    def _let_go(self) -> None:
+        with suppress(InstrumentError):  # a worker that has died holds nothing
+            self._worker("let_go", {})
 
     def present(self, values: Mapping[str, Any]) -> None:
         """Log that the stimulus of the step that is due begins, or is repeated; and ask the participant.
@@ -142,6 +161,9 @@ class Conductor:
         with self._changing:
             surface = None if snapshot.get("gone") else snapshot.get("surface")
             self._surface, sitting = surface, self._sitting
+            if sitting is not None and not snapshot.get("gone") and snapshot.get("held", sitting) is None:
+                with suppress(HaploopError):  # another worker, in place of one that has died
+                    self._ask_for_rig(sitting.name, sitting.session.assignment.participant)
             if sitting is None or not sitting.playing:
                 return
             if surface is None:

@@ -23,6 +23,7 @@ from ...acquisition import (
     representative,
     run_study,
     segmentation_for,
+    set_aside,
 )
 from ...calibration import (
     Calibration,
@@ -139,7 +140,10 @@ def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
     presses = _whole(wanted.get("presses", 10), "The number of presses", 1, 200)
     notes = _notes(tools, wanted.get("notes"))
     out = tools.data.path("recordings")
-    path = out / file_name(participant, button)
+    name = str(wanted.get("name") or "")
+    path = out / file_name(participant, button, name)
+    set_aside(path)
+    check_destination(path)
     protocol = Protocol(block=_BLOCK, wait=_WAIT, pause=_PAUSE, segmentation=segmentation_for(button))
 
     def work(rig: Rig) -> dict[str, Any]:
@@ -154,6 +158,7 @@ def _record(tools: Tools, wanted: Mapping[str, Any]) -> Work:
             lambda press: tools.on_verdict(participant, button, press),
             protocol=protocol,
             notes=notes,
+            name=name,
         )
         return {"file": tools.data.name(path), "samples": _samples(recording)}
 

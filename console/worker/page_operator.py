@@ -32,12 +32,15 @@ class PageOperator(Operator):
         self._notes: deque[str] = deque()
         self._waiting: Request | None = None
         """A press that waits for a key on the page."""
+        self._begins = False
+        """Whether hands are off before the first press of a session."""
 
     def tell(self, request: Request) -> None:
         """See `Operator.tell`."""
         self._show(request, asks=False)
         if isinstance(request, Press):
             self._board.set(paused=False)
+        self._begins = isinstance(request, Rest)
         if self._person is None:
             return
         if isinstance(request, Press) and not self._board["auto"]:
@@ -69,7 +72,10 @@ class PageOperator(Operator):
         return rejected
 
     def paused(self) -> bool:
-        """See `Operator.paused`."""
+        """See `Operator.paused`. With "Wait for Next before each press", the first one waits too."""
+        if self._begins and self._board["step"]:
+            self._board.set(paused=True)
+        self._begins = False
         return bool(self._board["paused"])
 
     def notes(self) -> Sequence[str]:

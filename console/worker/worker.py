@@ -23,6 +23,7 @@ from ...instruments import (
 )
 from ...instruments.driver import Mode
 from ...instruments.inbox import Inbox
+from ...instruments.safety import is_marked
 from ...instruments.signals import uninterrupted
 from ..data_folder import DataFolder
 from .board import Board
@@ -79,6 +80,7 @@ class Worker:
             live=None,
             map=None,
             surface=None,
+            held=None,
             saturated={},
             preflight=None,
             paused=False,
@@ -127,6 +129,8 @@ class Worker:
         """Look whether a server is still there. Called now and then by the listening thread."""
         if self._clock.now() - self._heard > _ABANDONED:
             self._abandoned.set()
+        if self.board["held"] is not None and not is_marked(self.data.sitting):
+            self.board.set(held=None)  # the server that conducted the session has died
 
     # Commands; each returns JSON values, or raises a HaploopError
 
@@ -143,6 +147,8 @@ class Worker:
             "step": lambda v: self.board.set(step=bool(v.get("on"))),
             "acknowledge": lambda _: self.board.set(saturated={}),
             "override": self._override,
+            "hold": self._hold,
+            "let_go": lambda _: self.board.set(held=None),
             "present": self._stimuli.present,
             "release": lambda _: self._stimuli.release(),
             "end": lambda _: self.end(),
@@ -167,6 +173,35 @@ class Worker:
             self._refuse_without_preflight()
         return {"job": self._add(kind, wanted)}
 
+    def _hold(self, values: Mapping[str, Any]) -> None:
+        """Keep the rig for a session of an experiment, {experiment, participant}, until `let_go`.
+
+        It lasts while the server that conducts the session has `DataFolder.sitting` marked.
+        """
+        held = {name: str(values.get(name, "")) for name in ("experiment", "participant")}
+        with self._changing:
+            self._refuse_taken("surface", held)
+            job = self.board["job"]
+            if self._busy and not (job["kind"] == "surface" and job["experiment"] == held["experiment"]):
+                raise ConfigurationError(_busy(job["title"]))
+            self.board.set(held=held)
+
+    @property
+    def _busy(self) -> bool:
+        # Between the queue and `_running` a job is in neither, and on the board.
+        state = (self.board["job"] or {}).get("state")
+        return bool(self._running or len(self._jobs) or state in ("waiting", "running"))
+
+    def _refuse_taken(self, kind: str, wanted: Mapping[str, Any]) -> None:
+        """Refuse a job while a session of an experiment holds the rig, except for the rig's part in it."""
+        held = self.board["held"]
+        if held is None or (kind == "surface" and wanted.get("experiment") == held["experiment"]):
+            return
+        raise ConfigurationError(
+            f"{held['participant']}'s session of the experiment {held['experiment']} holds the rig: end it "
+            "on the page Experiment first."
+        )
+
     def _refuse_without_preflight(self) -> None:
         preflight = self.board["preflight"]
         fresh = preflight is not None and (
@@ -188,14 +223,12 @@ class Worker:
         job = JOBS[kind]
         with self._changing:
             stops = self.board["stop"]["number"]
-            busy = self._running or len(self._jobs) > 0
-            if busy and kind != "safe":
-                raise ConfigurationError("The rig is busy: wait until the running job has ended, or stop it.")
+            if kind != "safe":
+                self._refuse_busy(kind, wanted)
         work = job.prepare(self._tools, wanted)
         with self._changing:
-            if (self._running or len(self._jobs) > 0) and kind != "safe":
-                raise ConfigurationError("The rig is busy: wait until the running job has ended, or stop it.")
             if kind != "safe":
+                self._refuse_busy(kind, wanted)
                 self._stopping.refuse_after(stops)
             self._count += 1
             number = self._count
@@ -203,15 +236,22 @@ class Worker:
                 "number": number,
                 "kind": kind,
                 "title": job.title(wanted),
+                "experiment": str(wanted.get("experiment", "")),
                 "state": "waiting",
                 "sentence": "",
                 "result": {},
+                "ended": "",
             }
             if job.gated:
                 self.board.set(session=None)
             self.board.set(job=shown, progress=None)
             self._jobs.put((number, kind, work, job.needs_rig, stops))
         return number
+
+    def _refuse_busy(self, kind: str, wanted: Mapping[str, Any]) -> None:
+        if self._busy:
+            raise ConfigurationError(_busy(self.board["job"]["title"]))
+        self._refuse_taken(kind, wanted)
 
     def _answer(self, values: Mapping[str, Any]) -> dict[str, Any]:
         operator, number = self._operator, values.get("number")
@@ -266,6 +306,8 @@ class Worker:
         finally:
             # STOP may come once more, at any line: the board must show the end of the job all the same.
             with uninterrupted():
+                if needs_rig and kind != "safe":
+                    self._forget_settings(kind)
                 self._finish(*outcome)
 
     def _outcome(self, kind: str, work: Work, needs_rig: bool) -> tuple[str, str, dict[str, Any]]:
@@ -287,9 +329,14 @@ class Worker:
             waits = self._stopping.job_ended(state, sentence, self._left_safe)
             # STOP met a job before it had opened the rig, or one that has no use for it.
             unread = waits and not len(self._jobs)
-            self._show_job(state=state, sentence=sentence, result=result)
+            now = datetime.now(UTC).isoformat()
+            self._show_job(state=state, sentence=sentence, result=result, ended=now)
         if unread:
             self._add("safe", {})
+
+    def _forget_settings(self, kind: str) -> None:
+        """Settings hold for what they were made in, or before, and not for the next one."""
+        self.board.set(auto=True, **({"step": False} if JOBS[kind].gated else {}))
 
     def _on_rig(self, kind: str, work: Work) -> dict[str, Any]:
         """Open the rig, work, and leave it in the safe state. Raises _UnconfirmedError when that failed."""
@@ -355,6 +402,10 @@ class Worker:
 
 class _UnconfirmedError(InstrumentError):
     """The safe state was not confirmed when a job left the rig."""
+
+
+def _busy(title: str) -> str:
+    return f"The rig is busy ({title}): wait until that has ended, or stop it."
 
 
 def _table(file: RigFile) -> dict[str, Any]:

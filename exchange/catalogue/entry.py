@@ -30,8 +30,8 @@ class Entry:
     file: str
     """Absolute path."""
     kind: str
-    """"recording", "representative", "drive", "check", "calibration", "button", "map", "study", another kind
-    that haploop writes, "damaged", or "unreadable"."""
+    """"recording", "representative", "drive", "check", "calibration", "button", "map", "study",
+    "experiment", another kind that haploop writes, "damaged", or "unreadable"."""
     participant: str = ""
     button: str = ""
     date: str = ""
@@ -60,11 +60,8 @@ def entry_of(path: str) -> Entry | None:
     """Read a file's entry, verified by its content hash; None for a file that haploop did not write."""
     found = Path(path)
     try:
-        if found.name == "map.json":
-            return _map(found.parent)
-        if found.name == "study.toml":
-            return _study(found)
-        return _hdf5(found)
+        named = {"map.json": _map, "study.toml": _study, "experiment.toml": _experiment}
+        return named.get(found.name, _hdf5)(found)
     except HaploopError as error:
         return Entry(path, "damaged", problem=" ".join(str(error).split()))
     except FileNotFoundError:
@@ -156,9 +153,10 @@ def _recording(recording: Recording) -> Entry:
     )
 
 
-def _map(folder: Path) -> Entry:
+def _map(path: Path) -> Entry:
     from ...calibration.map import MapFolder  # noqa: PLC0415
 
+    folder = path.parent
     plan = MapFolder.open(folder).plan
     patches, simulated = " ".join(plan.patches), _yes(plan.simulated)
     return Entry(
@@ -170,6 +168,12 @@ def _study(path: Path) -> Entry:
     from ...acquisition import load_study  # noqa: PLC0415
 
     return Entry(str(path), "study", study=load_study(path).file.name)
+
+
+def _experiment(path: Path) -> Entry:
+    from ...experiments import load_experiment  # noqa: PLC0415
+
+    return Entry(str(path), "experiment", study=load_experiment(path).file.name)
 
 
 def _yes(value: bool) -> str:

@@ -29,6 +29,7 @@ __all__ = ["list_files"]
 
 _VERSION = 2
 """Part of the index's name: to be raised when `Entry` changes."""
+_NAMED = ("map.json", "study.toml", "experiment.toml")
 _REJECTIONS = "rejections.json"
 _KEPT = 500
 """Files after which what was read is kept: an interruption then loses no more, and others wait no longer."""
@@ -146,7 +147,7 @@ def _look(folder: Path) -> dict[str, str]:
             folders.clear()
         # The points of a map are parts of one thing.
         for name in ["map.json"] if is_map else names:
-            if name in ("map.json", "study.toml") or (name.endswith(".h5") and not name.startswith(".")):
+            if name in _NAMED or (name.endswith(".h5") and not name.startswith(".")):
                 path = os.path.join(inside, name)  # noqa: PTH118
                 mark = _mark(path)
                 if mark is not None:

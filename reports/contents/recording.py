@@ -63,6 +63,7 @@ def recording_contents(recording: Recording) -> Contents:
     spread = "" if deviation is None else f" ± {deviation:.3f}"
     saturated = [number for number, p in enumerate(found, 1) if p.saturated]
     header, rate_hz, complete = recording.header, recording.rate_hz, bool(recording.complete)
+    noted = [(event.sample / rate_hz, event.text) for event in recording.events if event.kind == "note"]
     why = ("gap", "overrun", "error", "interrupted", "recovered")
     ended = next((event.text for event in reversed(recording.events) if event.kind in why), None)
     state = "complete" if complete else f"incomplete: {ended or 'the recording ended early.'}"
@@ -83,6 +84,11 @@ def recording_contents(recording: Recording) -> Contents:
         ),
         *(fact(column, str(value)) for column, value in recording.about.items()),
         fact("Notes", header.notes, notes=header.notes),
+        fact(
+            "Operator",
+            [f"at {at:.1f} s: {text}" for at, text in noted],
+            operator_notes=[{"at_s": at, "text": text} for at, text in noted],
+        ),
         fact("Rig", recording.rig, rig=recording.rig),
         fact("Length", length, duration_s=recording.duration, rate_hz=rate_hz),
         fact(

@@ -50,6 +50,19 @@ def test_the_same_command_can_be_given_again_where_nobody_came(
     assert again.exit_code == 2 and "already exists" in again.stderr
 
 
+def test_a_button_is_recorded_again_under_another_name(run: Run, tmp_path: Path) -> None:
+    command = ("record", "push", "-p", "P01", "-n", 1, "-o", tmp_path)
+    assert run(*command).exit_code == 0
+    refused = run(*command)
+    assert (refused.exit_code, refused.stderr.count("Error:")) == (2, 1)
+    assert "already exists" in refused.stderr and "--name, such as P01-push-2" in refused.stderr
+    assert run(*command, "--name", "P01-push-2").exit_code == 0
+    for wrong in ("../P01", "P01 push", "x" * 61):
+        result = run(*command, "--name", wrong)
+        assert (result.exit_code, "up to 60 letters" in result.stderr) == (2, True)
+    assert sorted(path.name for path in tmp_path.glob("*.h5")) == ["P01-push-2.h5", "P01-push.h5"]
+
+
 def test_a_study_waits_as_long_as_its_file_or_its_option_says(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -166,7 +166,7 @@ def test_a_participant_is_never_shown_what_is_presented_nor_who_they_are(console
 
 def test_confirmation_is_told_in_training_only_and_only_where_the_experiment_gives_it(data):
     told, groups = {}, {}
-    conductor = Conductor(DataFolder(data))
+    conductor = Conductor(DataFolder(data), Link().command)
     for participant in ("P01", "P02"):  # one of each group
         conductor.begin({"experiment": "small", "participant": participant, "consent": True}, {})
         groups[participant] = conductor.operator["levels"]["confirmation"]

@@ -31,9 +31,10 @@ class Console:
         self.conductor = Conductor(self.data, self.command)
         self.failure: BaseException | None = None
 
-    def command(self, _name: str, values: Any) -> tuple[int, dict[str, Any]]:
+    def command(self, name: str, values: Any) -> tuple[int, dict[str, Any]]:
         try:
-            self.stimuli.present(values)
+            if name == "present":
+                self.stimuli.present(values)
         except ConfigurationError as error:
             return 400, {"error": str(error)}
         return 200, {}

@@ -20,6 +20,7 @@ from haploop.console.worker import worker as workers
 from haploop.console.worker.listener import Listener
 from haploop.console.worker.worker import Worker
 from haploop.instruments import ConfigurationError, InstrumentError, load_rig_file
+from haploop.reports.contents.recording import recording_contents
 
 DEADLINE = 60.0
 
@@ -106,6 +107,39 @@ def test_a_session_with_a_rejection_a_note_and_a_pause(tmp_path):
     assert {"paused", "resumed", "note"} <= set(kinds)
     assert [(v.number, v.attempt) for v in recording.verdicts if "rejected" in v.flags] == [(2, 1)]
     assert recording.header.notes == "Preflight overridden: a test"
+    contents = recording_contents(recording)
+    assert [note["text"] for note in contents.values["operator_notes"]] == ["Shoe fell."]
+    assert any("Shoe fell." in str(line) for one in contents.facts for line in one.lines)
+
+
+def test_each_press_waits_for_next_the_first_too_and_the_setting_holds_for_one_session(tmp_path):
+    worker = made(tmp_path, real_time=True)
+    board = worker.board
+
+    def operator() -> None:
+        worker.command("override", {"reason": "a test"})
+        worker.command("step", {"on": True})
+        begin(worker, "record", button="toggle", participant="P01", presses=2)
+        until(lambda: board["request"] and board["request"]["kind"] == "Rest")
+        assert not board["paused"], "hands off is said first"
+        for count in (1, 2):
+            until(lambda: board["paused"] or ended(worker))
+            assert board["paused"] and len(board["session"]["verdicts"]) == count - 1
+            assert board["request"]["kind"] == ("Rest" if count == 1 else "Press")
+            worker.command("pause", {"on": False})
+            until(lambda count=count: len(board["session"]["verdicts"]) == count or ended(worker))
+        worker.command("auto", {"on": False})
+        until(lambda: ended(worker))
+        assert (board["step"], board["auto"]) == (False, True)
+        worker.command("step", {"on": True})
+        begin(worker, "preflight")
+        until(lambda: board["request"] or ended(worker))
+        worker.stop()
+        until(lambda: ended(worker))
+        assert board["step"], "what is set before a session is for that session"
+
+    with pages(worker, operator):
+        pass
 
 
 def test_stop_in_the_middle_reaches_the_safe_state_and_keeps_the_recording(tmp_path):

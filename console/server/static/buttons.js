@@ -16,7 +16,10 @@ document.addEventListener("hello", list);
 
 async function list() {
   const found = await get("/api/files");
-  for (const [id, names] of [["recordings", found.recordings], ["calibration", found.calibrations], ["button", found.buttons]]) choose($(id), names, { last: id === "button" });
+  const page = (path, name) => el("a", { href: path }, name);
+  choose($("recordings"), found.recordings, { first: ["There is no recording yet: first ", page("/record", "record the button"), "."] });
+  choose($("calibration"), found.calibrations, { first: ["There is no calibration yet: first ", page("/table", "calibrate a patch"), "."] });
+  choose($("button"), found.buttons, { last: true, first: ["There is no digital button yet: first make one, from recordings and a calibration."] });
   await show(true);
 }
 
@@ -24,7 +27,7 @@ let plots = [];
 const ask = newest();
 async function show(anew) {
   const name = $("button").value;
-  if (!name) { $("verdict").textContent = "None yet."; return; }
+  if (!name) { $("verdict").textContent = ""; return; }
   let found;
   try { found = await ask(`/api/button?file=${encodeURIComponent(name)}${!anew && $("check").value ? `&check=${encodeURIComponent($("check").value)}` : ""}`); } catch (error) { say(error.message, "error"); return; }
   if (!found) return;

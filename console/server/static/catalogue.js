@@ -7,7 +7,9 @@ async function list() {
   let found;
   try { found = await ask(`/api/catalogue?${asked}`); say(""); } catch (error) { say(error.message, "error"); return; }
   if (!found) return;
-  const { files, of } = found;
+  const { files, of } = found, nothing = !of && !fields.some((name) => $(name).value);
+  $("nothing").classList.toggle("hidden", !nothing);
+  $("found").classList.toggle("hidden", nothing);
   $("count").textContent = `${of} file${of === 1 ? "" : "s"}${files.length < of ? `; the newest ${files.length} are shown` : ""}`;
   fill($("files"), ...files.map((one) => el("tr", {}, el("td", {}, one.kind), el("td", {}, one.participant), el("td", {}, one.button), el("td", { class: "date" }, one.date.slice(0, 16).replace("T", " ")),
     el("td", { class: { pass: "green", complete: "green", fail: "red" }[one.verdict] }, one.verdict), el("td", {}, one.presses),

@@ -42,7 +42,13 @@ export async function picture(path) {
 }
 
 // Offer names in a list; what was chosen stays chosen. `empty` is what the name "" says; else `last` chooses the last.
-export function choose(select, names, { empty = "", last = false } = {}) {
+// `first` stands in place of a list that is empty: what to do first.
+export function choose(select, names, { empty = "", last = false, first = [] } = {}) {
+  const said = select.nextElementSibling, missing = first.length && !names.length;
+  if (said && said.classList.contains("first")) said.remove();
+  select.classList.toggle("hidden", Boolean(missing));
+  select.disabled = Boolean(missing); // or the browser refuses the form, without a word
+  if (missing) select.after(el("p", { class: "first" }, ...first));
   const before = [...select.selectedOptions].map((option) => option.value).filter((name) => names.includes(name));
   fill(select, ...names.map((name) => el("option", { value: name }, name || empty)));
   if (before.length || select.multiple) for (const option of select.options) option.selected = before.includes(option.value);
@@ -129,6 +135,7 @@ addEventListener("storage", (event) => { if (event.key === "haploop-token") loca
 // STOP: to the worker itself first, which needs no server; then by way of the server.
 let ways = null;
 async function greet() {
+  if (forParticipant) return; // it may not ask, and has no STOP
   try {
     const found = await get("/api/hello");
     if (ways && ways.stop.url !== found.stop.url) return location.reload(); // another worker: the page's policy names the old one
@@ -157,10 +164,14 @@ export async function stop() {
   said("unconfirmed", "Neither the worker nor the server answers. Switch the amplifier off by hand.");
 }
 
+const NEWS = 30000; // ms for which the end of something is news
+let forgetStop = 0, forgetJob = 0;
 function said(how, sentence) {
   const place = $("stopped");
   place.className = `banner ${how === "safe" ? "safe" : how === "reaching" ? "info" : "error"}`;
   place.textContent = sentence ? `STOP: ${sentence}` : "";
+  clearTimeout(forgetStop);
+  if (how === "safe") forgetStop = setTimeout(() => { place.textContent = ""; }, NEWS);
 }
 
 const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"], ["/study", "Study"], ["/table", "Table"], ["/buttons", "Digital buttons"], ["/experiment", "Experiment"], ["/catalogue", "Files"]];
@@ -168,41 +179,78 @@ const pages = [["/", "Start"], ["/preflight", "Preflight"], ["/record", "Record"
 function bar() {
   const links = pages.map(([path, name]) => el("a", { href: path, "aria-current": path === location.pathname ? "page" : null }, name));
   const header = el("header", { class: "bar" },
-    el("button", { id: "stop", type: "button", onclick: stop, "aria-keyshortcuts": "Escape" }, "STOP", el("kbd", {}, "Esc")),
-    el("nav", { "aria-label": "Pages" }, ...links),
-    el("span", { class: "rig", id: "rig" }), el("span", { class: "badge hidden", id: "simulated" }, "SIMULATED"));
+    el("div", { class: "strip" }, el("button", { id: "stop", type: "button", onclick: stop, "aria-keyshortcuts": "Escape" }, "STOP", el("kbd", {}, "Esc")),
+      el("span", { class: "rig", id: "rig" }), el("span", { class: "badge hidden", id: "simulated" }, "SIMULATED")),
+    el("nav", { "aria-label": "Pages" }, ...links));
   document.body.prepend(header,
     el("div", { id: "exposed", class: "banner exposed", role: "note" }),
     el("div", { id: "connection", class: "banner error", role: "alert" }),
     el("div", { id: "stopped", class: "banner", role: "alert" }),
     el("div", { id: "said", class: "banner error", role: "alert" }),
-    el("div", { id: "job", class: "banner info", role: "status" }));
+    el("div", { id: "job", class: "banner info", role: "status" }),
+    el("div", { id: "held", class: "banner info", role: "status" }));
 }
 
-let shownStop = -1, shownJob = "";
+// The page on which what holds the rig is conducted.
+const conducted = { preflight: "/preflight", record: "/record", study: "/study", calibrate: "/table", map: "/table", activate: "/table", make: "/buttons", check: "/buttons", adopt: "/buttons", surface: "/experiment" };
+const linked = (text, path) => (text && path ? el("a", { href: path }, text) : text);
+
+let shownStop = null, shownJob = null, lastTurn = "", shownHeld = "";
 function drawBar(now) {
   $("rig").textContent = `Rig ${now.rig ?? ""}`;
   $("simulated").classList.toggle("hidden", !now.simulated);
-  if (now.stop && now.stop.number && `${now.stop.number}${now.stop.state}` !== shownStop) {
-    shownStop = `${now.stop.number}${now.stop.state}`;
-    // Another tab's, or an older one, once a new job runs.
-    if (!(now.job && ["running", "waiting"].includes(now.job.state) && now.stop.state === "safe")) said(now.stop.state, now.stop.sentence);
+  const stopped = now.stop && now.stop.number ? `${now.stop.number}${now.stop.state}` : "";
+  if (stopped !== shownStop) {
+    // Another tab's. One that was over before this page was opened, or since which a job runs, is no news.
+    if (stopped && !(now.stop.state === "safe" && (shownStop === null || busy(now)))) said(now.stop.state, now.stop.sentence);
+    shownStop = stopped;
   }
   if (now.job && now.job.state === "running" && now.stop.state !== "reaching") $("stopped").textContent = "";
-  const job = now.job;
-  const text = now.gone ? now.gone : !job ? "" : { waiting: `${job.title}: opening the rig`, running: `${job.title}: running`, done: `${job.title}: done`,
+  drawJob(now, now.job);
+  const held = now.held ? `${now.held.participant}'s session of the experiment ${now.held.experiment} holds the rig` : "";
+  if (held !== shownHeld) { shownHeld = held; fill($("held"), linked(held, "/experiment")); }
+}
+
+// What has ended is said for a while, and not on a page that was opened after it; a failure until it is closed.
+function drawJob(now, job) {
+  const text = now.gone ? now.gone : !job ? "" : { waiting: `${job.title}: opening the rig`, running: `${job.title}: ${now.paused ? "paused" : "running"}`, done: `${job.title}: done`,
     stopped: `${job.title}: stopped`, failed: `${job.title}: ${job.sentence}`, unconfirmed: job.sentence }[job.state];
-  if (text !== shownJob) {
-    shownJob = text;
-    $("job").className = `banner ${now.gone || (job && ["failed", "unconfirmed"].includes(job.state)) ? "error" : job && job.state === "done" ? "safe" : "info"}`;
-    $("job").textContent = text;
-  }
+  const mark = job ? `${job.number} ${job.ended} ${text}` : text;
+  if (mark === shownJob) return;
+  const failed = job && job.state === "failed", over = !now.gone && job && ["done", "stopped"].includes(job.state);
+  const old = (over && shownJob === null) || (failed && localStorage.getItem("haploop-closed") === mark);
+  const turn = job ? `${job.number} ${job.state}` : "";
+  if (shownJob !== null && turn !== lastTurn) say(""); // it was about what has ended now, or came before what has begun
+  shownJob = mark;
+  lastTurn = turn;
+  const clear = () => fill($("job"));
+  clearTimeout(forgetJob);
+  $("job").className = `banner ${now.gone || (job && ["failed", "unconfirmed"].includes(job.state)) ? "error" : job && job.state === "done" ? "safe" : "info"}`;
+  if (old || !text) return clear();
+  const close = el("button", { type: "button", onclick: () => { localStorage.setItem("haploop-closed", mark); clear(); } }, "Close");
+  fill($("job"), linked(text, now.gone ? "" : conducted[job.kind]), ...(failed && !now.gone ? [" ", close] : []));
+  if (over) forgetJob = setTimeout(clear, NEWS);
 }
 
 // A time of a file or a snapshot, as the clock on this wall shows it.
 export const at = (when) => new Date(when).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 
 export const busy = (now) => Boolean(now.job && ["waiting", "running"].includes(now.job.state));
+
+// What a field may hold is said in our words: the browser's own say "the requested format".
+const name = (most) => `Use up to ${most} letters, digits, _ and -, beginning with a letter or a digit, such as doorbell.`;
+const may = { "[A-Za-z]{1,4}[0-9]{1,4}": "A pseudonym has one to four letters, then one to four digits, such as P01. Do not use a person's name.", "[A-Za-z0-9][A-Za-z0-9_\\-]{0,39}": name(40), "[A-Za-z0-9][A-Za-z0-9_\\-]{0,59}": name(60) };
+function problem(field) {
+  const { valueMissing, patternMismatch, tooShort, badInput, rangeOverflow, rangeUnderflow, stepMismatch } = field.validity;
+  if (patternMismatch) return may[field.pattern] || "";
+  if (badInput || rangeOverflow || rangeUnderflow || stepMismatch) return `A number from ${field.min} to ${field.max}${field.step ? "" : ", a whole one"}.`;
+  if (valueMissing) return field.type === "checkbox" ? "Tick this first." : "Fill this in first.";
+  return tooShort ? `At least ${field.minLength} characters.` : "";
+}
+for (const field of document.querySelectorAll("main input, main select")) {
+  field.addEventListener("invalid", () => field.setCustomValidity(problem(field)));
+  for (const kind of ["input", "change"]) field.addEventListener(kind, () => field.setCustomValidity(""));
+}
 
 // Keys: Esc is STOP everywhere; letters act only outside of fields, and can be switched off.
 const keys = new Map();

@@ -7,8 +7,7 @@ const running = () => state && state.experiment;
 document.addEventListener("hello", async (event) => {
   $("participant").setAttribute("href", event.detail.participant);
   const { experiments } = await get("/api/files");
-  choose($("experiment"), experiments);
-  if (!experiments.length) say("There is no experiment in the data folder yet: make one with `haploop experiment new FOLDER` there.", "info");
+  choose($("experiment"), experiments, { first: ["There is no experiment in the data folder yet: first make one there, with ", el("code", {}, "haploop experiment new FOLDER"), "."] });
   if (running()) $("experiment").value = running().experiment;
   await show(true);
 });

@@ -6,12 +6,15 @@ const SPAN = 6; // s shown
 let about = null, groups = [], buckets = [], first = 0, generation = -1, dirty = false;
 export const frames = { count: 0, since: performance.now(), perSecond: 0 };
 
-export const received = () => (about ? about.received : 0);
+// What is on the disk was received, also when the view lags, or when STOP came between a block's file and its view.
+let written = 0;
+export const received = () => (about ? Math.max(about.received, written) : 0);
+export function onDisk(samples) { written = samples; if (about) counts(); }
 
 on("scope", (found) => {
   const changed = !about || found.generation !== about.generation || JSON.stringify(found.rows) !== JSON.stringify(about.rows);
   about = found;
-  if (changed) build();
+  if (changed) { written = 0; build(); }
   counts();
 });
 
@@ -76,8 +79,9 @@ setInterval(() => {
 
 function counts() {
   if (!$("received") || !about.rows.length) return;
-  const behind = about.expected - about.received;
-  $("received").textContent = `${about.received.toLocaleString("en")} samples of each channel at ${about.rate_hz} Hz`;
+  const behind = Math.max(0, about.expected - received());
+  $("received").textContent = `${received().toLocaleString("en")} samples of each channel at ${about.rate_hz} Hz`;
   $("expected").textContent = about.ended ? "the run has ended" : `${about.expected.toLocaleString("en")} by the clock; ${(1000 * behind / about.rate_hz).toFixed(0)} ms are on their way`;
-  $("missed").textContent = about.missed_here ? `${about.missed_here} samples did not reach this view; the file has them` : "none";
+  const missed = about.missed_here + (about.ended ? received() - about.received : 0);
+  $("missed").textContent = missed ? `${missed.toLocaleString("en")} samples did not reach this view; the file has them` : "none";
 }

@@ -1,7 +1,7 @@
 // A sitting at the table, the same on the pages Record and Study: prompt, keys, verdicts, last press, scope.
 import { $, busy, command, el, fill, key, newest, on, remembered, say, sound, state } from "./console.js";
 import { colours, legend, line, plot } from "./plots.js";
-import { frames, received } from "./scope.js";
+import { frames, onDisk, received } from "./scope.js";
 
 export function sitting(place) {
   const button = (id, text, shortcut, action, main, typed = action) => {
@@ -132,6 +132,7 @@ async function overlay(now) {
   const name = relative(now, file);
   try { found = await ask(`/api/presses?file=${encodeURIComponent(name)}`); } catch (error) { return; }
   if (!found) return;
+  onDisk(found.samples);
   $("disk").textContent = `${found.samples.toLocaleString("en")} samples x ${found.channels} channels, ${(found.bytes / 1e6).toFixed(2)} MB, read back and CRC-checked ${found.state === "recording" ? "after the last press" : found.samples === received() ? "at the end: all that were received" : "at the end"}`;
   $("file").textContent = `${found.file} (${found.state})`;
   if (plots) plots.forEach((one) => one.destroy());

@@ -6,8 +6,7 @@ let known = "";
 
 document.addEventListener("hello", async () => {
   const found = await get("/api/files");
-  choose($("study"), found.studies);
-  if (!found.studies.length) say("There is no study in the data folder yet: make one with `haploop study new FOLDER` there.", "info");
+  choose($("study"), found.studies, { first: ["There is no study in the data folder yet: first make one there, with ", el("code", {}, "haploop study new FOLDER"), "."] });
   await show(true);
 });
 $("study").addEventListener("change", () => show(true));
@@ -31,7 +30,8 @@ async function show(anew) {
 
 $("form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  await start("study", { study: $("study").value, participant: $("who").value, button: $("button").value, notes: $("notes").value });
+  const begun = await start("study", { study: $("study").value, participant: $("who").value, button: $("button").value, notes: $("notes").value });
+  if (begun) $("notes").value = ""; // the next run's are others
 });
 const enable = (now) => { $("start").disabled = busy(now) || !$("study").value; };
 on("state", (now) => {

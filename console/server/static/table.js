@@ -13,8 +13,8 @@ $("activate-form").addEventListener("submit", async (event) => {
 
 async function list() {
   const found = await get("/api/files");
-  choose($("shown"), found.calibrations, { last: true });
-  choose($("shown-map"), found.maps, { last: true });
+  choose($("shown"), found.calibrations, { last: true, first: ["There is no calibration yet: first aim the laser at the button, and choose Calibrate above."] });
+  choose($("shown-map"), found.maps, { last: true, first: ["There is no map yet: first choose Measure beside Map."] });
   await Promise.all([calibration(), map(), history()]);
 }
 $("shown").addEventListener("change", calibration);

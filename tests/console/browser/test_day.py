@@ -49,7 +49,7 @@ def test_preflight_calibration_map_and_button(browser, tmp_path):  # noqa: PLR09
         page.keyboard.press("Escape")
         told(page, "Map map: stopped")
         expect(page.locator("#grid-said")).to_contain_text("2 of 3 points", timeout=WAIT)
-        press(page.get_by_label("The simulated person aims the laser by itself"), "Space")
+        expect(page.get_by_label("The simulated person aims the laser by itself")).to_be_checked()
         write(page.get_by_label(re.compile("^Points, for example")), "0, 3, 40")
         write(page.get_by_label(re.compile("^Patches, for example")), "A")
         press(page.get_by_role("button", name="Measure"))

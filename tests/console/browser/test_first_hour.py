@@ -1,0 +1,110 @@
+"""An empty data folder, and a phone: what the pages say first, and that STOP covers nothing."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.console.browser.browsing import PAGES, WAIT, Tab, expect, fill, told, visit
+from tests.console.serving import served
+
+pytestmark = pytest.mark.timeout(600)
+
+FIRST = {
+    "": ("first run the preflight, then record a button", "haploop study new FOLDER"),
+    "study": ("There is no study in the data folder yet: first make one",),
+    "experiment": ("There is no experiment in the data folder yet: first make one",),
+    "table": ("There is no calibration yet: first aim", "There is no map yet: first choose Measure"),
+    "buttons": ("There is no recording yet: first record", "no digital button yet: first make one"),
+    "catalogue": ("Nothing is in the data folder yet. First record a button",),
+}
+
+
+def test_empty_lists_say_what_to_do_first_in_a_normal_size(browser, tmp_path):
+    with served(tmp_path / "data", "--port", "0", state=tmp_path / "state") as console:
+        tab = Tab(browser, console)
+        for name, sentences in FIRST.items():
+            page = visit(tab, console, name)
+            for sentence in sentences:
+                said = page.locator("main p:visible, main dd").filter(has_text=re.compile(sentence))
+                expect(said).to_be_visible(timeout=WAIT)
+                expect(said).to_have_css("font-size", "16px")
+        page = visit(tab, console, "buttons")
+        page.get_by_role("button", name="Compute, play and check").click()
+        expect(page.locator("#said")).to_contain_text("Choose at least one recording", timeout=WAIT)
+        assert not tab.errors
+        tab.context.close()
+
+
+@pytest.mark.parametrize("width", [390, 900])
+def test_stop_covers_nothing_where_the_window_is_small(width, tab, console):
+    """What scrolls goes below a strip of its own; what has the focus is beside it."""
+    for name in PAGES:
+        page = visit(tab, console, name)
+        page.set_viewport_size({"width": width, "height": 700})
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
+        page.evaluate("scrollTo(0, 300)")
+        beside = page.evaluate(
+            """() => {
+              const stop = document.getElementById("stop").getBoundingClientRect();
+              const at = (x) => document.elementFromPoint(x, (stop.top + stop.bottom) / 2);
+              return [2, innerWidth / 2, innerWidth - 2].map((x) => Boolean(at(x).closest("header")));
+            }"""
+        )
+        assert beside == [True] * 3, name
+        covered = page.evaluate(
+            """() => [...document.querySelectorAll("main input, main button, main select, main a")]
+              .filter((one) => one.getClientRects().length && !one.disabled)
+              .filter((one) => {
+                one.focus();
+                const box = one.getBoundingClientRect();
+                const strip = document.getElementById("stop").parentElement.getBoundingClientRect();
+                return box.top < strip.bottom && box.bottom > strip.top;
+              }).map((one) => one.id || one.textContent)"""
+        )
+        assert covered == [], name
+
+
+def test_files_shows_experiments_too(tab, console):
+    page = visit(tab, console, "catalogue")
+    page.get_by_label("Kind").select_option("experiment")
+    page.get_by_role("button", name="List").click()
+    expect(page.locator("#count")).to_have_text("2 files", timeout=WAIT)
+    expect(page.locator("#files")).to_contain_text("rating/experiment.toml")
+
+
+def test_a_participant_who_is_recorded_again_gets_a_name_for_the_file(tab, console):
+    page = visit(tab, console, "record")
+    name = page.get_by_label("File, without .h5")
+    for _ in range(2):
+        fill(page, "P51", "toggle", 1)
+        page.get_by_role("button", name="Record", exact=True).click()
+        told(page, "by P51: done")
+        expect(name).to_have_value(re.compile("P51-toggle-[23]"), timeout=WAIT)
+    expect(name).to_have_value("P51-toggle-3", timeout=WAIT)
+    expect(page.locator("#again")).to_contain_text("P51-toggle.h5 was recorded already")
+    name.fill("P51-toggle")
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.locator("#said")).to_contain_text("P51-toggle.h5 already exists", timeout=WAIT)
+    expect(page.locator("#participants option")).to_have_attribute("value", "P51")
+    found = sorted(path.name for path in (console.data / "recordings").glob("*.h5"))
+    assert found == ["P51-toggle-2.h5", "P51-toggle.h5"]
+
+
+def test_what_a_name_may_contain_is_said_by_us(tab, console):
+    page = visit(tab, console, "record")
+    for label, wrong, sentence in (
+        ("Participant (a pseudonym such as P01)", "Anna Smith", "one to four letters, then one to four"),
+        ("Participant (a pseudonym such as P01)", "", "Fill this in first."),
+        ("Button", "my button", "up to 40 letters, digits, _ and -"),
+        ("File, without .h5", "a/b", "up to 60 letters"),
+        ("Presses", "900", "A number from 1 to 200, a whole one."),
+    ):
+        field = page.get_by_label(label, exact=True)
+        right = field.input_value()
+        field.fill(wrong)
+        page.get_by_role("button", name="Record", exact=True).click()
+        assert sentence in field.evaluate("(one) => one.validationMessage")
+        field.fill(right)
+        assert field.evaluate("(one) => one.validationMessage") == ""
