@@ -73,7 +73,7 @@ def test_an_output_of_the_same_kind_takes_the_place_of_the_one_before() -> None:
 
 @pytest.mark.parametrize("first", [True, False])
 def test_of_steps_at_one_instant_the_last_to_come_holds(first: bool) -> None:
-    """A card goes to zero and begins to play at the same instant of a virtual clock, or the other way round."""
+    """A card goes to zero and begins to play at one instant of a virtual clock, or the other way round."""
     zero = Run(0.1, np.inf, np.zeros(1))
     wave = Run(0.1, 1e-3, np.array([0.5, 0.5, 0.5]))
     times, volts = put_out(Card(zero, wave) if first else Card(wave, zero))
