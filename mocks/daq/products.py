@@ -1,19 +1,22 @@
 """Data of the NI cards and modules that can be simulated, and their conversion timing.
 
-Each figure is from docs/hardware.md, "NI cards" and "Conversion timing", unless it is marked as an
-estimate: an estimate is typical of such a card, to be replaced by the data sheet of the lab's own card.
+The products are rows of products.toml, each with its source; an estimate is typical of such a card, to be
+replaced by the data sheet of the lab's own card.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
 
 from ...instruments.arrays import FloatArray
+from ...instruments.errors import ConfigurationError
 
 __all__ = ["PRODUCTS", "Product", "code_width", "convert_interval", "input_range"]
 
-Family = Literal["E Series", "X Series", "C Series", "Digital I/O", "CompactDAQ Chassis"]
+Family = Literal["E Series", "M Series", "X Series", "C Series", "Digital I/O", "CompactDAQ Chassis"]
 
 _PADDING = 10e-6
 """Padding that the driver adds between two channels of a multiplexed card (s; docs/hardware.md, "Conversion
@@ -60,108 +63,57 @@ class Product:
     counter_bits: int = 32
     slots: int = 0
     """Number of module slots of a chassis."""
+    source: str = "estimate"
+    """Where the figures are from; "estimate" where none of them was found."""
+    estimates: tuple[str, ...] = ()
+    """Fields whose figures are estimates though the row has a source."""
 
 
-PRODUCTS: dict[str, Product] = {
-    product.name: product
-    for product in (
-        Product(
-            name="PCI-6034E",
-            family="E Series",
-            number=0x2CA0,
-            ai_single_ended=16,
-            ai_differential=8,
-            ai_ranges=(10.0, 5.0, 0.5, 0.05),  # The gain table is known; the ranges are estimates.
-            ai_rate_hz=200e3,
-            ai_rate_single_hz=200e3,
-            ai_noise=0.24e-3,  # estimate
-            ai_fifo=512,
-            ports=(8,),
-            counters=2,  # estimate
-            counter_bits=24,  # estimate
-        ),
-        Product(
-            name="PCIe-6321",
-            family="X Series",
-            ai_single_ended=16,  # estimate
-            ai_differential=8,  # estimate
-            ai_ranges=(10.0, 5.0, 1.0, 0.2),  # estimate
-            ai_rate_hz=250e3,
-            ai_rate_single_hz=250e3,
-            ai_noise=0.28e-3,  # estimate
-            ai_fifo=4095,  # estimate
-            ao_channels=2,
-            ao_range=10.0,  # estimate
-            ao_rate_hz=900e3,  # estimate
-            ports=(8, 8, 8),  # estimate
-            counters=4,
-        ),
-        Product(  # all estimates except the family's timing rules (docs/hardware.md, "Other NI products")
-            name="PCIe-6363",
-            family="X Series",
-            ai_single_ended=32,
-            ai_differential=16,
-            ai_ranges=(10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1),
-            ai_rate_hz=1e6,
-            ai_rate_single_hz=2e6,
-            ai_noise=0.3e-3,
-            ai_fifo=2047,
-            ao_channels=4,
-            ao_range=10.0,
-            ao_rate_hz=2.86e6,
-            ports=(32, 8, 8),
-            counters=4,
-        ),
-        Product(  # all estimates
-            name="NI 9215",
-            family="C Series",
-            ai_differential=4,
-            ai_ranges=(10.0,),
-            ai_rate_hz=100e3,
-            ai_rate_single_hz=100e3,
-            ai_simultaneous=True,
-            ai_noise=0.37e-3,
-            ai_fifo=127,
-        ),
-        Product(  # all estimates
-            name="NI 9775",
-            family="C Series",
-            ai_differential=4,
-            ai_ranges=(10.0,),
-            ai_bits=14,
-            ai_rate_hz=20e6,
-            ai_rate_single_hz=20e6,
-            ai_simultaneous=True,
-            ai_noise=1.5e-3,
-            ai_fifo=127,
-        ),
-        Product(  # all estimates
-            name="NI 9205",
-            family="C Series",
-            ai_single_ended=32,
-            ai_differential=16,
-            ai_ranges=(10.0, 5.0, 1.0, 0.2),
-            ai_rate_hz=250e3,
-            ai_rate_single_hz=250e3,
-            ai_noise=0.24e-3,
-            ai_fifo=1023,
-        ),
-        Product(  # all estimates
-            name="NI 9263",
-            family="C Series",
-            ao_channels=4,
-            ao_range=10.0,
-            ao_rate_hz=100e3,
-        ),
-        # From here on: docs/hardware.md, "Other NI products". The counters of an NI 9401 are its chassis's.
-        Product(name="NI 9401", family="C Series", ports=(8,), counters=4),
-        Product(name="PCIe-6535", family="Digital I/O", ports=(8, 8, 8, 8)),
-        Product(name="cDAQ-9174", family="CompactDAQ Chassis", slots=4, counters=4),
-        Product(name="cDAQ-9178", family="CompactDAQ Chassis", slots=8, counters=4),
-        Product(name="cDAQ-9185", family="CompactDAQ Chassis", slots=4, counters=4),
-        Product(name="cDAQ-9189", family="CompactDAQ Chassis", slots=8, counters=4),
-    )
-}
+def _read(text: str) -> dict[str, Product]:
+    """Return the products that a table in TOML describes, by name.
+
+    Raises ConfigurationError with one sentence that names the product and what is missing or wrong.
+    """
+    rows: dict[str, dict[str, Any]] = tomllib.loads(text)
+    products: dict[str, Product] = {}
+    for name, row in rows.items():
+        figures = dict(row)
+        like = figures.pop("like", None)
+        if like is not None and like not in rows:
+            raise ConfigurationError(f"The product {name!r} is like {like!r}, which is not in the table.")
+        taken = {key: value for key, value in rows.get(like, {}).items() if key not in _OWN}
+        figures = taken | figures
+        unknown = figures.keys() - _FIELDS
+        missing = [key for key in ("family", "source") if key not in figures]
+        missing += [key for key in _ASKED["ai"] if _inputs(figures) and key not in figures]
+        missing += [key for key in _ASKED["ao"] if figures.get("ao_channels") and key not in figures]
+        if unknown or missing:
+            wrong = [f"has unknown fields: {', '.join(sorted(unknown))}"] if unknown else []
+            wrong += [f"lacks: {', '.join(missing)}"] if missing else []
+            raise ConfigurationError(f"The product {name!r} {' and '.join(wrong)}.")
+        if figures["family"] not in get_args(Family):
+            families = ", ".join(get_args(Family))
+            raise ConfigurationError(
+                f"The product {name!r} is of the family {figures['family']!r}; there are {families}."
+            )
+        lists = {key: tuple(value) for key, value in figures.items() if isinstance(value, list)}
+        products[name] = Product(name=name, **(figures | lists))
+    return products
+
+
+def _inputs(figures: dict[str, Any]) -> bool:
+    return bool(figures.get("ai_single_ended") or figures.get("ai_differential"))
+
+
+_OWN = ("like", "source", "estimates", "number")
+"""Fields that a row does not take from the row that it is like."""
+
+_FIELDS = {item.name for item in fields(Product)} - {"name"}
+
+_ASKED = {"ai": ("ai_ranges", "ai_rate_hz", "ai_rate_single_hz"), "ao": ("ao_range", "ao_rate_hz")}
+"""Fields that a product with analog inputs, and one with analog outputs, cannot be without."""
+
+PRODUCTS: dict[str, Product] = _read(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 """Products that twin and wire simulate, by the driver's names."""
 
 

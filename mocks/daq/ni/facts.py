@@ -17,13 +17,17 @@ __all__ = ["CHANNEL_FACTS", "DEVICE_FACTS", "SYSTEM_FACTS"]
 
 _BUS = {
     "E Series": c.BusType.PCI,
+    "M Series": c.BusType.PCI,
     "X Series": c.BusType.PCIE,
     "Digital I/O": c.BusType.PCIE,
     "C Series": c.BusType.COMPACT_DAQ,
     "CompactDAQ Chassis": c.BusType.USB,
 }
+_BUS_OF_NAME = {"USB": c.BusType.USB, "PXIe": c.BusType.PXIE}
+"""Bus of a product whose name begins with it, whatever its family."""
 _CATEGORY = {
     "E Series": c.ProductCategory.E_SERIES_DAQ,
+    "M Series": c.ProductCategory.M_SERIES_DAQ,
     "X Series": c.ProductCategory.X_SERIES_DAQ,
     "Digital I/O": c.ProductCategory.DIGITAL_IO,
     "C Series": c.ProductCategory.C_SERIES_MODULE,
@@ -37,8 +41,12 @@ _VOLTAGE_INPUTS = (
     c.UsageTypeAI.TEMPERATURE_THERMOCOUPLE,
     c.UsageTypeAI.VOLTAGE_CUSTOM_WITH_EXCITATION,
 )
-_TRIGGERS = {"E Series": 0b1110, "X Series": 0b1110, "C Series": 0b1110}
+_TRIGGERS = {"E Series": 0b1110, "M Series": 0b1110, "X Series": 0b1110, "C Series": 0b1110}
 """Supported triggers as bits: 2 pause, 4 reference, 8 start, 32 arm start."""
+
+
+def _bus(device: NiDevice) -> c.BusType:
+    return _BUS_OF_NAME.get(device.product.name.split("-")[0], _BUS[device.product.family])
 
 
 def _ranges(values: tuple[float, ...]) -> list[float]:
@@ -70,7 +78,7 @@ DEVICE_FACTS: dict[str, Callable[[Inventory, NiDevice], Any]] = {
     "SERIAL_NUM": lambda i, d: d.serial or 0,
     "IS_SIMULATED": lambda i, d: d.simulated,
     "BUS_TYPE": lambda i, d: (
-        (c.BusType.TCPIP if d.product.name in ("cDAQ-9185", "cDAQ-9189") else _BUS[d.product.family]).value
+        (c.BusType.TCPIP if d.product.name in ("cDAQ-9185", "cDAQ-9189") else _bus(d)).value
     ),
     "PCI_BUS_NUM": lambda i, d: 0,
     "PCI_DEV_NUM": lambda i, d: 0,

@@ -22,7 +22,7 @@ __all__ = ["Channel", "Chunk", "Kind", "State", "Task"]
 
 Kind = Literal["ai", "ao", "di", "do", "ci", "co"]
 
-_TIMEBASE_HZ = {"E Series": 20e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
+_TIMEBASE_HZ = {"E Series": 20e6, "M Series": 80e6, "X Series": 100e6, "Digital I/O": 100e6, "C Series": 80e6}
 """Timebase of the sample clocks, by family (X Series from its manual, others estimates; docs/hardware.md,
 "PCIe-6321 (X Series)")."""
 

@@ -1,0 +1,48 @@
+"""The table of NI products: every row has a source, and one sentence says what a row lacks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from haploop.instruments.errors import ConfigurationError
+from haploop.mocks.daq import products
+from haploop.mocks.daq.products import PRODUCTS
+
+
+@pytest.mark.parametrize("name", sorted(PRODUCTS))
+def test_a_product_has_a_source_and_what_its_terminals_need(name: str) -> None:
+    product = PRODUCTS[name]
+    known = {item.name for item in dataclasses.fields(product)}
+    assert product.source
+    assert set(product.estimates) <= known
+    assert product.source != "estimate" or not product.estimates, "the whole row is an estimate already"
+    assert list(product.ai_ranges) == sorted(product.ai_ranges, reverse=True)
+
+
+def test_a_product_like_another_takes_its_figures_and_not_its_source() -> None:
+    usb, pcie = PRODUCTS["USB-6343"], PRODUCTS["PCIe-6343"]
+    assert dataclasses.replace(usb, name=pcie.name) == pcie
+    own = products._read(
+        '[A]\nfamily = "C Series"\nnumber = 7\nsource = "x"\n[B]\nlike = "A"\nsource = "y"\n'
+    )
+    assert (own["B"].source, own["B"].number, own["B"].family) == ("y", 0, "C Series")
+
+
+@pytest.mark.parametrize(
+    ("row", "sentence"),
+    [
+        (
+            'ai_differential = 4\nfamily = "C Series"',
+            "lacks: source, ai_ranges, ai_rate_hz, ai_rate_single_hz",
+        ),
+        ('family = "X Series"\nsource = "x"\nao_channels = 2', "lacks: ao_range, ao_rate_hz"),
+        ('family = "X Series"\nsource = "x"\nranges = [10.0]', "has unknown fields: ranges"),
+        ('family = "Z Series"\nsource = "x"', "is of the family 'Z Series'; there are E Series, M Series"),
+        ('like = "B"\nsource = "x"', "is like 'B', which is not in the table"),
+    ],
+)
+def test_one_sentence_says_what_a_row_lacks(row: str, sentence: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"The product 'A' {sentence}"):
+        products._read(f"[A]\n{row}\n")
