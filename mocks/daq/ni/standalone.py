@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from ....instruments.errors import ConfigurationError, InstrumentError
@@ -16,10 +18,14 @@ from .server import NiServer
 
 __all__ = ["inventory_from_file", "inventory_of", "run"]
 
+_IN_A_SLOT = re.compile(r"(.+)Mod(\d+)")
+
 
 def inventory_of(devices: Mapping[str, str]) -> Inventory:
     """Create the inventory of a rig file's devices, a mapping of device name to product name.
 
+    A module stands in the chassis and slot that its name says, as NI MAX names it ("cDAQ1Mod2"); any other in
+    the first chassis of `devices`. A chassis that is not listed is a cDAQ-9178.
     Raises ConfigurationError for an unknown product.
     """
     for name, product in devices.items():
@@ -27,7 +33,20 @@ def inventory_of(devices: Mapping[str, str]) -> Inventory:
             raise ConfigurationError(
                 f"There is no simulated {product!r} ({name}); there are {', '.join(sorted(PRODUCTS))}."
             )
-    return Inventory.of(NiDevice(name, PRODUCTS[product]) for name, product in devices.items())
+    cards = [NiDevice(name, PRODUCTS[product]) for name, product in devices.items()]
+    modules = [card for card in cards if card.product.family == "C Series"]
+    if not modules:
+        return Inventory.of(cards)
+    own = [card.name for card in cards if card.product.slots]
+    placed: dict[str, list[NiDevice]] = {}
+    for module in modules:
+        named = _IN_A_SLOT.fullmatch(module.name)
+        home = named[1] if named else own[0] if own else "cDAQ1"
+        slot = int(named[2]) if named else len(placed.get(home, [])) + 1
+        placed.setdefault(home, []).append(replace(module, chassis=home, slot=slot))
+    added = [NiDevice(home, PRODUCTS["cDAQ-9178"]) for home in placed if home not in own]
+    inside = {module.name: module for group in placed.values() for module in group}
+    return Inventory.of([*added, *(inside.get(card.name, card) for card in cards)])
 
 
 def inventory_from_file(path: Path) -> Inventory:
