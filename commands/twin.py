@@ -122,6 +122,10 @@ def _run_with_twin(command: tuple[str, ...], named: tuple[str, ...], devices: Pa
         raise click.UsageError("--device needs a command: -- python my_script.py")
     if bool(devices) == bool(pairs) or not all(name and product for name, product in pairs):
         raise click.UsageError("name the devices by --device NAME=PRODUCT, or by --devices FILE.ini")
+    names = [name for name, _ in pairs]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise click.UsageError(f"--device names {twice} twice: name each device once")
     with NiTwin(devices or dict(pairs), time="real") as twin:
         try:
             return subprocess.run(command, env=twin.environment(), check=False).returncode

@@ -181,3 +181,24 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
     with pytest.raises(AttributeError, match="recrod"):
         haploop.recrod  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("hello\n", "is not a text export of NI MAX"),
+        ("[DAQmxDevice Dev1]\nProductType PCIe-6363\n", "is not a text export of NI MAX"),
+        ("", "lists no device that can be simulated"),
+        ("[DAQmxDevice Dev1]\nProductType=PCIe-1\n", "Dev1 (PCIe-1) is not known"),
+    ],
+)
+def test_twin_ni_refuses_a_file_without_devices(run: Run, tmp_path: Path, text: str, expected: str) -> None:
+    export = tmp_path / "export.ini"
+    export.write_text(text)
+    result = run("twin", "ni", "--devices", export, "--", "true")
+    assert result.exit_code == 2 and expected in result.stderr
+
+
+def test_twin_ni_refuses_a_device_named_twice(run: Run) -> None:
+    result = run("twin", "ni", "--device", "Dev1=PCIe-6363", "--device", "Dev1=PCIe-6321", "--", "true")
+    assert result.exit_code == 2 and "Dev1 twice" in result.stderr

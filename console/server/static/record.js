@@ -7,6 +7,7 @@ $("form").addEventListener("submit", async (event) => {
   const begun = await start("record", { participant: $("participant-name").value, button: $("button").value, name: $("name").value, presses: Number($("number").value), notes: $("notes").value });
   if (!begun) return;
   $("notes").value = ""; // the next recording's are others
+  own = false; // and so is its file
   document.activeElement.blur(); // letters are commands from now on
 });
 // What was recorded is offered; a participant who presses a button again gets a file of another name.
@@ -32,7 +33,7 @@ $("name").addEventListener("input", () => { own = $("name").value !== ""; });
 document.addEventListener("hello", look);
 on("state", (now) => {
   const mark = now.job ? `${now.job.number} ${now.job.state}` : "";
-  if (job && mark !== job) { own = false; look(); }
+  if (job && mark !== job) look();
   job = mark || job;
 });
 on("state", (now) => {

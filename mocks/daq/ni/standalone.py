@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import configparser
 import signal
 import sys
 import threading
@@ -50,12 +51,24 @@ def inventory_of(devices: Mapping[str, str]) -> Inventory:
 
 
 def inventory_from_file(path: Path) -> Inventory:
-    """Read the inventory from an NI MAX text export. Raises ConfigurationError when it cannot be read."""
+    """Read the inventory from an NI MAX text export.
+
+    Raises ConfigurationError when it cannot be read, or lists no device that can be simulated.
+    """
     try:
         # MAX writes in Windows' local code page; only names and comments can be affected.
-        return devices_from_ini(path.read_text(encoding="utf-8-sig", errors="replace"))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"The device file {path} cannot be read: {error}.") from None
+        inventory = devices_from_ini(path.read_text(encoding="utf-8-sig", errors="replace"))
+    except OSError as error:
+        raise ConfigurationError(f"The device file {path} cannot be read: {error.strerror}.") from None
+    except (ValueError, configparser.Error) as error:
+        reason = " ".join(str(error).split())[:80]
+        raise ConfigurationError(
+            f"{path} is not a text export of NI MAX ({reason}): export it again."
+        ) from None
+    if not inventory.devices:
+        why = " ".join(inventory.left_out) or "Export the devices from NI MAX, as text."
+        raise ConfigurationError(f"The device file {path} lists no device that can be simulated. {why}")
+    return inventory
 
 
 def run(

@@ -70,7 +70,7 @@ def test_files_shows_experiments_too(tab, console):
     page = visit(tab, console, "catalogue")
     page.get_by_label("Kind").select_option("experiment")
     page.get_by_role("button", name="List").click()
-    expect(page.locator("#count")).to_have_text("2 files", timeout=WAIT)
+    expect(page.locator("#count")).to_have_text("3 files", timeout=WAIT)
     expect(page.locator("#files")).to_contain_text("rating/experiment.toml")
 
 
