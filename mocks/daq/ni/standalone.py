@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import configparser
+import re
 import signal
 import sys
 import threading
