@@ -9,10 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from ...instruments import ConfigurationError, HaploopError, InstrumentError, Rig, RigFile, open_rig
 from ...instruments.driver import Mode
 from ...instruments.operator import UnansweredError
 from ...instruments.progress import Progress, silent
+from ...instruments.rig.gain_proof import UNPROVED
 from .camera_check import check_camera
 from .finding import Finding, Status
 from .patch_check import check_patches
@@ -25,6 +28,11 @@ from .sensor_check import (
 )
 
 __all__ = ["examine", "examine_each"]
+
+_DIVIDER = 100.0
+"""Ratio of the usual divider of a drive monitor (docs/hardware.md, "divider at the patches")."""
+_SAME = 0.01
+"""Relative difference below which two factors are one."""
 
 
 def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Finding]:
@@ -114,7 +122,8 @@ def _identities(rig: Rig) -> Iterator[Finding]:
             continue
         sentence = f"{_identity(rig, role)} responds."
         if role == "amplifier":
-            sentence = f"{instrument.identity}: no digital interface; its gain is measured below."
+            below = "; its gain is measured below" if rig.sensors.drive else ""
+            sentence = f"{instrument.identity}: no digital interface{below}."
         elif role == "vibrometer" and instrument.declared is not None:
             sentence = f"{instrument.identity}: no digital interface; the operator confirms its settings."
         yield Finding("Identity", role, "green", sentence)
@@ -137,6 +146,8 @@ def _settings(rig: Rig) -> Iterator[Finding]:
                 f"{device.settings['rating_source']}."
             )
             yield Finding("Ratings", role, "yellow", sentence)
+    if rig.file.amplifier is not None:
+        yield from _provable(rig)
     if rig.file.relay is not None and math.isfinite(rig.relay.dead_man):
         sentence = (
             f"If this program is killed or loses power, the relay box opens by itself after "
@@ -149,6 +160,26 @@ def _settings(rig: Rig) -> Iterator[Finding]:
     elif _has_table(rig):
         sentence = f"The rig is not locked out; its audit log is in {rig.audit.folder}."
         yield Finding("Lockout", "rig", "green", sentence)
+
+
+def _provable(rig: Rig) -> Iterator[Finding]:
+    """Findings on figures that the proof of the amplifier's gain cannot tell to be wrong."""
+    divider, own = rig.sensors.drive, rig.amplifier.own_gain
+    if divider is None:
+        yield Finding("Gain", "amplifier", "yellow", UNPROVED)
+        return
+    if own is None:
+        return
+    gain = 1 / float(rig.amplifier.to_input(np.ones(1))[0])
+    factor = gain / own
+    if abs(factor - 1) > _SAME and math.isclose(divider.ratio / _DIVIDER, factor, rel_tol=_SAME):
+        sentence = (
+            f"gain = {gain:g} in [amplifier] and ratio = {divider.ratio:g} in [sensors.drive] are both "
+            f"{factor:.3g} times what is usual ({own:g} and {_DIVIDER:g}): they agree with each other, and "
+            f"if both are wrong a patch gets {1 / factor:.3g} times the volts of a drive. Measure a patch's "
+            "volts with another instrument."
+        )
+        yield Finding("Gain", "amplifier", "yellow", sentence)
 
 
 def _limits(rig: Rig) -> Finding:

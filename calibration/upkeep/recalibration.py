@@ -166,8 +166,9 @@ def adopt(
 
     That is how a history begins, and how a button is added to it or replaced. The audit log of their rig
     is told first: of `rig`, or of the rig file that is stored in the calibrations. Raises ConfigurationError
-    for buttons of another rig than `rig`, and DataError for a button that did not pass its check, for two
-    of one name, for one of another rig than the rest, and for a log that cannot be written.
+    for buttons of another rig than `rig`, and DataError for a button that did not pass its check or was
+    disturbed in it, for two of one name, for one of another rig than the rest, and for a log that cannot be
+    written.
     """
     when = when or datetime.now(UTC)
     _refuse_made_elsewhere(rig, [button.calibration for button in buttons])
@@ -177,6 +178,9 @@ def adopt(
     for name, button in named.items():
         if not button.passed:
             raise DataError(f"The button {name} did not pass its check, so that it is not adopted.")
+    disturbed = _disturbed_in_check(named)
+    if disturbed:
+        raise DataError(f"{disturbed[0]} Remove what disturbs it, and make the button anew to adopt it.")
     with history.hold():
         parent = history.active() if history.activations else None
         every = (buttons_of(parent) if parent else {}) | named
@@ -412,15 +416,23 @@ def _bring_back(
 
 def _disturbed_since(rig: Rig, after: Mapping[str, DigitalButton], usual: float | None) -> tuple[str, ...]:
     """Sentences on what disturbed the laser while buttons were made anew, or does so now, and matters."""
-    told = [
-        f"{name}: tones of {button.check.background:.0%} of the target disturbed the laser in its check."
-        for name, button in after.items()
-        if button.check.background > MATTERS
-    ]
+    told = _disturbed_in_check(after)
     laser = laser_at_rest(rig)
     if any(laser.hides(button.drive) for button in after.values()):
         told += laser.disturbances(usual)
     return tuple(told)
+
+
+def _disturbed_in_check(buttons: Mapping[str, DigitalButton]) -> list[str]:
+    """A sentence on each button in whose check steady tones disturbed the laser more than is activated.
+
+    Written so that NaN is told too.
+    """
+    return [
+        f"{name}: tones of {button.check.background:.0%} of the target disturbed the laser in its check."
+        for name, button in buttons.items()
+        if not button.check.background <= MATTERS
+    ]
 
 
 def _with(outcome: Outcome, *sentences: str) -> Outcome:

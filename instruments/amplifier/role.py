@@ -25,6 +25,9 @@ class Amplifier(Frozen, ABC):
     inputs: Mapping[str, str] = MappingProxyType({})
     """Names of the DAQ's outputs that feed it, by patch, when it has a channel for each patch."""
 
+    own_gain: float | None = None
+    """The product's own gain (V per V), where it has one that the rig file can contradict."""
+
     @abstractmethod
     def limits(self, patches: int) -> Limits:
         """Limits of its output into `patches` patches in parallel."""

@@ -2,7 +2,8 @@
 
 A gain in the rig file that is a tenth of the true one would put ten times the drive on the patch until the
 abort monitor stops the play, two blocks later. One volt shows it first. A gain and a divider that are wrong
-by the same factor agree, and prove nothing: a gain that is not the product's own asks for its source.
+by the same factor agree, and prove nothing: a gain that is not the product's own asks for its source, and
+doctor says where both differ by one factor.
 """
 
 from __future__ import annotations
@@ -12,7 +13,13 @@ import numpy as np
 from ..arrays import FloatArray
 from ..limits import Limits
 
-__all__ = ["HZ", "TOO_MUCH", "level_of", "loudest", "tone"]
+__all__ = ["HZ", "TOO_MUCH", "UNPROVED", "level_of", "loudest", "tone"]
+
+UNPROVED = (
+    "The gain of the amplifier cannot be proved on this rig, because it has no [sensors.drive]: nothing "
+    "shows what a patch really gets, and the rig cannot be calibrated."
+)
+"""Sentence for a rig without a drive monitor."""
 
 _LEVEL = 1.0
 """Amplitude (V at the patch)."""

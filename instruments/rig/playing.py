@@ -23,7 +23,7 @@ from ..progress import Progress, silent
 from ..safety import Limiter, combined, exit_within
 from ..signals import uninterrupted
 from .alignment import align, find
-from .gain_proof import HZ, TOO_MUCH, level_of, loudest, tone
+from .gain_proof import HZ, TOO_MUCH, UNPROVED, level_of, loudest, tone
 from .monitoring import Monitoring
 from .ratings import figures
 from .roles import Instruments
@@ -48,7 +48,10 @@ class Playing:
         make_safe: Callable[[], None],
         proved: set[str],
     ) -> None:
-        """`proved` are the amplifier's inputs whose gain was proved in this session; a play adds its own."""
+        """`proved` are the amplifier's inputs whose gain was proved in this session; a play adds its own.
+
+        On a rig without a drive monitor it has those that the audit log says are not proved.
+        """
         self._rig = rig
         self._clock = clock
         self._limiter = limiter
@@ -160,11 +163,16 @@ class Playing:
     def _prove(self, source: str, patch: str, play: Callable[[float], Capture]) -> None:
         """Prove the gain from an amplifier's input to a patch, once in a session, by the drive monitor.
 
-        `play` plays an amplitude (V at the patch), and captures the monitor. Nothing is proved without a
-        monitor, and with no patch connected. Locks the rig out with an InstrumentError.
+        `play` plays an amplitude (V at the patch), and captures the monitor. Nothing is proved with no patch
+        connected, nor without a monitor: the audit log then says so. Locks the rig out with an
+        InstrumentError.
         """
         rig = self._rig
-        if source in self._proved or rig.sensors.drive is None or not patch:
+        if source in self._proved or not patch:
+            return
+        if rig.sensors.drive is None:
+            self._limiter.note_unproved(source, UNPROVED)
+            self._proved.add(source)
             return
         level = level_of(combined(self._ratings(1)))
         capture = play(level)

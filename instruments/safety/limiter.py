@@ -116,6 +116,10 @@ class Limiter:
         clear_old(self._counted, now)
         self._played.extend(plays_of(self._counted, self._hardware, now))
 
+    def note_unproved(self, source: str, why: str) -> None:
+        """Log that the gain from an amplifier's input is not proved. Raises DataError for a full disk."""
+        self._audit.note("unproved", input=source, why=why)
+
     def end(self) -> None:
         """Authorise nothing any more: the rig is being closed."""
         self._process = None

@@ -13,6 +13,7 @@ from haploop.calibration.examination import Finding, examine, examine_each
 from haploop.calibration.examination.camera_check import check_camera
 from haploop.instruments import ConfigurationError, InstrumentError, Rig, load_rig_file, open_rig
 from haploop.instruments.config import RigFile
+from haploop.instruments.config.rig_file import Device
 from haploop.instruments.driver import Mode
 from haploop.instruments.operator import UnansweredError
 from haploop.mocks.plant import PlantSource, Surface, random_modal
@@ -50,6 +51,36 @@ def test_figures_that_are_not_the_products_own_are_shown_with_their_source(tmp_p
     with open_rig(path) as rig:
         (shown,) = [finding for finding in examine(rig) if finding.name == "Ratings"]
     assert (shown.instrument, shown.status) == ("relay", "yellow") and "label on box 3" in shown.sentence
+
+
+def gains(gain: float, ratio: float | None) -> list[Finding]:
+    """Yellow findings on a rig whose file has this gain of the amplifier and this divider's ratio."""
+    file = load_rig_file("simulated")
+    assert file.amplifier is not None and file.sensors.drive is not None
+    settings = file.amplifier.settings | {"gain": gain, "rating_source": "a test"}
+    drive = file.sensors.drive.model_copy(update={"ratio": ratio}) if ratio else None
+    update = {
+        "amplifier": Device(driver="e413-d2", **settings),
+        "sensors": file.sensors.model_copy(update={"drive": drive}),
+    }
+    with open_rig(file.model_copy(update=update), simulate="twin") as rig:
+        found = [finding for finding in examine(rig) if finding.name == "Gain"]
+        assert rig.simulation.truth.peak < 11
+    return [finding for finding in found if finding.status == "yellow"]
+
+
+def test_a_gain_and_a_divider_that_only_agree_with_each_other_are_said() -> None:
+    (said,) = gains(25.0, 50.0)
+    assert said.instrument == "amplifier"
+    assert "gain = 25 in [amplifier] and ratio = 50 in [sensors.drive] are both 0.5 times" in said.sentence
+    assert "2 times the volts" in said.sentence
+    for gain, ratio in ((50.0, 100.0), (50.0, 50.0), (25.0, 100.0), (25.0, 60.0)):
+        assert not gains(gain, ratio)
+
+
+def test_a_gain_that_cannot_be_proved_is_said() -> None:
+    (said,) = gains(50.0, None)
+    assert "cannot be proved on this rig" in said.sentence
 
 
 @pytest.mark.many_plays

@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 
 from haploop.acquisition import Representative
-from haploop.calibration import Check, Drive, Multisine, calibrate, drive_for, measure_response
+from haploop.calibration import (
+    Check,
+    Drive,
+    Multisine,
+    calibrate,
+    drive_for,
+    learn,
+    measure_map,
+    measure_response,
+    quick_response,
+)
 from haploop.calibration.drive import check, playing
 from haploop.calibration.spectra import third_octaves
-from haploop.instruments import Capture, ConfigurationError, InstrumentError
+from haploop.instruments import Capture, ConfigurationError, InstrumentError, load_rig_file, open_rig
 from tests.calibration.conftest import Calibrated, make_press, tamper
 from tests.conftest import OpenRig
 
@@ -263,3 +273,29 @@ def test_a_check_comes_back_from_disk(calibrated: Calibrated, drive: Drive, tmp_
     back = Check.load(tmp_path / "check.h5")
     assert np.array_equal(back.measured, result.measured) and np.array_equal(back.drive.volts, drive.volts)
     assert str(back) == str(result) and back.passed == result.passed
+
+
+@pytest.mark.parametrize(
+    "play",
+    [
+        lambda rig, drive, *_: check(rig, drive),
+        lambda rig, drive, calibration, _: learn(rig, drive, calibration),
+        lambda rig, *_: calibrate(rig),
+        lambda rig, *_: quick_response(rig, "A", "button"),
+        lambda rig, _, __, folder: measure_map(rig, folder / "map"),
+    ],
+    ids=["check", "learn", "calibrate", "quick response", "map"],
+)
+def test_without_a_drive_monitor_nothing_is_played(
+    calibrated: Calibrated, drive: Drive, tmp_path: Path, play: Any
+) -> None:
+    """Nothing would show there that the amplifier's gain is five times what the rig file says."""
+    file = load_rig_file("simulated")
+    sensors = file.sensors.model_copy(update={"drive": None})
+    fault = {"kind": "amplifier-gain", "gain": 250.0}
+    simulation = file.simulation.model_copy(update={"faults": (fault,)})
+    update = {"name": drive.rig, "sensors": sensors, "simulation": simulation}
+    with open_rig(file.model_copy(update=update), simulate="twin") as rig:
+        with pytest.raises(ConfigurationError, match=r"no \[sensors.drive\]; a drive is always measured"):
+            play(rig, drive, calibrated.calibration, tmp_path)
+        assert rig.simulation.truth.peak == 0 and rig.lockout is None

@@ -99,3 +99,16 @@ def test_the_amplitude_is_the_tones(mains_hz: float, hum: float) -> None:
                 for harmonic, share in ((1, 1.0), (2, 0.3), (3, 0.2)):
                     volts += hum * share * np.sin(2 * np.pi * harmonic * mains_hz * t + phase)
                 assert abs(loudest(volts, 50_000.0) - 1) < 0.03 + 0.12 * hum < TOO_MUCH - 1
+
+
+def test_a_gain_that_cannot_be_proved_is_logged_once() -> None:
+    file = load_rig_file("simulated")
+    file = file.model_copy(update={"sensors": file.sensors.model_copy(update={"drive": None})})
+    with open_rig(file, simulate="twin") as rig:
+        rig.excite(TONE, [], ["laser"])
+        assert not [e for e in entries(rig.audit.folder) if e["kind"] == "unproved"]
+        for _ in range(2):
+            rig.excite(TONE, ["A"], ["laser"])
+        said = [e for e in entries(rig.audit.folder) if e["kind"] in ("unproved", "played")]
+    assert [e["kind"] for e in said] == ["played", "unproved", "played", "played"]
+    assert said[1]["input"] == "amplifier" and "cannot be proved on this rig" in said[1]["why"]
