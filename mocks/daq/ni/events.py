@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import queue
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,8 +21,8 @@ __all__ = ["Events"]
 
 _POLL = 0.02
 """Longest interval (s of real time) between checks of the clock while an event is expected."""
-_MOMENT = 0.05
-"""Real time for a program to handle an event on a virtual clock (s)."""
+_LOOKS = 50
+"""Looks, 1 ms of real time apart, for a program to have handled an event on a virtual clock."""
 
 
 @dataclass
@@ -84,8 +83,9 @@ class Events:
                 clock.sleep_until(min([until, *(max(when, clock.now() + 1e-9) for when in due)]))
                 fired = [each for each in self._listeners.values() if self._fire_now(each)]
                 self._system.changed.notify_all()
-            patience = time.monotonic() + _MOMENT
-            while fired and time.monotonic() < patience and not all(map(self._handled, fired)):
+            for _ in range(_LOOKS if fired else 0):
+                if all(map(self._handled, fired)):
+                    break
                 real.wait(1e-3)
 
     def _due(self, listener: _Listener) -> float | None:
