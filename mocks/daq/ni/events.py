@@ -21,8 +21,9 @@ __all__ = ["Events"]
 
 _POLL = 0.02
 """Longest interval (s of real time) between checks of the clock while an event is expected."""
-_LOOKS = 50
-"""Looks, 1 ms of real time apart, for a program to have handled an event on a virtual clock."""
+_PATIENT, _HASTY = 10_000, 50
+"""Looks, 1 ms of real time apart, for a program to have handled an event on a virtual clock: for one that
+reads what there is, on however busy a machine, and for one that did not read after an event."""
 
 
 @dataclass
@@ -36,6 +37,8 @@ class _Listener:
     stream: queue.SimpleQueue[Any] = field(default_factory=queue.SimpleQueue)
     acquisition: int = 0
     sent: int = 0
+    reads: bool = True
+    """Whether its program has read after the last event, as far as is known."""
 
 
 class Events:
@@ -83,10 +86,13 @@ class Events:
                 clock.sleep_until(min([until, *(max(when, clock.now() + 1e-9) for when in due)]))
                 fired = [each for each in self._listeners.values() if self._fire_now(each)]
                 self._system.changed.notify_all()
-            for _ in range(_LOOKS if fired else 0):
+            patient = any(each.reads and each.kind == "samples" and each.task.is_input for each in fired)
+            for _ in range(_PATIENT if patient else _HASTY if fired else 0):
                 if all(map(self._handled, fired)):
                     break
                 real.wait(1e-3)
+            for each in fired:
+                each.reads = self._handled(each)
 
     def _due(self, listener: _Listener) -> float | None:
         """Time of the next event (s), or None."""
