@@ -15,7 +15,7 @@ from ...instruments import ConfigurationError, HaploopError, InstrumentError, Ri
 from ...instruments.driver import Mode
 from ...instruments.operator import UnansweredError
 from ...instruments.progress import Progress, silent
-from ...instruments.rig.gain_proof import UNPROVED
+from ...instruments.rig import UNPROVED
 from .camera_check import check_camera
 from .finding import Finding, Status
 from .patch_check import check_patches

@@ -1,8 +1,9 @@
 """A rig: all instruments of a rig file, opened together."""
 
+from .gain_proof import UNPROVED
 from .json_schema import rig_schema
 from .logbook import log_entries, reset_lockout
 from .opening import hardware, open_rig
 from .rig import Rig
 
-__all__ = ["Rig", "hardware", "log_entries", "open_rig", "reset_lockout", "rig_schema"]
+__all__ = ["UNPROVED", "Rig", "hardware", "log_entries", "open_rig", "reset_lockout", "rig_schema"]
