@@ -40,6 +40,20 @@ def assert_safe(rig: Rig) -> None:
     assert max(map(abs, truth.patch_voltages.values())) < 0.02
 
 
+def test_the_relay_opens_when_the_drive_has_been_zero_for_a_while(
+    open: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Several time constants of the amplifier: no contact switches under voltage."""
+    rig = open()
+    rig.relay.connect(["A"])
+    held, opened = [], []
+    hold, connect = rig.daq.hold, rig.relay.connect
+    monkeypatch.setattr(rig.daq, "hold", lambda: (hold(), held.append(rig.clock.now())))
+    monkeypatch.setattr(rig.relay, "connect", lambda to: (opened.append(rig.clock.now()), connect(to)))
+    rig.make_safe()
+    assert opened[0] - held[0] > 0.04
+
+
 def test_a_drive_reaches_the_patch_and_moves_the_table(open: OpenRig) -> None:
     rig = open()
     capture = rig.excite(tone(rig), ["A"], ["drive", "laser"], tail=0.1)

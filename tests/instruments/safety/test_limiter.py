@@ -107,6 +107,7 @@ def test_no_driver_replaces_what_asks_the_limiter(role: type, name: str) -> None
         lambda volts: {"amplifier": 1.01 * volts},
         lambda volts: {"amplifier": volts[::2]},
         lambda volts: {"amplifier": np.concatenate([volts, [0.0, 0.1]])},
+        lambda volts: {"amplifier": np.concatenate([volts, [0.0, -0.1]])},
         lambda volts: {"elsewhere": volts},
         lambda volts: {"amplifier": volts, "elsewhere": volts},
     ],
