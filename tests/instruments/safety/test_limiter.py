@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from haploop.instruments import ConfigurationError, Daq, LimitError, Rig, Sweep, load_rig_file, open_rig
+from haploop.instruments import (
+    ConfigurationError,
+    Daq,
+    InstrumentError,
+    LimitError,
+    Rig,
+    Sweep,
+    load_rig_file,
+    open_rig,
+)
 from haploop.instruments.config.rig_file import Device, DriveLimits, RigFile
 from haploop.instruments.generator.role import Generator
 from haploop.instruments.limits import Limits
@@ -348,3 +357,24 @@ def test_what_the_limits_rest_on_is_compared_with_a_copy(
             rig.excite(drive, ["A"], ["drive"])
     assert rig.simulation.truth.peak < 10.5
     assert [e["kind"] for e in entries(rig.audit.folder)].count("refused") == 2
+
+
+def test_patches_in_parallel_draw_their_currents_together(rig: Rig) -> None:
+    """One patch takes 1,600 Hz at 29 V; four draw four times its current from the same amplifier."""
+    steep = 29 * np.sin(2 * np.pi * 1600 * np.arange(5000) / RATE) * np.hanning(5000)
+    rig.excite(steep, ["A"], ["drive"])
+    with pytest.raises(LimitError, match="of the amplifier"):
+        rig.excite(steep, ["A", "B", "C", "D"], ["drive"])
+
+
+def test_volts_at_a_closed_contact_open_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_rig(held(min=-30, max=30)) as rig:
+        rig.relay.connect(["A"])
+        rig.clock.sleep(0.1)
+        assert rig.simulation.truth.closed == {"A"}
+        with monkeypatch.context() as patch:
+            patch.setattr(rig.daq, "outputs_read", lambda: {"amplifier": 0.16})
+            with pytest.raises(InstrumentError, match="may have got volts"):
+                rig.relay.renew()
+        rig.clock.sleep(0.1)
+        assert rig.simulation.truth.closed == frozenset()
