@@ -68,8 +68,8 @@ def map_plan(
     peak = min(rig.limits.peak, parallel.peak)
     if level is not None and level > peak:
         raise ConfigurationError(
-            f"A map cannot have level = {level:g}: the limits of the rig {rig.name!r} allow {peak:.4g} V about "
-            "zero."
+            f"A map cannot have level = {level:g}: the limits of the rig {rig.name!r} allow {peak:.4g} V "
+            "about zero."
         )
     tests = [chosen[round(k * (len(chosen) - 1) / 2)] for k in range(3)] if len(names) > 1 else []
     return MapPlan(
