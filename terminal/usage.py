@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import click
 
@@ -54,7 +55,7 @@ def _name(parameter: click.Parameter | None, context: click.Context | None) -> s
     return parameter.make_metavar(context) if parameter is not None and context is not None else "a value"
 
 
-def _takes(kind: click.ParamType) -> str:
+def _takes(kind: click.ParamType[Any]) -> str:
     """What a parameter of this type takes; "" where click's or the type's own message says it."""
     match kind:
         case click.IntRange() | click.FloatRange():
