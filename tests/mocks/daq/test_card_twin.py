@@ -125,19 +125,19 @@ def test_its_converters_round_and_have_noise_as_they_are_described() -> None:
 
 
 def test_faults_of_cards_strike_it_by_the_name_of_its_device() -> None:
-    other = card(name="ACME 2", channels={"laser": 5.0}, outputs={}, device="second")
-    first = card(device="first", channels={"gauge0": 10.0, "drive": 10.0})
-    daq = twin(first, other, faults=({"kind": "daq-overrun", "device": "second"},))
-    assert daq.identity == "ACME 16 (first, twin) + ACME 2 (second, twin)"
+    other = card(name="ACME 2", channels={"laser": 5.0}, outputs={}, device="Dev2")
+    first = card(device="Dev1", channels={"gauge0": 10.0, "drive": 10.0})
+    daq = twin(first, other, faults=({"kind": "daq-overrun", "device": "Dev2"},))
+    assert daq.identity == "ACME 16 (Dev1, twin) + ACME 2 (Dev2, twin)"
     assert dict(daq.cards(["drive", "laser", "gauge0"])) == {
-        "first": ["drive", "gauge0"],
-        "second": ["laser"],
+        "Dev1": ["drive", "gauge0"],
+        "Dev2": ["laser"],
     }
     with daq.stream(["gauge0"], 1000, 50, 50) as stream:
         stream.capture()
     with (
         daq.stream(["gauge0", "laser"], 1000, 50, 50) as stream,
-        pytest.raises(InstrumentError, match=r"^second lost samples"),
+        pytest.raises(InstrumentError, match=r"^Dev2 lost samples"),
     ):
         stream.capture()
 
