@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from ...instruments.config import parse_toml, read_text, validate
 from ...instruments.files import new_file
-from .units import SI
+from ..columns import SI
 
-__all__ = ["ROLES", "Mapping", "Role"]
+__all__ = ["ROLES", "FileMapping", "Role"]
 
 Role = Literal["time", "force", "acceleration", "displacement", "activation"]
 ROLES: tuple[Role, ...] = ("time", "force", "acceleration", "displacement", "activation")
@@ -21,7 +21,7 @@ Place = Annotated[int, Field(ge=0, le=9999)] | Annotated[str, Field(min_length=1
 _QUANTITIES = {role: SI[role] for role in ROLES if role in SI}
 
 
-class Mapping(BaseModel):
+class FileMapping(BaseModel):
     """What is not told is taken from the file where it states it, and asked for where it does not."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -32,7 +32,7 @@ class Mapping(BaseModel):
     acceleration: Place = None
     displacement: Place = None
     activation: Place = None
-    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    rate_hz: float | None = None
     """Samples per second; a column of time is then not looked at."""
     units: dict[str, str] = Field(default_factory=dict)
     """By role: a unit (mN), what one of the file's units is (40 N), or a sensitivity (100 mV/g)."""
@@ -46,6 +46,8 @@ class Mapping(BaseModel):
     """A recording of all presses, or the representative press that one press is."""
     button: str | None = None
     participant: str | None = None
+    names: str | None = None
+    """Pattern of files' names without their ending, * for anything: "{participant}_{button}_*"."""
 
     @field_validator("units")
     @classmethod
@@ -62,8 +64,13 @@ class Mapping(BaseModel):
         text = read_text(path, f"There is no mapping {path}: make one with --save-mapping.")
         return validate(cls, parse_toml(text, path), str(path))
 
-    def but(self, told: Mapping) -> Mapping:
-        """This mapping, changed by what another one says."""
+    @classmethod
+    def told(cls, said: dict[str, Any], source: str) -> Self:
+        """A mapping of these values. Raises ConfigurationError that begins with `source`."""
+        return validate(cls, said, source)
+
+    def but(self, told: FileMapping) -> FileMapping:
+        """The mapping, changed by what another one says."""
         said = told.model_dump(exclude_unset=True)
         units = {**self.units, **told.units}
         return self.model_copy(update={**said, "units": units, "flip": tuple({*self.flip, *told.flip})})
@@ -75,6 +82,10 @@ class Mapping(BaseModel):
             if value not in (None, ()):
                 lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
         if self.units:
-            lines += ["", "[units]", *(f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in self.units.items())]
+            lines += [
+                "",
+                "[units]",
+                *(f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in self.units.items()),
+            ]
         with new_file(path) as part:
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ...acquisition import Detector, Representative, Window, file_name, high_pass, segmentation_for
+from ...acquisition import Representative, Window, file_name, high_pass
+from ...acquisition.presses import Detector, segmentation_for
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
-from .mapping import Mapping
+from .mapping import FileMapping
 from .understanding import Understanding, understand
 
 __all__ = ["RATE_HZ", "import_press", "presses_in", "resampled"]
@@ -23,11 +24,11 @@ _LONGEST = Window().longest
 _BOUNCE = 0.01
 """s: a contact that closes again within this time bounced."""
 _APART, _LOUD, _SHAKEN_HZ = 0.3, 0.5, 60.0
-"""Clicks of two presses: as far apart (s), as loud as this part of the loudest, above a hand's motion (Hz)."""
+"""Clicks of two presses: as far apart (s), as loud over the loudest, above a hand's motion (Hz)."""
 
 
 def presses_in(found: Understanding) -> tuple[float, ...]:
-    """Instants (s) of the presses that force, travel, contact or vibration show, in this order of preference."""
+    """Instants (s) of the presses that the force shows, or else travel, contact or vibration."""
     rate_hz, signals = found.rate_hz, found.signals
     if "force" in signals or "displacement" in signals:
         signal = signals.get("force") or signals["displacement"]
@@ -52,7 +53,7 @@ def presses_in(found: Understanding) -> tuple[float, ...]:
 
 
 def import_press(
-    path: str | Path, mapping: Mapping | None = None, *, activation: float | None = None
+    path: str | Path, mapping: FileMapping | None = None, *, activation: float | None = None
 ) -> Representative:
     """Make a representative press of a press that another program recorded.
 
@@ -78,14 +79,15 @@ def press_of(found: Understanding, activation: float | None = None) -> Represent
     taken = found.signals.get("acceleration")
     if taken is None:
         raise ConfigurationError(
-            f"{path} has no vertical acceleration, which a press is felt by: name its column (--acceleration)."
+            f"{path} has no vertical acceleration, by which a press is felt: name its column "
+            "(--acceleration)."
         )
     values = taken.values
     several = presses_in(found) if activation is None else ()
     if len(several) > 1 and _number(path, found, "activation_s") is None:
         raise ConfigurationError(
-            f"{path} holds {len(several)} presses: import all of them as a recording (--as recording), or say "
-            "when the one press switched (--activation SECONDS)."
+            f"{path} holds {len(several)} presses: import them all as a recording (--as recording), or say "
+            "when the one press switched (--at SECONDS)."
         )
     cut, switched, after = _window(found, values, activation)
     acceleration = _taper(high_pass(resampled(values[cut], found.rate_hz), RATE_HZ))
@@ -143,7 +145,7 @@ def _window(found: Understanding, values: FloatArray, activation: float | None) 
         how = f"activated {'where its contact closed' if rises else 'at its largest acceleration'}"
     if not 0 <= at <= len(values) / rate_hz:
         raise ConfigurationError(
-            f"{found.path} lasts {len(values) / rate_hz:.3f} s, so the button cannot have switched at {at:g} s."
+            f"{found.path} lasts {len(values) / rate_hz:.3f} s, so no button can have switched at {at:g} s."
         )
     start, stop = 0, len(values)
     if len(values) > _LONGEST * rate_hz:
@@ -157,8 +159,9 @@ def _rises(contact: FloatArray, rate_hz: float) -> list[int]:
     closed = contact >= (contact.min() + contact.max()) / 2
     rises = np.flatnonzero(closed[1:] & ~closed[:-1]) + 1
     first: list[int] = []
+    last = -np.inf
     for rise in rises.tolist():
-        if not first or rise - last > _BOUNCE * rate_hz:
+        if rise - last > _BOUNCE * rate_hz:
             first.append(rise)
         last = rise
     return first

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...calibration import Response, read_uff
 from ...instruments import ConfigurationError, RigFile
 from .. import uff_file
-from .readers import format_of
+from ..columns import format_of
 
 __all__ = ["import_response", "is_response_file"]
 

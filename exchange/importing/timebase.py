@@ -55,18 +55,20 @@ class TimeBase:
 
 
 def time_base(path: Path, stamps: FloatArray, unit: float, rate_hz: float | None = None) -> TimeBase:
-    """The time base of a column of stamps, of which one is `unit` s; `rate_hz` is the rate that a file states.
+    """The time base of a column of stamps in units of `unit` s; `rate_hz` is the rate that a file states.
 
     Raises DataError for stamps from which no rate follows.
     """
-    if len(stamps) < 3 or not np.all(np.isfinite(stamps)):
+    if len(stamps) < 3:
+        raise DataError(f"{path} has {len(stamps)} samples, which are no press.")
+    if not np.all(np.isfinite(stamps)):
         row = int(np.argmin(np.isfinite(stamps))) + 1
         raise DataError(f"{path} has no time in sample {row}: repair it, or state the rate (--rate).")
     steps = np.diff(stamps)
     if steps.min() < 0:
         raise DataError(
-            f"{path} goes back in time after sample {int(np.argmin(steps)) + 1}: import its parts one by one, "
-            "or state the rate (--rate)."
+            f"{path} goes back in time after sample {int(np.argmin(steps)) + 1}: import its parts one by "
+            "one, or state the rate (--rate)."
         )
     digit = _last_digit(stamps)
     count = np.arange(len(stamps), dtype=np.float64)
@@ -90,11 +92,13 @@ def _even(
         # A time with few digits gives a rate that is off in the last of them.
         return TimeBase(float(f"{found:.6g}"), (f"{float(f'{found:.6g}'):g} samples/s, evenly",))
     if rate_hz is not None and abs(found / rate_hz - 1) <= max(uncertain, 1e-6):
-        return TimeBase(rate_hz, (f"{rate_hz:g} samples/s, as stated; stamps are rounded to {_s(digit * unit)}",))
+        return TimeBase(
+            rate_hz, (f"{rate_hz:g} samples/s, as stated; stamps are rounded to {_s(digit * unit)}",)
+        )
     if uncertain > _CERTAIN:
         raise DataError(
-            f"{path} has stamps rounded to {_s(digit * unit)} over {_s((stamps[-1] - stamps[0]) * unit)}, from "
-            f"which the rate follows to {uncertain:.1%} only: state it (--rate)."
+            f"{path} has stamps rounded to {_s(digit * unit)} over {_s((stamps[-1] - stamps[0]) * unit)}: "
+            f"they tell the rate to {uncertain:.1%} only: state it (--rate)."
         )
     nearest = float(f"{found:.3g}")
     rate = nearest if abs(found / nearest - 1) < uncertain / 4 else float(f"{found:.6g}")
@@ -132,8 +136,8 @@ def _uneven(path: Path, stamps: FloatArray, steps: FloatArray, unit: float) -> T
         places = ", ".join(f"{unit * (stamps[g] - stamps[0]):.4g} s" for g in gaps[:3])
         more = f" and {len(gaps) - 3} more" if len(gaps) > 3 else ""
         said.append(
-            f"{len(gaps)} gap{'s' * (len(gaps) > 1)} of {lost} samples ({_s(lost / rate)}), at {places}{more}; "
-            "filled by a straight line"
+            f"{len(gaps)} gap{'s' * (len(gaps) > 1)} of {lost} samples ({_s(lost / rate)}), at {places}"
+            f"{more}, filled by a straight line"
         )
     seconds = unit * (stamps - stamps[0]) if most > _EVEN else None
     return TimeBase(rate, tuple(said), seconds, index if len(gaps) else None)

@@ -7,8 +7,6 @@ question. What was taken by the file's word is shown with the word, and a mappin
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,25 +14,13 @@ import numpy as np
 
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import FloatArray
-from .mapping import ROLES, Mapping, Role
-from .readers import read_table
-from .table import Column, Table
+from ..columns import SI, Table, per_unit, read_table, unit_of
+from .mapping import ROLES, FileMapping, Role
+from .roles import columns_of
 from .timebase import Hole, TimeBase, filled, holes_of, on_grid, time_base
-from .units import SI, per_unit, unit_of
 
 __all__ = ["Question", "Signal", "Understanding", "understand"]
 
-_WORDS: dict[Role, re.Pattern[str]] = {
-    "time": re.compile(r"(elapsed ?)?(time|zeit|temps|t|timestamp|timestamps|datum|date|uhrzeit|x-axis|x_value|"
-                       r"micros|millis|seconds|zeitstempel)\W*\Z|time\b|zeit\b", re.I),
-    "force": re.compile(r"(force|kraft|fz|f|load|last|load ?cell)(?![a-z0-9])", re.I),
-    "acceleration": re.compile(r"(acc|accel\w*|beschl\w*|a|az)(?![a-z0-9])", re.I),
-    "displacement": re.compile(r"(displacement|weg|travel|position|pos|hub|stroke|disp)(?![a-z0-9])", re.I),
-    "activation": re.compile(r"(activation|switch|schalter|taster|contact|kontakt|trigger|closed|sw)(?![a-z0-9])", re.I),
-}  # fmt: skip
-"""Headings that name a role."""
-_VERTICAL = ("acceleration_z", "acceleration")
-"""Of several accelerations, haploop's own vertical one."""
 _PLAUSIBLE = (200.0, 200_000.0)
 """Samples per second, a factor of 1000, within which a time without a unit can be in one unit only."""
 _SLOWEST, _FASTEST = 100.0, 1e8
@@ -44,7 +30,6 @@ _SHORTEST = 0.01
 _MOST = {"force": 1e5, "acceleration": 1e6, "displacement": 1.0, "activation": np.inf}
 """N, m/s^2 (ten times what the hardest shock sensors take), m."""
 _G = 9.80665
-_TWO_LEVELS = 0.1
 
 
 @dataclass(frozen=True)
@@ -83,9 +68,9 @@ class Understanding:
 
     path: Path
     table: Table
-    mapping: Mapping
+    mapping: FileMapping
     """All that was told or taken, explicitly: with it, the next file needs no word."""
-    signals: dict[Role, Signal]
+    signals: dict[str, Signal]
     rate_hz: float
     """NaN while it is not known."""
     questions: tuple[Question, ...]
@@ -99,6 +84,20 @@ class Understanding:
         lengths = [len(s.values) for s in self.signals.values() if s.role != "time"]
         return max(lengths, default=0) / self.rate_hz
 
+    def answered(self, question: Question, answer: str) -> FileMapping:
+        """The mapping with the answer to a question. Raises ConfigurationError for one that is none."""
+        what, _, role = question.key.partition(" ")
+        told: dict[str, object]
+        if what == "flip":
+            told = {"flip": (role,)}
+        elif what == "unit":
+            told = {"units": {role: answer}}
+        elif what == "rate":
+            told = {"rate_hz": answer}
+        else:
+            told = {what: int(answer) if answer.isdecimal() else answer}
+        return self.mapping.but(FileMapping.told(told, "the answer"))
+
     def require(self) -> None:
         """Raise ConfigurationError, one sentence, when a question is open."""
         if self.questions:
@@ -109,12 +108,12 @@ class Understanding:
             )
 
 
-def understand(path: str | Path, mapping: Mapping | None = None) -> Understanding:
+def understand(path: str | Path, mapping: FileMapping | None = None) -> Understanding:
     """What a file holds, as far as it and `mapping` say.
 
     Raises ConfigurationError for a mapping that contradicts the file, DataError for one that cannot be read.
     """
-    path, told = Path(path), mapping or Mapping()
+    path, told = Path(path), mapping or FileMapping()
     table = read_table(path, told.format, told.decimal)
     found = _Finder(table, told)
     return found.understanding()
@@ -123,7 +122,7 @@ def understand(path: str | Path, mapping: Mapping | None = None) -> Understandin
 class _Finder:
     """Goes through the roles of one file."""
 
-    def __init__(self, table: Table, told: Mapping) -> None:
+    def __init__(self, table: Table, told: FileMapping) -> None:
         self.table, self.told = table, told
         self.questions: list[Question] = []
         self.notes: list[str] = list(table.notes)
@@ -142,7 +141,9 @@ class _Finder:
         for role in ROLES:
             if role not in self.taken:
                 self._look(role)
-        units = {role: self._unit(role) for role in self.taken if role != "activation"}
+        units: dict[str, tuple[float, str] | None] = {
+            role: self._unit(role) for role in self.taken if role != "activation"
+        }
         base = self._base(units.get("time"))
         if not any(role in self.taken for role in ("force", "acceleration", "displacement")) and not any(
             q.key in ("force", "acceleration", "displacement") for q in self.questions
@@ -151,7 +152,7 @@ class _Finder:
             self.questions.append(Question(
                 "force", f"which of its columns ({headings}) is force, acceleration or displacement",
                 "--force COLUMN, --acceleration COLUMN or --displacement COLUMN"))  # fmt: skip
-        signals: dict[Role, Signal] = {}
+        signals: dict[str, Signal] = {}
         for role, (number, why) in self.taken.items():
             factor, words = units.get(role) or (1.0, "")
             factor *= -1.0 if role in told.flip else 1.0
@@ -183,42 +184,22 @@ class _Finder:
     def _heading(self, number: int) -> str:
         return self.table.columns[number].heading or f"column {number}"
 
-    def _free(self) -> Iterator[tuple[int, Column]]:
-        used = {number for number, _ in self.taken.values()}
-        for number, column in enumerate(self.table.columns):
-            if number not in used:
-                yield number, column
-
     def _look(self, role: Role) -> None:
-        """Take the column that the file says is this role, if it is one."""
+        """Take the column that the file says is this role; a question where it says so of several."""
         if role == "time" and self.told.rate_hz is not None:
             return
-        free = list(self._free())
-        if role == "time" and (stamps := [n for n, c in free if c.stamps]):
-            self.taken[role] = (stamps[0], "by its dates and times")
-            return
-        by_unit = [n for n, c in free if (u := unit_of(c.unit)) is not None and u.quantity == role]
-        by_word = [
-            n for n, c in free
-            if _WORDS[role].match(c.name) and (role == "activation" or not c.unit or _volts(c) or n in by_unit)
-            and (role != "activation" or _two_levels(c.values))
-        ]  # fmt: skip
-        if role == "activation" and not by_word and any(c.name for _, c in free):
-            by_word = [n for n, c in free if _two_levels(c.values) and unit_of(c.unit or "V") == unit_of("V")]
-        named = [n for n in by_unit if n in by_word]
-        own = [n for n in by_unit if role == "acceleration" and self.table.columns[n].name in _VERTICAL]
-        for numbers, why in ((own[:1], "by its heading and unit"), (by_unit, "by its unit"),
-                             (named, "by its heading and unit")):  # fmt: skip
-            if len(numbers) == 1:
-                self.taken[role] = (numbers[0], "by its heading and unit" if numbers[0] in named else why)
-                return
-        if not by_unit and len(by_word) == 1:
-            matched = _WORDS[role].match(self.table.columns[by_word[0]].name)
-            self.taken[role] = (by_word[0], "by its heading" if matched else "the only column of two levels")
-            return
-        several = by_unit or by_word
-        if len(several) > 1 and role != "activation":
-            names = ", ".join(self._heading(n) for n in several)
+        used = {number for number, _ in self.taken.values()}
+        found, why = columns_of(self.table, role, used)
+        for number in [n for n in found if role != "time" and _constant(self.table.columns[n].values)]:
+            found.remove(number)
+            self.notes.append(f"{self._heading(number)} is constant, and was left out.")
+        free = set(range(len(self.table.columns))) - used
+        if not found and len(free) == 1 and role in self.told.units:
+            found, why = list(free), "the only column"
+        if len(found) == 1:
+            self.taken[role] = (found[0], why)
+        elif found and role != "activation":
+            names = ", ".join(self._heading(n) for n in found)
             which = "the vertical acceleration" if role == "acceleration" else role
             self.questions.append(Question(role, f"which of {names} is {which}", f"--{role} COLUMN"))
 
@@ -238,9 +219,10 @@ class _Finder:
         example = f"--unit {role}={SI[role]}"
         what = f"the unit of {role} ({self._heading(number)})"
         if unit is not None and unit.quantity == "voltage":
-            example = {"force": "--unit 'force=0.25 V/N'", "acceleration": "--unit 'acceleration=100 mV/g'"}.get(
-                role, f"--unit '{role}=2 V/mm'"
-            )
+            example = {
+                "force": "--unit 'force=0.25 V/N'",
+                "acceleration": "--unit 'acceleration=100 mV/g'",
+            }.get(role, f"--unit '{role}=2 V/mm'")
             what = f"what a volt of {role} is ({self._heading(number)})"
         self.questions.append(Question(f"unit {role}", what, example))
         return None
@@ -256,7 +238,7 @@ class _Finder:
         if len(fits) == 1:
             step = span / (len(values) - 1)
             self.notes.append(
-                f"Its time has no unit; its steps of {step:.3g} are samples of a press in {fits[0][1]} only, so "
+                f"Its time has no unit; steps of {step:.3g} are samples of a press in {fits[0][1]} only, so "
                 "it is taken so."
             )
             return fits[0]
@@ -280,7 +262,9 @@ class _Finder:
                     f"({table.rate_from}): say which is right (--rate)."
                 )
         elif table.rate_hz is not None:
-            base = TimeBase(table.rate_hz, (f"{table.rate_hz:g} samples/s, as the file says ({table.rate_from})",))
+            base = TimeBase(
+                table.rate_hz, (f"{table.rate_hz:g} samples/s, as the file says ({table.rate_from})",)
+            )
         else:
             own = {c.rate_hz for r, (n, _) in self.taken.items() if (c := table.columns[n]).rate_hz}
             if len(own) == 1:
@@ -288,13 +272,15 @@ class _Finder:
                 assert rate is not None
                 base = TimeBase(rate, (f"{rate:g} samples/s, as the file says",))
             elif own:
+                rates = ", ".join(f"{rate:g}" for rate in sorted(filter(None, own)))
                 raise DataError(
-                    f"{table.path} has columns of several rates ({', '.join(f'{r:g}' for r in sorted(filter(None, own)))} "
-                    "samples/s): export those that belong together at one rate."
+                    f"{table.path} has columns of several rates ({rates} samples/s): export those that "
+                    "belong together at one rate."
                 )
         if base is None:
             self.questions.append(Question(
-                "rate", "its sample rate or which column is the time", "--rate HZ or --time COLUMN"))  # fmt: skip
+                "rate", "its sample rate, or which column is the time", "--rate HZ or --time COLUMN")
+            )  # fmt: skip
             return None
         if not _SLOWEST <= base.rate_hz <= _FASTEST:
             raise ConfigurationError(
@@ -310,14 +296,14 @@ class _Finder:
         path, values = self.table.path, self.table.columns[number].values
         finite = np.isfinite(values)
         name = self._heading(number)
-        if not finite.any() or (not np.ptp(values[finite]) and role != "activation"):
+        if _constant(values):
             raise DataError(f"The column {name!r} of {path} is empty, constant, or not finite.")
         if base.stamps is not None and len(base.stamps) != len(values):
             raise DataError(f"The column {name!r} of {path} is not as long as its time.")
         if (duration := len(values) / base.rate_hz) < _SHORTEST:
             raise ConfigurationError(
-                f"{path} lasts {1e3 * duration:.3g} ms, which is no press: look at the unit of its time, or at "
-                "--rate."
+                f"{path} lasts {1e3 * duration:.3g} ms, which is no press: look at the unit of its time, or "
+                "at --rate."
             )
         whole, missing = filled(values, name)
         if missing:
@@ -342,7 +328,7 @@ class _Finder:
         if role == "acceleration":
             if abs(abs(rest) - _G) > 0.35 * _G:
                 self.notes.append(
-                    f"Acceleration: {rest:.2f} m/s² at rest, so without gravity; its sign cannot be told from it."
+                    f"Acceleration: {rest:.2f} m/s² at rest: no gravity, which would show its sign."
                 )
             elif rest > 0:
                 self.notes.append(f"Acceleration: {rest:.2f} m/s² at rest, so with gravity, upwards.")
@@ -354,10 +340,10 @@ class _Finder:
         up, down = float(values.max()) - rest, rest - float(values.min())
         if down > 2 * up and role not in self.told.flip:
             self.questions.append(Question(
-                f"flip {role}", f"why {role} falls by {down:.3g} {SI[role]} from its rest and rises by {up:.3g}",
+                f"flip {role}", f"why {role} falls by {down:.3g} {SI[role]} from rest and rises by {up:.3g}",
                 f"--flip {role}"))  # fmt: skip
 
-    def _explicit(self, signals: dict[Role, Signal]) -> Mapping:
+    def _explicit(self, signals: dict[str, Signal]) -> FileMapping:
         """The mapping with what the file said."""
         columns: dict[str, object] = {}
         units = dict(self.told.units)
@@ -371,20 +357,9 @@ class _Finder:
         return self.told.model_copy(update={**columns, "units": units})
 
 
-def _volts(column: Column) -> bool:
-    unit = unit_of(column.unit)
-    return unit is not None and unit.quantity == "voltage"
-
-
-def _two_levels(values: FloatArray) -> bool:
-    """True for a signal that is at one of two levels nearly all the time, and at both."""
-    some = values[np.isfinite(values)]
-    if len(some) < 3 or not np.ptp(some):
-        return False
-    share = (some - some.min()) / np.ptp(some)
-    low, high = share < _TWO_LEVELS, share > 1 - _TWO_LEVELS
-    between = 1 - np.mean(low) - np.mean(high)
-    return bool(between < 0.02 and np.count_nonzero(np.diff(high.astype(np.int8))) < 0.01 * len(some) + 3)
+def _constant(values: FloatArray) -> bool:
+    finite = values[np.isfinite(values)]
+    return not len(finite) or not np.ptp(finite)
 
 
 def _listed(parts: list[str], last: str) -> str:

@@ -158,7 +158,7 @@ def picoscope(path: Path, w: Written) -> None:
 def tektronix(path: Path, w: Written) -> None:
     head = (
         "Model,MSO54\nFirmware Version,1.30\nPoint Format,Y\nHorizontal Units,s\nHorizontal Scale,1\n"
-        f"Sample Interval,2E-4\nRecord Length,{len(w.force)}\nGating,0.0% to 100.0%\nProbe Attenuation,1,1,1\n"
+        f"Sample Interval,2E-4\nRecord Length,{len(w.force)}\nGating,0.0%\nProbe Attenuation,1,1,1\n"
         "Vertical Units,V,V,V\nVertical Offset,0,0,0\nVertical Scale,1,1,1\nVertical Position,0,0,0\n,,,\n"
         ",,,\nLabel,Force,Accel,Switch\nTIME,CH1,CH2,CH3\n"
     )
@@ -168,7 +168,7 @@ def tektronix(path: Path, w: Written) -> None:
 def old_tektronix(path: Path, w: Written) -> None:
     """TDS series: the preamble stands in the first three columns, beside the samples."""
     told = [
-        "Record Length,2.5e+03,", "Sample Interval,2.000000e-04,", "Trigger Point,1.25e+03,", ",,", ",,", ",,",
+        "Record Length,2.5e+03,", "Sample Interval,2.000000e-04,", "Trigger Point,1.25e+03,", ",,", ",,",
         "Source,CH1,", "Vertical Units,V,", "Vertical Scale,1.0e+00,", "Vertical Offset,0.0e+00,",
         "Horizontal Units,s,", "Horizontal Scale,1.0e+00,", "Pt Fmt,Y,", "Yzero,0.0e+00,",
         "Probe Atten,1.0e+00,", "Model Number,TDS2014,", "Serial Number,C0,", "Firmware Version,FV:v1,",
@@ -200,7 +200,8 @@ def tdms(path: Path, w: Written, **properties: Any) -> None:
     channels = [
         ChannelObject("Messung", name, values, {"unit_string": unit, **properties})
         for name, unit, values in (
-            ("Kraft", "N", w.force), ("Beschleunigung", "m/s^2", w.acceleration), ("Taster", "V", 5 * w.switch),
+            ("Kraft", "N", w.force), ("Beschleunigung", "m/s^2", w.acceleration), 
+            ("Taster", "V", 5 * w.switch),
         )
     ]  # fmt: skip
     with TdmsWriter(path) as writer:
@@ -212,7 +213,9 @@ def tdms_waveform(path: Path, w: Written) -> None:
 
 
 def mat_vectors(path: Path, w: Written) -> None:
-    savemat(path, {"fs": w.rate_hz, "acc": w.acceleration[:, None], "F": w.force[:, None], "sw": 5 * w.switch})
+    savemat(
+        path, {"fs": w.rate_hz, "acc": w.acceleration[:, None], "F": w.force[:, None], "sw": 5 * w.switch}
+    )
 
 
 def mat_struct(path: Path, w: Written) -> None:
@@ -245,7 +248,12 @@ def npy(path: Path, w: Written) -> None:
 def npy_named(path: Path, w: Written) -> None:
     kinds = [("time", "f8"), ("force", "f4"), ("acc", "f4"), ("switch", "?")]
     values = np.zeros(len(w.force), dtype=kinds)
-    values["time"], values["force"], values["acc"], values["switch"] = w.time, w.force, w.acceleration, w.switch
+    values["time"], values["force"], values["acc"], values["switch"] = (
+        w.time,
+        w.force,
+        w.acceleration,
+        w.switch,
+    )
     np.save(path, values)
 
 
@@ -343,19 +351,25 @@ def numpy_text(path: Path, w: Written) -> None:
 def din(path: Path, w: Written) -> None:
     """Quantity over unit, as DIN 1313 has it, and the travel in mm."""
     travel = 0.2 * w.force
-    path.write_text("t/ms\tF/mN\ta/(m/s²)\tWeg/mm\tS\n" + text(
-        np.stack([1e3 * w.time, 1e3 * w.force, w.acceleration, travel, w.switch], axis=1), "\t"))
+    path.write_text(
+        "t/ms\tF/mN\ta/(m/s²)\tWeg/mm\tS\n"
+        + text(np.stack([1e3 * w.time, 1e3 * w.force, w.acceleration, travel, w.switch], axis=1), "\t")
+    )
 
 
 def millivolts(path: Path, w: Written) -> None:
     """Volts of the conditioners, upside down, with a line of comments before."""
     values = w.columns() * [1, 250.0, -100.0 / G, 1]
-    path.write_text("# amplifier: 0.25 V/N, 100 mV/g\nTime (sec), Force (mV), Accel (mV), Trigger (V)\n"
-                    + text(values, ", "))
+    path.write_text(
+        "# amplifier: 0.25 V/N, 100 mV/g\nTime (sec), Force (mV), Accel (mV), Trigger (V)\n"
+        + text(values, ", ")
+    )
 
 
 def utf_16(path: Path, w: Written) -> None:
-    body = "Time (s)\tForce (N)\tAcceleration (g)\tSwitch (V)\r\n" + text(w.columns() * [1, 1, 1 / G, 1], "\t")
+    body = "Time (s)\tForce (N)\tAcceleration (g)\tSwitch (V)\r\n" + text(
+        w.columns() * [1, 1, 1 / G, 1], "\t"
+    )
     path.write_bytes(b"\xff\xfe" + body.replace("\n", "\r\n").encode("utf-16-le"))
 
 
@@ -388,7 +402,7 @@ KINDS: Sequence[Kind] = (
           "units": {"force": "0.1 V/N", "acceleration": "100 mV/g"}}, lacks=("--force",)),
     Kind("tek.csv", tektronix, THREE, lacks=("--force",)),
     Kind("tds.csv", old_tektronix, {"time": 0, "force": 1, "units": {"time": "s", "force": "0.1 V/N"}},
-         lacks=("--time", "--force")),
+         lacks=("--force",)),
     Kind("keysight.csv", keysight,
          {"force": "1", "acceleration": "2", "activation": "3", "units": VOLTS}, lacks=("--force",)),
     Kind("rigol.csv", rigol, THREE, lacks=("--force",)),
@@ -411,7 +425,7 @@ KINDS: Sequence[Kind] = (
          {"force": "channel 1", "acceleration": "channel 2", "activation": "channel 3",
           "units": {"force": "40 N", "acceleration": "10 g"}}, lacks=("--force",)),
     Kind("sheet.xlsx", xlsx),
-    Kind("blanks.csv", blanks, said=("5 values are missing", "at most 0.4 ms")),
+    Kind("blanks.csv", blanks, said=("5 values are missing", "at most 0.2 ms")),
     Kind("jitter.csv", jitter, error=0.01, rate_error=1e-4, said=("1 gap of 40 samples", "jitter of 7")),
     Kind("iso.csv", iso_stamps),
     Kind("datum.csv", german_stamps),

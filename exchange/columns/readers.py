@@ -60,6 +60,10 @@ def read_table(path: Path, format: str | None, decimal: str | None) -> Table:
             table = tree_table.read_table(path)
         else:
             table = text_file.read_table(path, decimal)
+    if any(column.name.lower() == "frequency" for column in table.columns):
+        raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
+    if not all(len(column.values) for column in table.columns):
+        raise DataError(f"{path} is empty.")
     columns = tuple(
         replace(column, values=np.where(np.isfinite(column.values), column.values, np.nan))
         for column in table.columns

@@ -1,4 +1,4 @@
-"""Text files: CSV and its relatives, as spreadsheets, LabVIEW, Dewesoft, oscilloscopes and loggers write them."""
+"""Text files: CSV and its relatives, of spreadsheets, LabVIEW, Dewesoft, oscilloscopes and loggers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...instruments.arrays import FloatArray
 from ..views import read_sidecar
 from .stamps import is_stamp, seconds_of
 from .table import Column, Table
-from .text_rows import Body, body_of, decoded, is_blank, is_number
+from .text_rows import Body, body_of, decoded, is_blank, is_number, stops
 from .units import split_heading, unit_of
 
 __all__ = ["read_table", "table_of"]
@@ -29,7 +29,8 @@ _RATE = re.compile(
     r"(?P<number>\d[\d.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-zA-Z/]*)", re.I)  # fmt: skip
 _STEP = re.compile(
     r"\b(sampl\w*[ _-]*(interval|period)|delta_?x|increment|abtastintervall|abtastperiode|dt|x_?incr\w*)"
-    r"\b[^\d]{0,12}?[\s:=;,]\s*(?P<number>\d[\d.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-zA-Zµμ]*)", re.I)  # fmt: skip
+    r"\b[^\d]{0,12}?[\s:=;,]\s*(?P<number>\d[\d.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-zA-Zµμ]*)",
+    re.I)  # fmt: skip
 _PER = {"khz": 1e3, "ks/s": 1e3, "mhz": 1e6, "ms/s": 1e6}
 
 
@@ -87,7 +88,11 @@ def _headings(
                 "between them, they cannot be told apart, so export it with semicolons or tabs."
             )
         said = " ".join(row)[:40]
-        return {}, own, [f"The line above the rows ({said!r}) does not name {wide} columns, and was left out."]
+        return (
+            {},
+            own,
+            [f"The line above the rows ({said!r}) does not name {wide} columns, and was left out."],
+        )
     return {place: split_heading(cell) for place, cell in last.items()}, own, []
 
 
@@ -165,7 +170,7 @@ def _values(path: Path, body: Body) -> list[tuple[int, FloatArray, bool]]:
         try:
             values = np.array(cells, dtype=np.float64)
         except ValueError:
-            values = np.array([_cell(cell) for cell in cells])
+            values = np.array([_cell(path, body, row, cell) for row, cell in enumerate(cells)])
         values[~np.isfinite(values)] = np.nan
         found.append((place, values, False))
     if not rows:
@@ -173,11 +178,13 @@ def _values(path: Path, body: Body) -> list[tuple[int, FloatArray, bool]]:
     return found
 
 
-def _cell(cell: str) -> float:
-    try:
-        return float("nan") if is_blank(cell) else float(cell.replace("D", "E").replace("d", "e"))
-    except ValueError:
+def _cell(path: Path, body: Body, row: int, cell: str) -> float:
+    """The number in a cell, NaN for a blank one. Raises DataError for anything else."""
+    if is_blank(cell):
         return float("nan")
+    if not is_number(cell):
+        raise DataError(stops(path, body.first + row, body.rows[body.first + row]))
+    return float(cell.replace("D", "E").replace("d", "e"))
 
 
 def _one_stamp(columns: list[Column]) -> list[Column]:

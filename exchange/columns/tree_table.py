@@ -30,16 +30,14 @@ def read_table(path: Path) -> Table:
     """Read a file's columns. Raises DataError, ConfigurationError where a package is missing."""
     tree = tree_of(path)
     if tree.rows:
-        table = table_of(path, numeric_rows(path, tree.rows, ".", f"workbook, sheet {tree.texts['sheet']!r}"))
-        return table
+        shape = f"workbook, sheet {tree.texts['sheet']!r}"
+        return table_of(path, numeric_rows(path, tree.rows, ".", shape))
     found = [column for name in tree.arrays for column in _columns(tree, name)]
     longest = max((len(column.values) for column in found), default=0)
     columns = [one for one in found if len(one.values) == longest or one.rate_hz]
     if not columns:
         raise DataError(f"{path} ({tree.kind}) holds no vector of numbers: save the signals as vectors.")
     short = [one.name for one in found if one not in columns]
-    if "frequency" in (column.name.lower() for column in columns):
-        raise DataError(f"{path} is over frequency: of responses haploop imports .uff files only.")
     notes = [f"{', '.join(short[:5])} are not as long as the others, and were left out."] if short else []
     rate, rate_from = _rate(tree)
     return Table(path, tree.kind, tuple(_shortened(columns)), rate, rate_from, _about(tree), tuple(notes))
@@ -58,8 +56,12 @@ def _columns(tree: Tree, name: str) -> Iterator[Column]:
     rows: FloatArray = values if values.shape[0] >= values.shape[1] else values.T
     if rows.shape[1] > _WIDEST:
         return
-    names = next((tree.lists[own[k]] for n in _NAMES if (k := f"{name}.{n}") in own and own[k] in tree.lists), [])
-    units = next((tree.lists[own[k]] for n in _UNITS if (k := f"{name}.{n}") in own and own[k] in tree.lists), [])
+    names = next(
+        (tree.lists[own[k]] for n in _NAMES if (k := f"{name}.{n}") in own and own[k] in tree.lists), []
+    )
+    units = next(
+        (tree.lists[own[k]] for n in _UNITS if (k := f"{name}.{n}") in own and own[k] in tree.lists), []
+    )
     for number, column in enumerate(rows.T):
         said = names[number] if len(names) == rows.shape[1] else ""
         unit = units[number] if len(units) == rows.shape[1] else ""

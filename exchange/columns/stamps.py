@@ -28,7 +28,7 @@ _DAY = 86_400.0
 
 def is_stamp(text: str) -> bool:
     """True for a date, a time of day, or both."""
-    return ":" in text and _TIME.match(text) is not None or any(s.match(text) for s in _STAMPS)
+    return (":" in text and _TIME.match(text) is not None) or any(s.match(text) for s in _STAMPS)
 
 
 def seconds_of(texts: Sequence[str]) -> FloatArray:

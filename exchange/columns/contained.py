@@ -75,8 +75,8 @@ def _in_child() -> None:
     except Exception as wrong:  # of a damaged file nearly any: the libraries have no common base
         error = " ".join(str(wrong or type(wrong).__name__).split())[:200].rstrip(".")
     said = {
-        "kind": tree.kind, "numbers": tree.numbers, "texts": tree.texts, "lists": tree.lists, "rows": tree.rows,
-        "names": list(tree.arrays), "error": error, "missing": missing,
+        "kind": tree.kind, "numbers": tree.numbers, "texts": tree.texts, "lists": tree.lists,
+        "rows": tree.rows, "names": list(tree.arrays), "error": error, "missing": missing,
     }  # fmt: skip
     arrays = {f"a{number}": values for number, values in enumerate(tree.arrays.values())}
     np.savez(sys.stdout.buffer, said=np.array(json.dumps(said)), **arrays)
@@ -201,5 +201,3 @@ def _text(cell: Any) -> str:
     if hasattr(cell, "isoformat"):
         return str(cell.isoformat(sep=" ") if hasattr(cell, "date") else cell.isoformat())
     return repr(cell) if isinstance(cell, float) else str(cell)
-
-

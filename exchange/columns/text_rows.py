@@ -18,11 +18,26 @@ from pathlib import Path
 from ...instruments import DataError
 from .stamps import is_stamp
 
-__all__ = ["Body", "body_of", "decoded", "is_blank", "is_number", "numeric_rows"]
+__all__ = ["Body", "body_of", "decoded", "is_blank", "is_number", "numeric_rows", "stops"]
 
 _POINT = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?(?:\d+,?\d*|,\d+)(?:[eEdD][-+]?\d+)?\s*\Z")
-_BLANKS = {"", "-", "--", "nan", "na", "n/a", "#n/a", "#nv", "null", "none", "1.#qnan", "-1.#ind", "inf", "-inf"}
+_BLANKS = {
+    "",
+    "-",
+    "--",
+    "nan",
+    "na",
+    "n/a",
+    "#n/a",
+    "#nv",
+    "null",
+    "none",
+    "1.#qnan",
+    "-1.#ind",
+    "inf",
+    "-inf",
+}
 _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
 _SHAPES = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), ("|", "."), ("", "."), ("", ","))
 """Separator ("" for spaces) and decimal sign, the likelier first."""
@@ -82,12 +97,15 @@ def body_of(path: Path, text: str, decimal: str | None = None) -> Body:
         raise DataError(f"{path} is empty.")
     found = max(((_fit(sample, *shape), -n, shape) for n, shape in enumerate(shapes)), default=None)
     if found is None or found[0] == (0, 0):
-        raise DataError(f"{path} is no table: no row in its middle is numbers ({sample[0].strip()[:40]!r}).")
-    separator, sign = found[2]
-    if decimal is None and separator == "," and all(_AMBIGUOUS.match(line.strip()) for line in sample):
         raise DataError(
-            f"{path} has rows like {sample[0].strip()[:30]!r}, which are one number with a decimal comma or two "
-            "whole numbers: say which (--decimal , or --decimal .)."
+            f"{path} is no table of numbers: no row in its middle is one ({sample[0].strip()[:40]!r})."
+        )
+    separator, sign = found[2]
+    named = any("," in line and re.search(r"[A-Za-z]{2}|[A-Za-z],", line) for line in filled[:_RUN])
+    if separator == "," and not (decimal or named) and all(_AMBIGUOUS.match(line.strip()) for line in sample):
+        raise DataError(
+            f"{path} has rows like {sample[0].strip()[:30]!r}, which are a number with a decimal comma or "
+            "two whole numbers: say which (--decimal , or --decimal .)."
         )
     rows = _split(lines, separator)
     shape = f"{_NAMES[separator]} between columns, decimal {'commas' if sign == ',' else 'points'}"
@@ -104,29 +122,27 @@ def numeric_rows(path: Path, rows: Sequence[list[str]], decimal: str, shape: str
         place
         for place in range(width)
         if any(place < len(row) and row[place].strip() for row in sample)
-        and sum(place < len(row) and _value(row[place], decimal) for row in sample) >= 0.9 * len(sample)
+        and sum(place < len(row) and _value(row[place], decimal) for row in sample) >= 0.5 * len(sample)
     )
     if not columns:
-        raise DataError(f"{path} is no table: no row in its middle is numbers.")
-    good = [_is_row(row, columns, decimal) for row in rows]
+        raise DataError(f"{path} is no table of numbers: no row in its middle is one.")
     need = min(_RUN, len(sample))
-    run, first = 0, -1
-    for number, one in enumerate(good):
-        run = run + 1 if one else 0
+    run = first = 0
+    for number, row in enumerate(rows):
+        run = run + 1 if _is_row(row, columns, decimal) else 0
         if run == need:
             first = number - need + 1
             break
-    if first < 0:
-        raise DataError(f"{path} is no table: it has no {need} rows of {len(columns)} numbers in a row.")
-    end = next((n for n in range(first, len(rows)) if not good[n]), len(rows))
-    for number in range(end, len(rows)):
-        if good[number] or any(_value(cell, decimal) and not is_blank(cell) for cell in rows[number]):
-            if number == len(rows) - 1:  # a last line that was cut off
-                break
-            raise DataError(
-                f"{path} stops being a table in row {end + 1} ({_shown(rows[end])}): repair it, or import the "
-                "part before it."
-            )
+    else:
+        raise DataError(
+            f"{path} is no table of numbers: nowhere do {need} rows of {len(columns)} follow each other."
+        )
+    end = len(rows)
+    while not _is_row(rows[end - 1], columns, decimal):  # blank lines, a footer, a line that was cut off
+        end -= 1
+    for number in range(first, end):
+        if len(rows[number]) <= columns[-1]:
+            raise DataError(stops(path, number, rows[number]))
     return Body(rows, first, end, columns, decimal, shape)
 
 
@@ -167,5 +183,9 @@ def _is_row(row: list[str], columns: tuple[int, ...], decimal: str) -> bool:
     return any(is_number(cell, decimal) for cell in cells) and all(_value(cell, decimal) for cell in cells)
 
 
-def _shown(row: list[str]) -> str:
-    return repr(" ".join(row).strip()[:40])
+def stops(path: Path, number: int, row: list[str]) -> str:
+    """Sentence on a row amid others that is none."""
+    said = " ".join(row).strip()[:40]
+    return (
+        f"{path} stops being a table in row {number + 1} ({said!r}): repair it, or import the part before it."
+    )

@@ -78,19 +78,21 @@ def split_heading(heading: str) -> tuple[str, str]:
 
 
 def per_unit(role: str, quantity: str, text: str, unit: str) -> tuple[float, str]:
-    """SI units of `quantity` per unit of a column in `unit`, where `text` says what it is, and the words of it.
+    """SI units of `quantity` per unit of a column in `unit`, of which `text` says what it is; and the words.
 
     `text` is a unit (`mN`), what one of the file's units stands for (`40 N`), or a sensitivity (`100 mV/g`).
     Raises ConfigurationError.
     """
     match = _NUMBER.fullmatch(text)
     number = float(match["number"]) if match and match["number"] else 1.0
-    named = (match and match["unit"] or "").strip()
+    named = ((match and match["unit"]) or "").strip()
     if not match or not named or not 1e-12 < number < 1e12:
         raise ConfigurationError(_unknown(role, quantity, text))
     whole = unit_of(named)
     if whole is not None and whole.quantity == quantity:
-        return number * whole.factor, f"one of the file is {text.strip()}" if match["number"] else text.strip()
+        return number * whole.factor, f"one of the file is {text.strip()}" if match[
+            "number"
+        ] else text.strip()
     for place in (k for k, sign in enumerate(named) if sign == "/"):
         above, below = unit_of(named[:place]), unit_of(named[place + 1 :])
         if above and below and above.quantity == "voltage" and below.quantity == quantity:
