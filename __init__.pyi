@@ -72,6 +72,7 @@ from .exchange import destination as destination
 from .exchange import export_file as export_file
 from .exchange import import_file as import_file
 from .exchange import import_press as import_press
+from .exchange import import_recording as import_recording
 from .exchange import import_response as import_response
 from .exchange import is_response_file as is_response_file
 from .exchange import load as load

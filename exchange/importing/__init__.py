@@ -5,6 +5,7 @@ from .files import becomes, destination, import_file
 from .mapping import ROLES, FileMapping
 from .names import named
 from .press import import_press, press_of, presses_in
+from .recording import import_recording
 from .response import import_response, is_response_file
 from .understanding import Question, Signal, Understanding, understand
 
@@ -19,6 +20,7 @@ __all__ = [
     "destination",
     "import_file",
     "import_press",
+    "import_recording",
     "import_response",
     "is_response_file",
     "named",

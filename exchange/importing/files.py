@@ -8,6 +8,7 @@ from typing import Literal
 from ...instruments import ConfigurationError
 from ...instruments.files import make_folder, os_error_text, private_files
 from .press import press_of, presses_in
+from .recording import recording_of
 from .understanding import Understanding
 
 __all__ = ["becomes", "destination", "import_file"]
@@ -40,4 +41,4 @@ def import_file(found: Understanding, out: str | Path, activation: float | None 
     if becomes(found, activation) == "press":
         press_of(found, activation).save(out)
     else:
-        raise NotImplementedError
+        recording_of(found, Path(out))
