@@ -93,7 +93,10 @@ def recording_of(found: Understanding, out: Path) -> Recording:
     events = [
         Event(0, "imported", f"Imported from {found.path.name}, SHA-256 {origin['sha256']}."),
         Event(_still(volts[0], rest), "rest", "Hands were off."),
-        *(Event(a, "filled", f"{what}: {(b - a) / RATE_HZ * 1e3:.3g} ms were not measured.") for a, b, what in holes),
+        *(
+            Event(a, "filled", f"{what}: {(b - a) / RATE_HZ * 1e3:.3g} ms were not measured.")
+            for a, b, what in holes
+        ),
     ]
 
     def judge(recording: Recording) -> Sequence[PressVerdict]:
