@@ -164,8 +164,8 @@ def checked(number: int, kinds: Sequence[str], levels: Sequence[float], plays: i
                     yield Row(number, kind, volts, "refused", *[np.nan] * 4, str(error))
                     continue
             said = " ".join(found.reasons)
-            low_, high = found.wideband_interval
-            yield Row(number, kind, volts, found.verdict, found.wideband_nrmse, low_, high, truth, said)
+            low_, high = found.interval
+            yield Row(number, kind, volts, found.verdict, found.error, low_, high, truth, said)
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
