@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.disturbed import KINDS, LEVELS, Row, checked, table, true_error
+from benchmarks.disturbed import NOISE, Row, checked, table, true_error
 from haploop.calibration import Calibration, Drive, calibrate, drive_for, learn
 from haploop.calibration.drive import playing
 from haploop.calibration.drive.agreement import dependence, shared_power
@@ -105,7 +105,7 @@ def test_no_verdict_is_wrong_under_any_disturbance(full: bool) -> None:
     """20 plants that nobody chose, of two kinds, four kinds of disturbance at three levels."""
     rows: list[Row] = []
     for number in range(20) if full else (4,):
-        rows += checked(number, KINDS, LEVELS if full else LEVELS[1:])
+        rows += checked(number, NOISE if full else {kind: NOISE[kind][1:] for kind in NOISE})
     print("\n".join(table(rows)))
     shown = [row for row in rows if row.shown]
     assert not any(row.wrong for row in rows if row.verdict == "pass")
