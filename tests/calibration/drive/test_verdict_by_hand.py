@@ -182,6 +182,32 @@ def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str
     assert (found.reasons == ()) if not says else found.reasons[0].startswith(says)
 
 
+def test_plays_without_numbers_fail() -> None:
+    found = judged(share=[0.9, float("nan"), 0.9, 0.9, 0.9])
+    assert found.verdict == "fail" and not found.passed
+    assert "differs from the target by nan% rms (95 % confidence: nan% to nan%)" in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"share": 0.8}, "The laser shows 0.80 times the target, and 0.0% of error beside that factor: its"),
+        ({"share": 1.3, "outside": 0.2}, "The laser shows 1.30 times the target, and 20.0% of error beside"),
+        ({"share": 0.94}, "The laser shows 0.94 times"),
+        ({"share": 0.96}, ""),
+        ({"share": 0.8, "outside": 0.21}, ""),  # more of the error is of another kind
+        ({"share": 0.93, "spread": 0.3}, "The laser shows 0.93 times"),  # the plays' noise is no factor
+        ({"share": [0.8, 0.95, 0.8, 1.0, 0.75]}, ""),  # within three standard errors
+        ({"share": 0.29}, ""),  # it does not follow
+        ({"share": -1.0}, ""),
+    ],
+)
+def test_one_factor_over_the_whole_motion_is_named(given: dict[str, Any], says: str) -> None:
+    """A laser aimed askew, or a patch that came unglued: a check cannot tell which, nor is it silent."""
+    notes = [note for note in judged(**given).notes if note.startswith("The laser shows")]
+    assert len(notes) == bool(says) and all(note.startswith(says) for note in notes)
+
+
 def test_a_failure_says_why_it_probably_is() -> None:
     unseen = "The surface followed 29.0% of the target motion: the patch is not connected, or the laser"
     assert judged(0.29, predicted_error=0.5).reasons[1].startswith(unseen)
