@@ -210,8 +210,8 @@ def checked(number: int, levels: Levels, plays: int = 8, seed: str = "disturbed"
             yield Row(number, kind, level, "refused", *[np.nan] * 4, str(error))
             continue
         said = " ".join([*found.reasons, *found.notes])
-        low, high = found.wideband_interval
-        yield Row(number, kind, level, found.verdict, found.wideband_nrmse, low, high, truth, said)
+        low, high = found.interval
+        yield Row(number, kind, level, found.verdict, found.error, low, high, truth, said)
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
