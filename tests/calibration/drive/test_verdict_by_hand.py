@@ -182,6 +182,25 @@ def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str
     assert (found.reasons == ()) if not says else found.reasons[0].startswith(says)
 
 
+def test_evidence_in_one_part_takes_every_error_away() -> None:
+    """A tone outside the band at evenly spread phases, and in the band noise in which the whole hides it."""
+    rng = np.random.default_rng(3)
+    plays = []
+    for turn in range(8):
+        moved = 0.9 * TARGET + 0.3 * np.sin(2 * np.pi * (400 * T + turn / 8))
+        for size, tones in ((0.2, range(205, 296, 5)), (1e-3, range(310, 900, 20))):
+            for hz in tones:
+                moved += size * rng.normal() * np.sin(2 * np.pi * hz * T)
+                moved += size * rng.normal() * np.cos(2 * np.pi * hz * T)
+        plays.append(moved)
+    missed = error_spectra(np.array(plays), TARGET)
+    assert shared_power(missed).possible
+    found = compare(DRIVE, Played(np.array(plays), RATE, 1000.0, 40.0, None), RIG)
+    assert found.verdict == "not shown" and "squared error of the part outside" in found.reasons[0]
+    assert np.isnan([found.error, *found.interval, found.within.root, found.outside.root]).all()
+    assert np.isnan(found.correlation)
+
+
 def test_plays_without_numbers_fail() -> None:
     found = judged(share=[0.9, float("nan"), 0.9, 0.9, 0.9])
     assert found.verdict == "fail" and not found.passed
