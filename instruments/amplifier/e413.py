@@ -29,6 +29,7 @@ class E413(Amplifier):
     """See `Amplifier`."""
 
     own_gain = _OWN["gain"]
+    arithmetic = True
 
     class Settings(BaseModel):
         """The `[amplifier]` table of a rig file."""
@@ -57,11 +58,6 @@ class E413(Amplifier):
         self.input = settings.input if isinstance(settings.input, str) else ""
         self.inputs = MappingProxyType(dict(settings.input) if isinstance(settings.input, dict) else {})
         self._settings = settings
-
-    @staticmethod
-    def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: none, because it is driven through the DAQ."""
-        return ()
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ....instruments.arrays import FloatArray
-from ..products import Product, code_width, input_range
+from ..converter import code_width
+from ..products import Product, input_range
 from .counting import timebase_of
 from .devices import NiDevice
 from .errors import DaqmxError, DAQmxErrors
