@@ -170,6 +170,10 @@ class Daq(Interlocked, ABC):
         """Frequency response of a channel's input at `frequencies` (Hz): of an AC coupling, a high-pass."""
         return np.ones(len(frequencies), dtype=np.complex128)
 
+    def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
+        """Frequency response of an output at `frequencies` (Hz), as `response` of an input."""
+        return np.ones(len(frequencies), dtype=np.complex128)
+
     @abstractmethod
     def zero(self) -> None:
         """Write zero volts to every output. Idempotent. Raises InstrumentError.

@@ -159,6 +159,10 @@ class SoundCardDaq(Daq):
         """See `Daq.response`: the input's AC coupling."""
         return high_pass(frequencies, self._settings.channels[channel].high_pass_hz)
 
+    def output_response(self, output: str, frequencies: FloatArray) -> ComplexArray:
+        """See `Daq.output_response`: the output's AC coupling."""
+        return high_pass(frequencies, self._settings.outputs[output].high_pass_hz)
+
     def _stream(
         self,
         channels: Sequence[str],
