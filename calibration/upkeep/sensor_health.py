@@ -134,8 +134,8 @@ def laser_at_rest(rig: Rig) -> LaserAtRest:
     for _ in range(_PATIENCE):
         capture = _captured(rig, (rig.vibrometer.channel,), rate_hz, _LASER_REST)
         calm, spikes = without_spikes(rig, capture)
-        velocity = rig.vibrometer.to_velocity(capture.volts[0])
-        quiet = rig.vibrometer.to_velocity(calm.volts[0])
+        velocity = rig.vibrometer.to_si(capture.volts[0])
+        quiet = rig.vibrometer.to_si(calm.volts[0])
         if not ringing_of(quiet, rate_hz) > _RINGS * rig.vibrometer.range:
             break
     f, power = scipy.signal.welch(quiet, rate_hz, nperseg=round(rate_hz / 10))
@@ -176,7 +176,7 @@ def without_spikes(rig: Rig, capture: Capture) -> tuple[Capture, int]:
     volts = capture.volts.copy()
     volts[laser] = _filled(volts[laser], hit, groups, capture.rate_hz)
     overload = capture.overload.copy()
-    fastest = float(np.abs(rig.vibrometer.to_velocity(volts[laser])).max())
+    fastest = float(np.abs(rig.vibrometer.to_si(volts[laser])).max())
     overload[laser] &= fastest > 0.98 * rig.vibrometer.range
     return replace(capture, volts=volts, overload=overload), count
 
