@@ -70,6 +70,7 @@ from .exchange import export_file as export_file
 from .exchange import import_press as import_press
 from .exchange import import_response as import_response
 from .exchange import is_response_file as is_response_file
+from .exchange import load as load
 from .exchange.catalogue import Entry as Entry
 from .exchange.catalogue import list_files as list_files
 from .exchange.processing import Processed as Processed

@@ -86,6 +86,8 @@ class AnalogSettings(BaseModel):
 class AnalogAmplifier(Amplifier):
     """See `Amplifier`."""
 
+    arithmetic = True
+
     class Settings(AnalogSettings):
         """The `[amplifier]` table of a rig file."""
 

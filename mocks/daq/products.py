@@ -11,10 +11,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from ...instruments.arrays import FloatArray
 from ...instruments.errors import ConfigurationError
 
-__all__ = ["PRODUCTS", "Product", "code_width", "convert_interval", "input_range"]
+__all__ = ["PRODUCTS", "Product", "convert_interval", "input_range"]
 
 Family = Literal["E Series", "M Series", "X Series", "C Series", "Digital I/O", "CompactDAQ Chassis"]
 
@@ -135,8 +134,3 @@ def convert_interval(product: Product, rate_hz: float, channels: int) -> float:
 def input_range(product: Product, full_scale: float) -> float | None:
     """Return the narrowest input range (+- V) that contains +-`full_scale`, or None."""
     return min((r for r in product.ai_ranges if r >= full_scale * (1 - 1e-9)), default=None)
-
-
-def code_width(product: Product, full_scale: FloatArray) -> FloatArray:
-    """Return the volts per code of input ranges of +-`full_scale` (V, any shape)."""
-    return full_scale / 2.0 ** (product.ai_bits - 1)

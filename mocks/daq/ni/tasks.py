@@ -11,7 +11,8 @@ import numpy as np
 from nidaqmx.constants import AcquisitionType, SampleTimingType, TriggerType
 
 from ....instruments.arrays import FloatArray
-from ..products import Product, code_width, convert_interval, input_range
+from ..converter import code_width
+from ..products import Product, convert_interval, input_range
 from .devices import NiDevice
 from .errors import DaqmxError, DAQmxErrors
 from .scales import Scale

@@ -67,7 +67,7 @@ def test_a_stream_that_hangs_when_it_is_closed_does_not_keep_the_relay_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with open_rig("simulated") as rig:
-        monkeypatch.setattr("haploop.mocks.daq.twin._TwinStream.close", for_ever)
+        monkeypatch.setattr("haploop.mocks.daq.card_twin._CardStream.close", for_ever)
         with pytest.raises(InstrumentError, match=r"PCIe-6321.* hangs"):
             rig.excite(DRIVE, ["A"], ["drive"])
         assert safe(rig)
