@@ -79,7 +79,7 @@ def _of_the_amplifier(file: RigFile) -> Iterator[tuple[Location, str]]:
         )
     named = amplifier.get("input")
     fed = list(named.values()) if isinstance(named, Mapping) else [named]
-    outputs = file.daq.settings.get("outputs", {})
+    outputs = file.daq.settings.get("outputs")
     others = [d.settings.get("output") for d in (file.player, file.generator) if d is not None]
     for name in fed:
         if isinstance(outputs, Mapping) and name not in outputs and name not in others:
