@@ -108,7 +108,7 @@ class Limiter:
         """Outputs that have started: each starts once, because a restart would cut its drive off."""
         self._played: deque[tuple[float, float]] = deque()
         self._heat = Heat(clock, hardware, counted)
-        self._watch = Watch(clock, self.authorise_renewal)
+        self._watch = Watch(clock, self.authorise_renewal, goes_on=bool(outputs.direct))
         self.kept = Kept()
         """What the limits rest on, as it was when the rig was opened."""
 
