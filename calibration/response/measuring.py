@@ -118,7 +118,7 @@ def measure_above(
 
 @dataclass(frozen=True, eq=False)
 class BothSigns:
-    """A multisine and its negative, each from rest: (2, samples) V at the patch, and m/s, as sampled."""
+    """A multisine and its negative, each from rest: (2, samples) V at the patch, and what is shown."""
 
     volts: FloatArray
     velocity: FloatArray
