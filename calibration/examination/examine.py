@@ -17,7 +17,7 @@ from ...instruments.operator import UnansweredError
 from ...instruments.progress import Progress, silent
 from ...instruments.relay import LOST
 from ...instruments.rig import UNPROVED
-from ...instruments.vibrometer import shown
+from ...instruments.vibrometer import Vibrometer, shown
 from .camera_check import check_camera
 from .finding import Finding, Status
 from .patch_check import check_patches
@@ -152,6 +152,8 @@ def _identity(rig: Rig, role: str) -> str:
 def _settings(rig: Rig) -> Iterator[Finding]:
     if rig.file.vibrometer is not None:
         yield _vibrometer_settings(rig)
+        if rig.vibrometer.mass:
+            yield _loaded(rig.vibrometer)
     if _has_table(rig):
         yield _limits(rig)
     for role, device in rig.file.devices.items():
@@ -263,6 +265,15 @@ def _vibrometer_settings(rig: Rig) -> Finding:
         return Finding("Settings", "vibrometer", status, sentence)
     seen = "" if level is None else f"; signal level {level:.0%}"
     return Finding("Settings", "vibrometer", "green", f"The instrument reports {settings}{seen}.")
+
+
+def _loaded(pickup: Vibrometer) -> Finding:
+    sentence = (
+        f"The {pickup.identity} adds {pickup.mass * 1e3:g} g to the table where it is glued: a mode falls by "
+        "half of the ratio of this to the mass that moves there. Calibrate, make buttons and check with it "
+        "in place, and do not move it in between."
+    )
+    return Finding("Mass", "vibrometer", "yellow", sentence)
 
 
 def _relay(rig: Rig) -> Iterator[Finding]:

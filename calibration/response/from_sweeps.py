@@ -49,8 +49,8 @@ def from_sweeps(
     """Estimate the response by dividing spectra of whole records, ringing included: without leakage.
 
     `commanded` is (samples,) V, one sweep at the full level; `drives` (plays, samples) V and
-    `velocities` (plays, samples), what the pick-up shows, are as sampled: `sweep.repeats` plays at that level,
-    then one at each of `sweep.shares`.
+    `velocities` (plays, samples), what the pick-up shows, are as sampled: `sweep.repeats` plays at that
+    level, then one at each of `sweep.shares`.
     """
     rate_hz, repeats = channels.rate_hz, sweep.repeats
     samples = drives.shape[1]

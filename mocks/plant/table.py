@@ -15,7 +15,6 @@ from pydantic import Field
 from ...instruments.arrays import FloatArray
 from ...instruments.bounded import Positive
 from ...instruments.config import Actuator, RigFile
-from ...instruments.errors import ConfigurationError
 from .modal import ModalSurface, Modes
 from .softening import SofteningSurface
 from .surface import PlantSettings, place_of
@@ -77,10 +76,6 @@ class TouchTable(PlantSettings):
         under = place_of(file, "button") if self.collocated else None
         plate = make_plate(rng, self.mode_drift, self.damping_scale, under)
         if file.actuator is not None and file.actuator.kind == "coil":
-            if self.softening:
-                raise ConfigurationError(
-                    "The plant does not soften a table that coils drive: leave softening out of [simulation]."
-                )
             plate = with_coils(plate, file.actuator, under)
         seed, daily = file.simulation.seed, self.daily_drift
         every = _TUNED if daily else np.inf

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from haploop.calibration import calibrate, drive_for, quick_response
+from haploop.calibration.examination import examine
 from haploop.instruments import InstrumentError, Rig, load_rig_file, open_rig
 from tests.calibration.conftest import make_press
 from tests.calibration.drive.test_truth import played_and_true
@@ -142,3 +143,11 @@ def test_a_coil_is_planned_within_its_heat(tmp_path: Path) -> None:
         drive = drive_for(make_press(), calibration, rig.limits)
         assert drive.peak < 1.0 and calibration.response.level < 0.5
         rig.excite(drive.volts, ("A",), ("laser",))
+
+
+def test_doctor_says_that_a_glued_accelerometer_loads_the_table(tmp_path: Path) -> None:
+    with rig_of("acceleration", tmp_path) as rig:
+        findings = examine(rig)
+    (shown,) = [f for f in findings if f.name == "Mass"]
+    assert shown.status == "yellow" and "adds 2 g to the table where it is glued" in shown.sentence
+    assert not [f for f in findings if f.status == "red"]
