@@ -13,6 +13,7 @@ from .acquisition import find_presses as find_presses
 from .acquisition import high_pass as high_pass
 from .acquisition import load_press as load_press
 from .acquisition import load_study as load_study
+from .acquisition import look as look
 from .acquisition import record as record
 from .acquisition import recover as recover
 from .acquisition import representative as representative

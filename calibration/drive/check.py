@@ -103,8 +103,9 @@ def compare(drive: Drive, played: Played, rig: Rig) -> Check:
         simulated=rig.simulated or drive.simulated,
     )
     dependent = dependence(missed, inside)
+    shares = (moved @ still[0].conj()).real
     signs = Signs(
-        followed=abs(float(np.vdot(still[0], moved.mean(axis=0)).real)),
+        followed=(abs(float(shares.mean())), float(shares.std(ddof=1) / np.sqrt(len(shares)))),
         odd=odd_play(moved[:, inside]),
         dependent=dependent,
         overload=played.overload,

@@ -19,6 +19,8 @@ LEAST_MOVED = 0.3
 UNSEEN = "the patch is not connected, or the laser does not see the surface"
 _EXCESS = 1.02
 """Measured volts over the limit that are attributed to the monitor's noise and gain error."""
+_FACTOR = 0.05
+"""Distance of a factor over the whole motion from one, from which it is told."""
 _TOLD = 0.05
 """Share of the target from which tones that were taken out are told."""
 
@@ -27,8 +29,8 @@ _TOLD = 0.05
 class Signs:
     """What tells, beside the errors, whether the plays can be believed."""
 
-    followed: float
-    """Share of the target in the motion."""
+    followed: tuple[float, float]
+    """Share of the target in the motion, and the standard error of that."""
     odd: tuple[int, float]
     """Number of the play that differs from all others (0: none), and by how much, over the target."""
     dependent: str
@@ -41,7 +43,7 @@ class Signs:
 
 def judged(result: Check, signs: Signs) -> Check:
     """The check with its verdict, reasons and notes."""
-    notes = _notes(result, signs.odd)
+    notes = _notes(result, signs)
     if failures := _failures(result, signs):
         return replace(result, verdict="fail", reasons=tuple(failures), notes=notes)
     if doubt := _doubt(result, signs):
@@ -81,8 +83,8 @@ def _failures(result: Check, signs: Signs) -> list[str]:
             f"Only {drive.in_band:.1%} of the press's energy lies in the {low_hz:.0f} to "
             f"{high_hz:.0f} Hz that were played, and {LEAST_IN_BAND:.0%} is needed."
         )
-    if failures and signs.followed < LEAST_MOVED:
-        failures.append(f"The surface followed {signs.followed:.1%} of the target motion: {UNSEEN}.")
+    if failures and signs.followed[0] < LEAST_MOVED:
+        failures.append(f"The surface followed {signs.followed[0]:.1%} of the target motion: {UNSEEN}.")
     elif failures and drive.predicted_error > result.tolerance:
         failures.append(
             f"The error predicted when the drive was computed is {drive.predicted_error:.1%}: within the "
@@ -115,9 +117,28 @@ def _doubt(result: Check, signs: Signs) -> str:
     )
 
 
-def _notes(result: Check, odd: tuple[int, float]) -> tuple[str, ...]:
+def _one_factor(result: Check, followed: float, deviation: float) -> str:
+    """A note where most of the error is one factor over the whole motion; empty elsewhere.
+
+    The squared error is that of the factor and that of all else, which is orthogonal to the target.
+    """
+    error, amiss = result.whole.value, abs(followed - 1)
+    clear = followed > LEAST_MOVED and amiss > max(_FACTOR, 3 * deviation)
+    if not (clear and amiss**2 > error / 2):
+        return ""
+    left = float(np.sqrt(max(error - amiss**2, 0.0)))
+    return (
+        f"The laser shows {followed:.2f} times the target, and {left:.1%} of error beside that factor: its "
+        "scale is wrong (its aim, range or settings), or the patch moves the table by another amount per "
+        "volt than when it was calibrated."
+    )
+
+
+def _notes(result: Check, signs: Signs) -> tuple[str, ...]:
     notes = []
-    number, by = odd
+    number, by = signs.odd
+    if factor := _one_factor(result, *signs.followed):
+        notes.append(factor)
     if result.tones.share > _TOLD:
         tones = ", ".join(f"{hz:.1f}" for hz in result.tones.hz)
         notes.append(

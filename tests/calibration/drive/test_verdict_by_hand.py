@@ -182,6 +182,63 @@ def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str
     assert (found.reasons == ()) if not says else found.reasons[0].startswith(says)
 
 
+def disturbed(spread: float) -> np.ndarray:
+    """Eight plays of a tone outside the band at evenly spread phases, and of noise that is independent."""
+    rng = np.random.default_rng(3)
+    plays = []
+    for turn in range(8):
+        moved = 0.9 * TARGET + 0.3 * np.sin(2 * np.pi * (400 * T + turn / 8))
+        for size, tones in ((spread, range(205, 296, 5)), (1e-3, range(310, 900, 20))):
+            for hz in tones:
+                moved += size * rng.normal() * np.sin(2 * np.pi * hz * T)
+                moved += size * rng.normal() * np.cos(2 * np.pi * hz * T)
+        plays.append(moved)
+    return np.array(plays)
+
+
+@pytest.mark.parametrize(
+    ("spread", "says"),
+    [
+        (0.2, "the squared error of the part outside came out negative, -12% of the noise of a play, which"),
+        (0.0, "the error of the whole came out with an interval of no width, in noise of 5.7%, which"),
+    ],
+)
+def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str) -> None:
+    """In the first, the noise in the band hides it in the whole."""
+    plays = disturbed(spread)
+    assert shared_power(error_spectra(plays, TARGET)).possible == (spread > 0)
+    found = compare(DRIVE, Played(plays, RATE, 1000.0, 40.0, None), RIG)
+    assert found.verdict == "not shown" and found.reasons[0].startswith(f"Not shown: {says}")
+    assert np.isnan([found.error, *found.interval, found.within.root, found.outside.root]).all()
+    assert np.isnan(found.correlation)
+
+
+def test_plays_without_numbers_fail() -> None:
+    found = judged(share=[0.9, float("nan"), 0.9, 0.9, 0.9])
+    assert found.verdict == "fail" and not found.passed
+    assert "differs from the target by nan% rms (95 % confidence: nan% to nan%)" in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"share": 0.8}, "The laser shows 0.80 times the target, and 0.0% of error beside that factor: its"),
+        ({"share": 1.3, "outside": 0.2}, "The laser shows 1.30 times the target, and 20.0% of error beside"),
+        ({"share": 0.94}, "The laser shows 0.94 times"),
+        ({"share": 0.96}, ""),
+        ({"share": 0.8, "outside": 0.21}, ""),  # more of the error is of another kind
+        ({"share": 0.93, "spread": 0.3}, "The laser shows 0.93 times"),  # the plays' noise is no factor
+        ({"share": [0.8, 0.95, 0.8, 1.0, 0.75]}, ""),  # within three standard errors
+        ({"share": 0.29}, ""),  # it does not follow
+        ({"share": -1.0}, ""),
+    ],
+)
+def test_one_factor_over_the_whole_motion_is_named(given: dict[str, Any], says: str) -> None:
+    """A laser aimed askew, or a patch that came unglued: a check cannot tell which, nor is it silent."""
+    notes = [note for note in judged(**given).notes if note.startswith("The laser shows")]
+    assert len(notes) == bool(says) and all(note.startswith(says) for note in notes)
+
+
 def test_a_failure_says_why_it_probably_is() -> None:
     unseen = "The surface followed 29.0% of the target motion: the patch is not connected, or the laser"
     assert judged(0.29, predicted_error=0.5).reasons[1].startswith(unseen)
