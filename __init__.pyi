@@ -13,6 +13,7 @@ from .acquisition import find_presses as find_presses
 from .acquisition import high_pass as high_pass
 from .acquisition import load_press as load_press
 from .acquisition import load_study as load_study
+from .acquisition import look as look
 from .acquisition import record as record
 from .acquisition import recover as recover
 from .acquisition import representative as representative
@@ -49,6 +50,7 @@ from .calibration import check_feeling as check_feeling
 from .calibration import drive_for as drive_for
 from .calibration import examine as examine
 from .calibration import examine_each as examine_each
+from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep

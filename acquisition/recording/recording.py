@@ -78,7 +78,7 @@ class Recording(InNotebook):
 
     @property
     def imported(self) -> Mapping[str, Any]:
-        """Where a recording of another program comes from: file, sha256, rate_hz, mapping, notes; else empty."""
+        """Origin of a recording of another program: file, sha256, rate_hz, mapping, notes; else empty."""
         return dict(json.loads(self.header.rig).get("imported", {}))
 
     @property

@@ -1,4 +1,4 @@
-"""A whole recording of another program, as a recording that is segmented, judged and represented like one's own.
+"""A whole recording of another program: segmented, judged and represented like one's own.
 
 Samples are kept in SI: a channel's volt is one newton, m/s^2 or metre, at 5000 samples/s and 16 bits of the
 largest value, so that what follows reads it like any other. The file says where it comes from: its name and
@@ -93,10 +93,7 @@ def recording_of(found: Understanding, out: Path) -> Recording:
     events = [
         Event(0, "imported", f"Imported from {found.path.name}, SHA-256 {origin['sha256']}."),
         Event(_still(volts[0], rest), "rest", "Hands were off."),
-        *(
-            Event(a, "filled", f"{what}: {(b - a) / RATE_HZ * 1e3:.3g} ms were not measured.")
-            for a, b, what in holes
-        ),
+        *(Event(a, "filled", f"{what}: {_ms(b - a)} were not measured.") for a, b, what in holes),
     ]
 
     def judge(recording: Recording) -> Sequence[PressVerdict]:
@@ -112,8 +109,8 @@ def _who(found: Understanding) -> tuple[str, str]:
     missing = [f"--{name}" for name, said in (("participant P01", who), ("button NAME", button)) if not said]
     if missing:
         raise ConfigurationError(
-            f"{found.path} does not say who pressed what: add {' and '.join(missing)}, or --names where it stands "
-            "in the files' names."
+            f"{found.path} does not say who pressed what: add {' and '.join(missing)}, or --names where it "
+            "stands in the files' names."
         )
     return str(who), str(button)
 
@@ -139,8 +136,8 @@ def _sensor(signal: Signal, values: FloatArray) -> LinearSensor | Switch:
     if (clipped := _clipped(values)) is not None and signal.role == "acceleration":
         said["range"] = (clipped,)
     return LinearSensor(
-        measures=signal.role, channels=(signal.role,), axes=("z",), matrix=((1.0,),), zero=(zero,), vertical="z",
-        gravity=gravity, **said,
+        measures=signal.role, channels=(signal.role,), axes=("z",), matrix=((1.0,),), zero=(zero,),
+        vertical="z", gravity=gravity, **said,
     )  # fmt: skip
 
 
@@ -172,11 +169,15 @@ def _resampling(rate_hz: float) -> list[str]:
     return [f"Resampled from {rate_hz:g} to {RATE_HZ:g} samples/s{edge}."]
 
 
+def _ms(samples: int) -> str:
+    return f"{1e3 * samples / RATE_HZ:.3g} ms"
+
+
 def _whole(verdict: PressVerdict, holes: Sequence[tuple[int, int, str]]) -> PressVerdict:
     """The verdict on a press, not accepted when too much of it was not measured."""
     lost = [(b - a, what) for a, b, what in holes if a < verdict.end and b > verdict.first]
     longest = max(lost, default=(0, ""))
     if longest[0] <= _FILLED * RATE_HZ:
         return verdict
-    reason = f"{1e3 * longest[0] / RATE_HZ:.3g} ms of {longest[1]} are missing in the file."
+    reason = f"{_ms(longest[0])} of {longest[1]} are missing in the file."
     return verdict._replace(accepted=False, flags=(*verdict.flags, "sensor"), reason=reason)
