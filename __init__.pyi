@@ -119,6 +119,8 @@ from .instruments import Unattended as Unattended
 from .instruments import levels as levels
 from .instruments import load_rig_file as load_rig_file
 from .instruments import log_entries as log_entries
+from .instruments import look_for_hardware as look_for_hardware
+from .instruments import new_rig as new_rig
 from .instruments import open_rig as open_rig
 from .instruments import reset_lockout as reset_lockout
 from .instruments import rig_schema as rig_schema
