@@ -78,7 +78,8 @@ def _ports() -> list[tuple[str, str]]:
 def _visa() -> list[tuple[str, str]]:
     import pyvisa  # noqa: PLC0415
 
-    names = pyvisa.ResourceManager().list_resources()
+    # An installed library knows its resources; pyvisa-py would call for them on the network.
+    names = pyvisa.ResourceManager("@ivi").list_resources()
     return [(name, "") for name in names if not name.startswith("ASRL")]
 
 

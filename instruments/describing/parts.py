@@ -186,6 +186,7 @@ def driven(parts: Parts) -> None:
     _actuator(parts)
     _relay(parts)
     _pick_up(parts)
+    _generator(parts)
     limit = ask.number("limit", "Largest drive (V, of either sign); empty: 50 V")
     if limit is not None:
         parts.table("limits").update(
@@ -280,6 +281,18 @@ def _pick_up(parts: Parts) -> None:
         table[key] = ask.needed(f"pick-up {key}", f"{question}, such as {default}")
     if quantity == "acceleration":
         table["mass"] = ask.needed("pick-up mass", "Its mass (kg), such as 0.002")
+
+
+def _generator(parts: Parts) -> None:
+    if not parts.found.visa:
+        return
+    choices = [("none", "the DAQ plays"), ("keysight-33500", ""), ("rigol-dg1000z", "")]
+    kind = parts.ask.one_of("generator", "A function generator for calibration sweeps?", choices)
+    if kind != "none":
+        table = parts.table("generator")
+        resource = parts.ask.one_of("resource", "Which?", parts.found.visa)
+        # Until somebody says that it is wired to the amplifier, the DAQ's output is.
+        table.update({"driver": _quoted(kind), "resource": _quoted(resource), "output": '"generator"'})
 
 
 def _others() -> list[str]:
