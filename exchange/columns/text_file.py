@@ -31,16 +31,29 @@ _STEP = re.compile(
     r"\b(sampl\w*[ _-]*(interval|period)|delta_?x|increment|abtastintervall|abtastperiode|dt|x_?incr\w*)"
     r"\b[^\d]{0,12}?[\s:=;,]\s*(?P<number>\d[\d.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-zA-Zµμ]*)",
     re.I)  # fmt: skip
+_LABELLED = re.compile(r"([A-Za-z]\w*):\s*([-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)(?=[\s,;]|\Z)")
 _PER = {"khz": 1e3, "ks/s": 1e3, "mhz": 1e6, "ms/s": 1e6}
 
 
 def read_table(path: Path, decimal: str | None) -> Table:
     """Read a file's columns; `decimal` is the decimal sign, if it was told. Raises DataError."""
     try:
-        text = decoded(path)
+        text = _without_labels(decoded(path))
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}.") from None
     return replace(table_of(path, body_of(path, text, decimal)), about=read_sidecar(path).get("about", {}))
+
+
+def _without_labels(text: str) -> str:
+    """A text of `label:value` pairs, as for Arduino's plotter, as columns under their labels."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    pairs = [_LABELLED.findall(line) for line in lines]
+    middle = len(lines) // 2
+    labels = [label for label, _ in pairs[middle]] if lines else []
+    if not labels or _LABELLED.sub("", lines[middle]).strip(" ,;\t"):
+        return text
+    rows = ["\t".join(value for _, value in one) for one in pairs if [label for label, _ in one] == labels]
+    return "\n".join(["\t".join(labels), *rows])
 
 
 def table_of(path: Path, body: Body) -> Table:
@@ -104,11 +117,12 @@ def _shaped(row: list[str], body: Body) -> dict[int, str] | None:
         cells = [rest, *cells[1:]] if rest else cells[1:]
     while cells and (not cells[-1] or cells[-1].lower() in _LESS) and len(cells) - 1 > body.columns[-1]:
         cells.pop()
-    count = sum(bool(cell) for cell in cells)
-    if len(cells) <= body.columns[-1] or count < len(body.columns):
+    if len(cells) <= body.columns[-1]:
         return None
     found = {place: cells[place] for place in body.columns}
-    return found if all(found.values()) else None
+    # The first may have none: pandas writes the numbers of rows under an empty heading.
+    named = list(found.values())[1:] if len(found) > 2 else list(found.values())
+    return found if all(named) else None
 
 
 def _are_units(cells: object) -> bool:

@@ -42,6 +42,7 @@ _AMBIGUOUS = re.compile(r"[-+]?\d+,\d+\Z")
 _SHAPES = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), ("|", "."), ("", "."), ("", ","))
 """Separator ("" for spaces) and decimal sign, the likelier first."""
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "": "spaces"}
+_SEPARATORS = set("\t;|,")
 _SAMPLE = 200
 _RUN = 10
 
@@ -158,7 +159,8 @@ def _fit(sample: Sequence[str], separator: str, decimal: str) -> tuple[int, int]
     if not whole:
         for row in _split(sample, separator):
             width = sum(is_number(cell, decimal) for cell in row)
-            if 2 * width >= len([c for c in row if c.strip()]) and width > 1:
+            words = [cell for cell in row if not _value(cell, decimal)]
+            if width > 1 and width >= len(words) and not any(_SEPARATORS & set(cell) for cell in words):
                 widths[width] = widths.get(width, 0) + 1
         whole = sum(widths.values()) // 2
     return (whole, max(widths, key=widths.__getitem__)) if whole else (0, 0)

@@ -23,8 +23,8 @@ __all__ = ["Hole", "TimeBase", "filled", "holes_of", "on_grid", "time_base"]
 
 _EVEN = 0.01
 """Largest deviation of a stamp, in steps, that is none."""
-_ROUNDED = 0.76
-"""Largest deviation of a rounded stamp, in units of its last digit."""
+_ROUNDED = 1.1
+"""Largest deviation of a rounded stamp, in units of its last digit: half, or one that was cut off."""
 _UNEVEN = 0.35
 """Rms jitter, in steps, beyond which there is no rate."""
 _CERTAIN = 2e-3

@@ -378,6 +378,21 @@ def sigrok(path: Path, w: Written) -> None:
     path.write_text(head + text(np.stack([w.force, w.acceleration, w.switch], axis=1)))
 
 
+def plotter(path: Path, w: Written) -> None:
+    """Arduino's serial plotter."""
+    rows = np.stack([1e6 * w.time, w.force, w.acceleration, w.switch], axis=1).tolist()
+    line = "micros:{:.0f} force:{:.5f} acc:{:.5f} switch:{:.0f}\n".format
+    path.write_text("".join(line(*row) for row in rows))
+
+
+def indexed(path: Path, w: Written) -> None:
+    """pandas: numbers of rows under an empty heading, dates and times with an offset."""
+    stamps = np.datetime64("2026-11-20T10:00:00") + np.rint(1e6 * w.time).astype("timedelta64[us]")
+    rows = zip(stamps.astype(str), text(w.columns()[:, 1:]).splitlines(), strict=True)
+    lines = [f"{k},{stamp.replace('T', ' ')}+01:00,{row}" for k, (stamp, row) in enumerate(rows)]
+    path.write_text("\n".join([",timestamp,force_N,acc [m/s^2],switch", *lines]) + "\n")
+
+
 SI = {"force": "N", "acceleration": "m/s^2"}
 VOLTS = {"force": "0.1 V/N", "acceleration": "0.1 V/g"}
 THREE = {"force": "CH1", "acceleration": "CH2", "activation": "CH3", "units": VOLTS}
@@ -430,6 +445,8 @@ KINDS: Sequence[Kind] = (
     Kind("iso.csv", iso_stamps),
     Kind("datum.csv", german_stamps),
     Kind("coarse.csv", coarse_stamps, rate_error=1e-3, said=("rounded to 1 ms",)),
+    Kind("plotter.txt", plotter, {"units": SI}, lacks=("--unit",)),
+    Kind("indexed.csv", indexed),
     Kind("numpy.txt", numpy_text,
          {"time": 0, "force": 1, "acceleration": 2, "activation": 3, "units": {"time": "s", **SI}},
          lacks=("--unit",)),
