@@ -226,8 +226,8 @@ def _unlearnable(played: Played, target: FloatArray) -> str:
         return ""
     if moved.value + reach >= least:
         return (
-            "The plays' noise hides whether the surface follows the drive: look for what disturbs the laser, "
-            "or use a range or filter with less noise. Nothing can be learnt from these plays."
+            "The plays' noise hides whether the surface follows the drive: the laser does not see the "
+            "surface, or something disturbs it. Nothing can be learnt from these plays."
         )
     return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from these plays."
 
