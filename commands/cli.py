@@ -26,6 +26,7 @@ from .record import record, represent
 from .serve import serve
 from .study import study
 from .table import calibrate, check
+from .tape import tape
 from .twin import twin
 
 __all__ = ["cli", "main"]
@@ -67,6 +68,7 @@ for command in (
     log,
     reset,
     schema,
+    tape,
     twin,
 ):
     cli.add_command(command)

@@ -28,6 +28,8 @@ _OWN = {"min": -100.0, "max": 400.0, "gain": 50.0, "current_peak": 0.1, "current
 class E413(Amplifier):
     """See `Amplifier`."""
 
+    taped = True
+
     own_gain = _OWN["gain"]
 
     class Settings(BaseModel):

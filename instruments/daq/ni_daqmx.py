@@ -38,6 +38,8 @@ __all__ = ["NiDaq"]
 class NiDaq(Daq):
     """See `Daq`."""
 
+    taped = True
+
     class Settings(NiSettings):
         """The `[daq]` table of a rig file."""
 

@@ -21,7 +21,9 @@ from ..arrays import ComplexArray, FloatArray
 from ..bounded import Positive
 from ..clock import Clock
 from ..errors import ConfigurationError, InstrumentError, LimitError
+from ..tape import taped_line
 from .role import Player
+from .taped_audio import TapedAudio
 
 __all__ = ["Audio", "AudioStream", "SoundCard", "at_rate"]
 
@@ -62,6 +64,8 @@ class Audio(Protocol):
 
 class SoundCard(Player):
     """See `Player`. Resamples to the card's rate by FFT, which is exact for band-limited drives."""
+
+    taped = True
 
     class Settings(BaseModel):
         """The `[player]` table of a rig file."""
@@ -113,6 +117,9 @@ class SoundCard(Player):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Find the device. Raises ConfigurationError without sounddevice, InstrumentError."""
+        line = taped_line()
+        if line.playing:
+            return cls(settings, clock, TapedAudio(line, None))
         try:
             audio: Any = importlib.import_module("sounddevice")
         except (ImportError, OSError) as error:
@@ -121,7 +128,7 @@ class SoundCard(Player):
                 f"A sound card is played through sounddevice and PortAudio, which do not load ({error}): "
                 "pip install haploop[sound], and on Linux the distribution's PortAudio."
             ) from None
-        return cls(settings, clock, audio)
+        return cls(settings, clock, TapedAudio(line, audio) if line.taped else audio)
 
     @contextmanager
     def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from ..clock import Clock, RealClock
+from ..clock import Clock
 from ..errors import HaploopError
 from .deadline import DEADLINE
 
@@ -26,7 +26,7 @@ class Watch:
     def __init__(self, clock: Clock, look: Callable[[], None]) -> None:
         self.on = False
         """True while a contact is closed outside a play."""
-        self._real = isinstance(clock, RealClock)
+        self._clock = clock
         self._look = look
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
@@ -34,7 +34,7 @@ class Watch:
     def begin(self) -> None:
         """Start to look."""
         self.on = True
-        if self._real:
+        if self._clock.real:
             self._ended = threading.Event()
             self._thread = threading.Thread(
                 target=self._run, args=(self._ended,), name="watch of a closed contact", daemon=True
@@ -50,7 +50,7 @@ class Watch:
             thread.join(DEADLINE)
 
     def _run(self, ended: threading.Event) -> None:
-        while not ended.wait(_OFTEN):
+        while not self._clock.wait(ended, _OFTEN):
             try:
                 self._look()
             except HaploopError:

@@ -14,6 +14,8 @@ import scipy
 
 from ...instruments.arrays import FloatArray
 from ...instruments.player.sound_card import SoundCard
+from ...instruments.player.taped_audio import TapedAudio
+from ...instruments.tape import taped_line
 from ..plant import Plant, Run
 
 __all__ = ["Card", "Jack", "twin"]
@@ -34,7 +36,9 @@ _SETTLES = 0.5
 
 def twin(settings: SoundCard.Settings, plant: Plant) -> SoundCard:
     """Create the twin: the real driver's class, playing through a simulated card."""
-    return SoundCard(settings, plant.clock, Card(plant, settings.output, settings.channel - 1))
+    card = Card(plant, settings.output, settings.channel - 1)
+    line = taped_line()
+    return SoundCard(settings, plant.clock, TapedAudio(line, card) if line.taped else card)
 
 
 class CallbackStop(Exception):  # noqa: N818  as sounddevice calls it
