@@ -122,7 +122,7 @@ class NiDaq(Daq):
 
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
-        names = {name for card in self._cards.values() for name in (card.name, card.home)}
+        names = dict.fromkeys(name for card in self._cards.values() for name in (card.name, card.home))
         purposes = ("input", "output", "outputs")
         self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)
 

@@ -17,9 +17,18 @@ import numpy as np
 import pytest
 
 import haploop
-from haploop.instruments import ConfigurationError, DataError, HaploopError, InstrumentError, Rig
+from haploop.instruments import (
+    ConfigurationError,
+    DataError,
+    HaploopError,
+    InstrumentError,
+    Rig,
+    entry_points,
+)
 from haploop.instruments.clock import RealClock
+from haploop.instruments.driver import settings_of
 from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, mask
+from haploop.mocks.simulation import Simulation
 from tests.command_line import Run
 
 
@@ -328,3 +337,35 @@ def test_a_program_that_is_killed_leaves_a_tape_that_plays(tmp_path: Path) -> No
     assert player.calls == 20 and not player.whole
     recorder.__exit__(None, None, None)
     assert Player(tape).whole
+
+
+def test_a_play_in_real_time_with_the_relay_s_renewals_is_played_again(tmp_path: Path) -> None:
+    """As on hardware: a rig that is not simulated, on devices that are served; threads of their own renew."""
+    file = haploop.load_rig_file("simulated")
+    world = Simulation(file, RealClock())
+    served = tmp_path / "served.toml"
+    tape = tmp_path / "day.tape"
+    t = np.arange(4000) / 5000
+    wave = 5 * np.hanning(len(t)) * np.sin(2 * np.pi * 200 * t)
+    try:
+        found: dict[str, Any] = {}
+        for role, device in file.devices.items():
+            driver: Any = entry_points.driver_class(device.driver, role)
+            if role in ("daq", "relay"):
+                found |= world.serve(device.driver, settings_of(driver, device, role, "served"))
+            else:
+                world.instrument(role, device, driver, "twin")
+        served.write_text(
+            f'base = "haptable"\nname = "served"\n[daq]\nserver = "{found["server"]}"\n'
+            f'[relay]\nhub = "{found["hub"]}"\ndead_man = 0.5\n'
+        )
+        with haploop.recorded(tape), haploop.open_rig(served) as rig:
+            first = rig.excite(wave, ["A"], ["drive", "laser"])
+    finally:
+        world.close()
+    renewals = [line for line in lines(tape) if line.get("is") == "thread" and "renewal" in line["name"]]
+    assert renewals
+    with haploop.open_rig(simulate=f"tape:{tape}") as rig:
+        assert rig.simulated
+        second = rig.excite(wave, ["A"], ["drive", "laser"])
+    assert first.volts.tobytes() == second.volts.tobytes()
