@@ -13,6 +13,7 @@ from .acquisition import find_presses as find_presses
 from .acquisition import high_pass as high_pass
 from .acquisition import load_press as load_press
 from .acquisition import load_study as load_study
+from .acquisition import look as look
 from .acquisition import record as record
 from .acquisition import recover as recover
 from .acquisition import representative as representative
@@ -70,6 +71,7 @@ from .exchange import export_file as export_file
 from .exchange import import_press as import_press
 from .exchange import import_response as import_response
 from .exchange import is_response_file as is_response_file
+from .exchange import load as load
 from .exchange.catalogue import Entry as Entry
 from .exchange.catalogue import list_files as list_files
 from .exchange.processing import Processed as Processed

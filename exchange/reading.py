@@ -302,7 +302,7 @@ def _drive_about(drive: Drive) -> About:
 
 
 def _check_about(check: Check) -> About:
-    error: About = {"wideband_nrmse": check.wideband_nrmse} if np.isfinite(check.wideband_nrmse) else {}
+    error: About = {"error": check.error} if np.isfinite(check.error) else {}
     return {**_drive_about(check.drive), "verdict": check.verdict, **error}
 
 

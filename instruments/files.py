@@ -18,7 +18,7 @@ import re
 import secrets
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -38,6 +38,7 @@ __all__ = [
     "make_folder",
     "new_file",
     "os_error_text",
+    "paths_of",
     "private_files",
     "publish",
     "reserved",
@@ -67,6 +68,11 @@ def private_files() -> Iterator[None]:
         yield
     finally:
         _private.reset(token)
+
+
+def paths_of(given: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """Several paths, or a single one: a string is a path and not its letters."""
+    return [Path(given)] if isinstance(given, str | os.PathLike) else [Path(one) for one in given]
 
 
 def check_destination(path: Path) -> None:

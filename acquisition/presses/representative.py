@@ -27,7 +27,7 @@ import scipy
 
 from ...instruments import ConfigurationError, DataError
 from ...instruments.arrays import ComplexArray, FloatArray
-from ...instruments.files import check_destination, private_files
+from ...instruments.files import check_destination, paths_of, private_files
 from ...instruments.notebook import InNotebook
 from .. import hdf5
 from ..recording import Recording
@@ -177,14 +177,17 @@ def high_pass(acceleration: FloatArray, rate_hz: float, cutoff_hz: float = 10.0)
     )
 
 
-def load_press(files: Sequence[str | Path], method: AverageMethod = "automatic") -> Representative:
+def load_press(
+    files: str | Path | Sequence[str | Path], method: AverageMethod = "automatic"
+) -> Representative:
     """The press that one file of a representative press holds, or the average of recordings' presses.
 
     Raises DataError for a file of another kind, and the errors of `representative`.
     """
-    if len(files) == 1 and hdf5.kind_of(files[0]) == _KIND:
-        return Representative.load(files[0])
-    return representative([Recording.open(file) for file in files], method=method)
+    paths = paths_of(files)
+    if len(paths) == 1 and hdf5.kind_of(paths[0]) == _KIND:
+        return Representative.load(paths[0])
+    return representative([Recording.open(path) for path in paths], method=method)
 
 
 def representative(

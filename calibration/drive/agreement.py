@@ -9,6 +9,7 @@ noise: it makes the power negative, or its deviation vanish (`dependence`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -20,6 +21,7 @@ __all__ = [
     "SharedPower",
     "dependence",
     "error_spectra",
+    "finite",
     "lines_inside",
     "odd_play",
     "plays_needed",
@@ -82,6 +84,19 @@ class SharedPower:
             return float("nan"), float("nan")
         reach = _quantile(self.plays) * self.deviation
         return float(np.sqrt(max(self.value - reach, 0.0))), float(np.sqrt(max(self.value + reach, 0.0)))
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values for JSON: root, interval and floor; NaN becomes null."""
+        return {
+            "error": finite(self.root),
+            "interval": [finite(edge) for edge in self.interval],
+            "floor": finite(self.floor),
+        }
+
+
+def finite(value: float) -> float | None:
+    """The value for JSON, which has no NaN."""
+    return float(value) if np.isfinite(value) else None
 
 
 def error_spectra(accelerations: FloatArray, target: FloatArray) -> ComplexArray:

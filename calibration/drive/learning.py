@@ -21,10 +21,10 @@ from ...instruments.progress import Progress, part_of, silent
 from ..model import Calibration, even_order
 from ..response import measure_both_signs, prepare
 from .agreement import SharedPower, dependence, error_spectra, lines_inside, shared_power
-from .check import LEAST_MOVED, UNSEEN
 from .correction import ResponseEstimate
 from .drive import Drive
 from .playing import Played, play_by_turns, refuse_foreign, target_of
+from .verdict import LEAST_MOVED, UNSEEN
 
 __all__ = ["Iteration", "Learning", "learn"]
 
@@ -63,21 +63,6 @@ class Iteration:
     """True when there is evidence that noise is not independent from play to play: its errors are wrong."""
 
     @property
-    def nrmse(self) -> float:
-        """Error within the band, without the plays' noise."""
-        return self.within.root
-
-    @property
-    def floor(self) -> float:
-        """Standard error of the mean of the plays, within the band."""
-        return self.within.floor
-
-    @property
-    def wideband_nrmse(self) -> float:
-        """Error of the whole motion, without the plays' noise."""
-        return self.whole.root
-
-    @property
     def measured(self) -> FloatArray:
         """(samples,) m/s^2: mean of the plays."""
         return np.asarray(self.accelerations.mean(axis=0))
@@ -88,7 +73,7 @@ class Learning:
     """Every drive that was tried; the first is the initial one.
 
     `best` is the number of the iteration whose drive is `drive`. `first_again` and `best_again` are the
-    errors (nrmse, within the band) of first and best in the final replay, alternately, after the last
+    errors within the band of first and best in the final replay, alternately, after the last
     iteration: plays that had no part in the selection. Without an improvement they are those of the first
     iteration.
     """
@@ -188,9 +173,9 @@ def learn(
     chosen = drive
     if best:
         # The whole motion errs by no less than the band: noise outside may say so.
-        error = max(best_again.wideband_nrmse, best_again.nrmse)
+        error = max(best_again.whole.root, best_again.within.root)
         chosen = replace(drive, volts=tried[best].volts, predicted_error=error)
-    return Learning(tuple(tried), best, first_again.nrmse, best_again.nrmse, stopped, chosen)
+    return Learning(tuple(tried), best, first_again.within.root, best_again.within.root, stopped, chosen)
 
 
 def _informed(rig: Rig, drive: Drive, calibration: Calibration) -> ResponseEstimate:
@@ -244,7 +229,7 @@ def _unlearnable(played: Played, target: FloatArray) -> str:
 
 def _ended(tried: list[Iteration], best: int, step: float, iterations: int) -> str:
     """Reason to end learning before another correction is planned; empty to continue."""
-    if tried[best].nrmse <= tried[best].floor:
+    if tried[best].within.root <= tried[best].within.floor:
         return "The error within the band is below the plays' noise."
     if step < _LEAST_STEP:
         return "Smaller steps brought no improvement."

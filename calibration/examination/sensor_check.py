@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import scipy
@@ -40,8 +40,8 @@ _PRESS_BAND = (15.0, 100.0)
 """Band (Hz) in which the snap appears in both force and acceleration."""
 
 
-def cards(rig: Rig) -> dict[str, list[str]]:
-    """The measured channels of each card; one card for a DAQ whose channels name no terminals."""
+def cards(rig: Rig) -> Mapping[str, Sequence[str]]:
+    """The measured channels of each card."""
     sensors = rig.sensors
     names = [
         c
@@ -52,12 +52,7 @@ def cards(rig: Rig) -> dict[str, list[str]]:
     names += [extra.channel for extra in sensors.extra.values() if extra.channel not in names]
     if rig.file.vibrometer is not None:
         names.append(rig.vibrometer.channel)
-    channels = rig.file.daq.settings.get("channels", {})
-    groups: dict[str, list[str]] = {}
-    for name in names:
-        terminal = str(channels.get(name, {}).get("terminal", "")) if isinstance(channels, dict) else ""
-        groups.setdefault(terminal.partition("/")[0], []).append(name)
-    return groups
+    return rig.daq.cards(names)
 
 
 def check_noise(rig: Rig) -> Iterator[Finding]:
@@ -216,7 +211,10 @@ def check_clock(rig: Rig) -> Iterator[Finding]:
         f"later {abs(after) * 1e3:.1f} ms apart"
     )
     if max(abs(before), abs(after)) > _APART or abs(after - before) > _DRIFTED:
-        what = "the cards run on clocks of their own. Check the RTSI cable and its entry in NI MAX."
+        what = (
+            "the cards run on clocks of their own. Check the cable between them (of NI cards: RTSI, and its "
+            "entry in NI MAX)."
+        )
         yield Finding("One clock", "daq", "red", f"{measured}: {what}")
     else:
         drift = _DRIFTED / _BETWEEN_PRESSES * 1e6

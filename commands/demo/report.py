@@ -106,9 +106,9 @@ def demo_contents(summary: Mapping[str, Any]) -> Contents:
             fixed(b["activation_force_true_n"], 2, "N"),
             fixed(b["drive_peak_v"], 1, "V"),
             percent(b["in_band"]),
-            percent(b["wideband_nrmse"]),
-            interval(b["wideband_interval"]),
-            percent(b["outside"]),
+            percent(b["whole"]["error"]),
+            interval(b["whole"]["interval"]),
+            percent(b["outside"]["error"]),
             b["feeling"]["felt"],
             verdict_cell(b["verdict"]),
         )

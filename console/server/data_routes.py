@@ -317,7 +317,7 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
     feeling = check_feeling(check, button.press)
     drive = check.drive
     recorded = _recorded(button.press, check)
-    low, high = check.octaves_hz[0], check.octaves_hz[-1]
+    low, high = check.octaves.hz[0], check.octaves.hz[-1]
     begin, end = _loud(check.target)
     step = max(1, round(check.rate_hz / _SHOWN_HZ))
     return {
@@ -335,12 +335,12 @@ def _button(data: DataFolder, asked: Mapping[str, str]) -> Any:
         "target": np.round(check.target[begin:end:step], 4),
         "measured": np.round(check.measured[begin:end:step], 4),
         "drive": np.round(np.interp(_times(begin, end, step, check.rate_hz), _clock(drive), drive.volts), 3),
-        "octaves_hz": check.octaves_hz,
+        "octaves_hz": check.octaves.hz,
         "recorded_db": third_octaves(recorded, check.rate_hz, low * 0.99, high * 1.01)[1],
         "drive_db": third_octaves(drive.volts, drive.rate_hz, low * 0.99, high * 1.01)[1],
-        "target_db": check.target_db,
-        "measured_db": check.measured_db,
-        "floor_db": check.floor_db,
+        "target_db": check.octaves.target_db,
+        "measured_db": check.octaves.measured_db,
+        "floor_db": check.octaves.floor_db,
         "checks": [
             name
             for name in _files(data, {})["checks"]

@@ -101,9 +101,11 @@ class PageOperator(Operator):
         """Write a note into the recording."""
         self._notes.append(text)
 
-    def press(self) -> bool:
-        """Let the simulated participant press now; False when no press is waited for."""
+    def press(self, looking: bool = False) -> bool:
+        """Let the simulated participant press now; False when no press is waited for, nor `looking`."""
         request, self._waiting = self._waiting, None
+        if looking:
+            request = Press("push", "P01", 1, 1)
         if request is None or self._person is None:
             return False
         self._person.tell(request)

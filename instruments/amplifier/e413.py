@@ -28,9 +28,8 @@ _OWN = {"min": -100.0, "max": 400.0, "gain": 50.0, "current_peak": 0.1, "current
 class E413(Amplifier):
     """See `Amplifier`."""
 
-    taped = True
-
     own_gain = _OWN["gain"]
+    arithmetic = True
 
     class Settings(BaseModel):
         """The `[amplifier]` table of a rig file."""
@@ -59,11 +58,6 @@ class E413(Amplifier):
         self.input = settings.input if isinstance(settings.input, str) else ""
         self.inputs = MappingProxyType(dict(settings.input) if isinstance(settings.input, dict) else {})
         self._settings = settings
-
-    @staticmethod
-    def hardware(settings: Settings) -> tuple[str, ...]:
-        """See `Driver.hardware`: none, because it is driven through the DAQ."""
-        return ()
 
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:

@@ -120,6 +120,14 @@ class NiDaq(Daq):
             self._streams.append(stream)
         return stream
 
+    def cards(self, channels: Sequence[str]) -> Mapping[str, Sequence[str]]:
+        """See `Daq.cards`."""
+        groups: dict[str, list[str]] = {}
+        for name in channels:
+            channel = self._settings.channels.get(name)
+            groups.setdefault(device_of(channel.terminal) if channel else "", []).append(name)
+        return groups
+
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
         names = dict.fromkeys(name for card in self._cards.values() for name in (card.name, card.home))

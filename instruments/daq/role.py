@@ -157,6 +157,13 @@ class Daq(Interlocked, ABC):
         The caller must hold the hardware's lock, which proves that no running program uses it.
         """
 
+    def cards(self, channels: Sequence[str]) -> Mapping[str, Sequence[str]]:
+        """`channels` by the name of the card that samples them, for tests of each card and of their clock.
+
+        A DAQ of one card need not override this: the name is then empty.
+        """
+        return {"": channels}
+
     @abstractmethod
     def zero(self) -> None:
         """Write zero volts to every output. Idempotent. Raises InstrumentError.

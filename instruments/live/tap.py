@@ -31,9 +31,9 @@ class Run:
     rig: str
     simulated: bool
     doing: str
-    """"record" or "play"."""
+    """"record", "play" or "look"."""
     about: str
-    """Path of the recording, or the patches that are played."""
+    """Path of the recording, the patches that are played, or empty."""
     channels: tuple[str, ...]
     rate_hz: float
     sensors: Sensors

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from .. import entry_points
 from ..clock import Clock
 from ..config import Device, RigFile
-from ..driver import Driver, Mode, settings_of
+from ..driver import Driver, Mode, is_arithmetic, settings_of
 from ..errors import ConfigurationError, DataError
 from ..operator import Operator, Request, UnansweredError
 from ..tape import Failure, Player, Recorder, TapedLine, current, on_line, taped_line
@@ -163,7 +163,7 @@ def check_recordable(file: RigFile, mode: Mode | None) -> None:
 
 
 def _check_taped(role: str, device: Device, driver: Any, what: str) -> None:
-    if not getattr(driver, "taped", False):
+    if not is_arithmetic(driver) and not getattr(driver, "taped", False):
         raise ConfigurationError(
             f"The {role} cannot be {what} on a tape: its driver {device.driver!r} calls its device past it. "
             "Take it out of the rig file for this session."

@@ -35,8 +35,6 @@ _DELAY = 1.1e-3
 class Pdv100(Vibrometer):
     """See `Vibrometer`."""
 
-    taped = True
-
     class Settings(BaseModel):
         """The `[vibrometer]` table of a rig file."""
 

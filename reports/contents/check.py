@@ -8,6 +8,7 @@ from typing import Any
 
 from ...acquisition import Representative
 from ...calibration import Check, DigitalButton, Feeling, check_feeling
+from ...calibration.drive import SharedPower
 from ...calibration.perception import Levels
 from .. import figures
 from . import captions
@@ -17,8 +18,6 @@ from .press import press_drawing
 from .words import interval, percent, sentence
 
 __all__ = ["button_contents", "check_contents", "feeling_facts", "feeling_values"]
-
-_OF_ITERATION = ("wideband_nrmse", "nrmse", "floor", "kept", "reason")
 
 
 def check_contents(check: Check, press: Representative | None = None, file: Path | None = None) -> Contents:
@@ -59,7 +58,7 @@ def button_contents(button: DigitalButton) -> Contents:
     press, drive, check, learning = button.press, button.drive, button.check, button.learning
     response, feeling = button.calibration.response, check_feeling(check, press)
     tried = [
-        f"{number}: in band {one.nrmse:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
+        f"{number}: in band {one.within.root:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
         for number, one in enumerate(learning.iterations)
     ]
     facts = [
@@ -77,7 +76,15 @@ def button_contents(button: DigitalButton) -> Contents:
         fact(
             "Learning",
             [*tried, learning.stopped],
-            iterations=[{name: getattr(one, name) for name in _OF_ITERATION} for one in learning.iterations],
+            iterations=[
+                {
+                    "whole": one.whole.summary(),
+                    "within": one.within.summary(),
+                    "kept": one.kept,
+                    "reason": one.reason,
+                }
+                for one in learning.iterations
+            ],
             best=learning.best,
             stopped=learning.stopped,
         ),
@@ -160,26 +167,22 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
     yield fact("Verdict", [verdict_cell(check.verdict), *check.reasons, *check.notes])
     yield fact(
         "Error, whole motion",
-        f"{_error(check)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
+        f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
-    yield fact(
-        f"Within {low:.0f} to {high:.0f} Hz", f"{percent(check.nrmse)} ({interval(check.nrmse_interval)})"
-    )
-    yield fact(
-        "Motion outside", f"{percent(check.outside)} of the target ({interval(check.outside_interval)})"
-    )
+    yield fact(f"Within {low:.0f} to {high:.0f} Hz", _error(check.within))
+    yield fact("Motion outside, of the target", _error(check.outside))
     yield fact("Correlation", f"{check.correlation:.4f}, of the envelopes {check.envelope_correlation:.4f}")
-    yield fact("Third octaves", f"{check.third_octave_error_db:.2f} dB")
+    yield fact("Third octaves", f"{check.octaves.error_db:.2f} dB")
     yield fact(
         "Noise of the plays' mean",
-        f"{percent(check.wideband_floor)}, within the band {percent(check.floor)}",
+        f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}",
     )
     yield from feeling_facts(feeling, check.notes)
 
 
-def _error(check: Check) -> str:
-    return f"{percent(check.wideband_nrmse)} ({interval(check.wideband_interval)})"
+def _error(part: SharedPower) -> str:
+    return f"{percent(part.root)} ({interval(part.interval)})"
 
 
 def _verdict(subject: str, check: Check) -> Verdict:
@@ -187,7 +190,7 @@ def _verdict(subject: str, check: Check) -> Verdict:
         subject,
         check.verdict,
         check.passed,
-        f"error {_error(check)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
+        f"error {_error(check.whole)} of at most {percent(check.tolerance, 0)}, n = {check.plays} plays",
         " ".join((*check.reasons, *check.notes)),
     )
 

@@ -62,8 +62,9 @@ def _print_grid(grid: Grid) -> None:
     elif not grid.rows:
         print_line(grid.title)
     else:
-        title = Text(grid.title) if grid.title else None
-        table = Table(box=SIMPLE, title=title, title_justify="left", show_header=bool(grid.headings))
+        if grid.title:
+            print_line(f"\n{grid.title}")  # a table's own title would be broken at the table's width
+        table = Table(box=SIMPLE, show_header=bool(grid.headings), pad_edge=False)
         for index, heading in enumerate(grid.headings or grid.rows[0]):
             table.add_column(
                 text_of(heading) if grid.headings else "",

@@ -36,7 +36,7 @@ def test_a_button_is_made_shown_and_verified(
     values = json.loads(again.stdout)
     assert again.exit_code == 0 and values["passed"]
     kept = haploop.Check.load(tmp_path / values["file"])
-    assert len(kept.accelerations) == 8 and kept.wideband_nrmse == values["wideband_nrmse"]
+    assert len(kept.accelerations) == 8 and kept.error == values["whole"]["error"]
     assert run("button", "check", made, "--plays", 2).exit_code == 2
     assert "exists" in run("button", "check", made, "-o", values["file"]).output
 

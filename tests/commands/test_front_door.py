@@ -53,7 +53,7 @@ WORK = {
     "export": ["export_file", "Exported"],
     "import": ["is_response_file", "import_press", "import_response", "Calibration"],
     "doctor": ["examine", "examine_each", "Finding"],
-    "live": ["load_rig_file", "watch_live", "levels"],
+    "live": ["load_rig_file", "watch_live", "look", "levels"],
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],

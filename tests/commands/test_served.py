@@ -132,10 +132,24 @@ def test_every_kind_is_served(tmp_path: Path, rig: str) -> None:
 
 
 def test_nothing_to_watch_is_one_sentence(run: Run) -> None:
-    result = run("live", "--rig", "simulated")
+    result = run("live", "--rig", "simulated", "--wait", 0.1)
     assert result.exit_code == 2
-    assert result.output.startswith("Error: No running program publishes the rig 'simulated'")
-    assert len(result.output.strip().splitlines()) == 1
+    waited, told = result.output.strip().splitlines()
+    assert waited == "Waiting for a command that uses the rig simulated."
+    assert told.startswith("Error: No running program publishes the rig 'simulated'")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a POSIX signal")
+def test_alone_it_looks_at_the_sensors_itself(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "haploop", "live", "--rig", "simulated", "--json"]
+    with _running(command, tmp_path) as program:
+        assert program.stdout is not None
+        blocks = [json.loads(program.stdout.readline()) for _ in range(3)]
+        program.send_signal(signal.SIGINT)
+        _, said = program.communicate(timeout=60)
+    assert [block["doing"] for block in blocks] == ["look"] * 3
+    assert program.returncode == 130 and "Traceback" not in (said or "")
+    assert not list(tmp_path.glob("**/*.h5"))
 
 
 @pytest.mark.parametrize("live", ["on", "off"])

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ....instruments.daq.ni_daqmx import NiDaq
+from ....instruments.daq.ni_settings import device_of
 from ...plant import Plant
 from .server import NiServer
 from .standalone import inventory_of
@@ -20,6 +21,8 @@ def wire(settings: NiDaq.Settings, plant: Plant) -> Iterator[dict[str, Any]]:
 
     Channels and outputs are nodes of the plant with the same names.
     """
+    for name, channel in settings.channels.items():
+        plant.sample_by(name, device_of(channel.terminal))
     inventory, wiring, rtsi = inventory_of(settings.devices), wiring_of(settings), plant.has_rtsi()
     with NiServer(inventory, plant, wiring, rtsi=rtsi, seed=plant.settings.seed) as server:
         yield {"server": server.address}

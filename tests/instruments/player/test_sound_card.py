@@ -369,4 +369,4 @@ def test_a_drive_made_through_the_sound_card_passes_its_check(open: OpenRig) -> 
     result = check(rig, drive_for(make_press(), calibration, rig.limits))
     assert result.passed and result.reasons == ()
     # 7 % by the DAQ's output; the coupling takes away what undoes the patch's hysteresis below 20 Hz.
-    assert result.nrmse < 0.13 and result.correlation > 0.99 and result.floor < 0.02
+    assert result.within.root < 0.13 and result.correlation > 0.99 and result.within.floor < 0.02
