@@ -35,6 +35,8 @@ _DELAY = 1.1e-3
 class Pdv100(Vibrometer):
     """See `Vibrometer`."""
 
+    taped = True
+
     class Settings(BaseModel):
         """The `[vibrometer]` table of a rig file."""
 
