@@ -163,7 +163,7 @@ def map_responses(path: Path) -> Responses:
             level=plan.level,
             levels=none,
             level_gain=none.astype(np.complex128),
-            velocity_range=np.inf,
+            pickup_range=np.inf,
             excitation="vibration map: the modes fitted to all of its points",
             source="map",
             rig=plan.rig,

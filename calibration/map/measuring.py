@@ -199,7 +199,7 @@ class _Player:
                 rows.append((number, patch))
             laser = capture.channels.index(rig.vibrometer.channel)
             paths = Channels(capture.rate_hz, 0.0, float(capture.delays[laser]), rig.vibrometer.response)
-            speed = rig.vibrometer.to_velocity(capture.volts[laser])[: len(self._all)]
+            speed = rig.vibrometer.to_si(capture.volts[laser])[: len(self._all)]
             velocity = paths.velocity(scipy.fft.rfft(speed)[self._lines], self._f)
             if not self._follows(velocity, name):
                 source = f"patch {name}" if name in drive else "the patches"

@@ -41,6 +41,7 @@ from ...instruments.arrays import FloatArray
 from ...reports.contents import experiment_contents
 from ...reports.figures import activation_time, trend
 from ..data_folder import DataFolder, store_of
+from .lab import lab
 
 __all__ = ["data_routes"]
 
@@ -76,6 +77,7 @@ def data_routes(data: DataFolder) -> list[Route]:
         return Route(path, answer)
 
     return [
+        route("/api/lab", lab),
         route("/api/files", _files),
         route("/api/catalogue", _catalogue),
         route("/api/presses", _presses),

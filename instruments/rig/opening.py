@@ -16,6 +16,7 @@ from ..daq import Daq
 from ..driver import TAPE, Driver, Mode, Simulation, hardware_of, settings_of
 from ..errors import ConfigurationError, HaploopError, InstrumentError
 from ..operator import Operator
+from ..relay import DirectWire
 from ..reported_scales import compare_scales
 from ..safety import hold
 from ..tape import Player, Recorder, current
@@ -42,8 +43,8 @@ def open_rig(
     overrides keys of the file's `[simulation]` table; `plant` replaces its plant by an object
     (docs/how-to/adding-a-plant.md). With `real_time`, a
     simulated rig takes as long as hardware does, for a person who acts on it. Connecting changes no
-    output. Hardware is locked while it is open: no other program, and no other rig of this one, can open
-    it.
+    output, but of a rig without a relay: there they are set to zero, and held. Hardware is locked while it is
+    open: no other program, and no other rig of this one, can open it.
 
     Raises ConfigurationError, and InstrumentError when an instrument is missing or in use.
     """
@@ -191,6 +192,8 @@ def _connect(rig: Rig) -> None:
         if isinstance(instrument, Daq) and (not rig.simulation or is_of_hardware(rig.simulation)):
             # The lock proves that no running program on this computer uses it.
             instrument.clear_left()
+    if rig.file.wiring == "direct" and rig.has("amplifier"):
+        rig.adopt("relay", DirectWire(rig.table.patches))
     rig.complete()
 
 

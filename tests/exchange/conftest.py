@@ -46,7 +46,7 @@ def make_response(rig_file: str) -> Response:
         level=10.0,
         levels=none,
         level_gain=none.astype(np.complex128),
-        velocity_range=0.02,
+        pickup_range=0.02,
         excitation="made for a test",
         source="measured",
         rig="simulated",

@@ -182,6 +182,37 @@ def test_a_verdict_and_its_reason(given: dict[str, Any], verdict: str, says: str
     assert (found.reasons == ()) if not says else found.reasons[0].startswith(says)
 
 
+def disturbed(spread: float) -> np.ndarray:
+    """Eight plays of a tone outside the band at evenly spread phases, and of noise that is independent."""
+    rng = np.random.default_rng(3)
+    plays = []
+    for turn in range(8):
+        moved = 0.9 * TARGET + 0.3 * np.sin(2 * np.pi * (400 * T + turn / 8))
+        for size, tones in ((spread, range(205, 296, 5)), (1e-3, range(310, 900, 20))):
+            for hz in tones:
+                moved += size * rng.normal() * np.sin(2 * np.pi * hz * T)
+                moved += size * rng.normal() * np.cos(2 * np.pi * hz * T)
+        plays.append(moved)
+    return np.array(plays)
+
+
+@pytest.mark.parametrize(
+    ("spread", "says"),
+    [
+        (0.2, "the squared error of the part outside came out negative, -12% of the noise of a play, which"),
+        (0.0, "the error of the whole came out with an interval of no width, in noise of 5.7%, which"),
+    ],
+)
+def test_evidence_of_dependence_takes_every_error_away(spread: float, says: str) -> None:
+    """In the first, the noise in the band hides it in the whole."""
+    plays = disturbed(spread)
+    assert shared_power(error_spectra(plays, TARGET)).possible == (spread > 0)
+    found = compare(DRIVE, Played(plays, RATE, 1000.0, 40.0, None), RIG)
+    assert found.verdict == "not shown" and found.reasons[0].startswith(f"Not shown: {says}")
+    assert np.isnan([found.error, *found.interval, found.within.root, found.outside.root]).all()
+    assert np.isnan(found.correlation)
+
+
 def test_plays_without_numbers_fail() -> None:
     found = judged(share=[0.9, float("nan"), 0.9, 0.9, 0.9])
     assert found.verdict == "fail" and not found.passed
