@@ -50,6 +50,7 @@ from .calibration import check_feeling as check_feeling
 from .calibration import drive_for as drive_for
 from .calibration import examine as examine
 from .calibration import examine_each as examine_each
+from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep

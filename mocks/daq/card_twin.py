@@ -86,11 +86,16 @@ class Terminal:
 
     def volts(self, now: float) -> float:
         """Volts at `now` (s)."""
+        return float(self.at(np.array([now]))[0])
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Volts at `times` ((times,) s), none of which lies before the present run."""
         run = self._run
-        if run is None or run.start > now:
-            return 0.0
-        step = int((now - run.start) / run.period + 1e-3) if len(run.values) > 1 else 0
-        return float(run.values[min(step, len(run.values) - 1)])
+        if run is None:
+            return np.zeros(len(times))
+        steps = np.floor((times - run.start) / run.period + 1e-3)
+        index = np.clip(steps, 0, len(run.values) - 1).astype(np.int64)
+        return np.where(times < run.start, 0.0, run.values[index])
 
     def take(self, until: float) -> Sequence[Run]:
         """See `haploop.mocks.plant.Source.take`."""
@@ -323,6 +328,10 @@ class _CardStream(Stream):
                     rows = self._plant.read(share.channels, edges + share.delays[:, np.newaxis])
                 except SamplesLost as lost:
                     raise daq._lost(share.card, lost) from None
+                for row, name in enumerate(share.channels):
+                    plugged = self._plant.cables.get(name)
+                    if plugged in daq._outputs:
+                        rows[row] = daq._outputs[plugged].at(edges + share.delays[row])
                 converted = convert(rows, share.ranges, share.card, share.noise)
                 parts.append(converted[0])
                 overloads.append(converted[1])
