@@ -39,11 +39,14 @@ _LOOK = 0.25
 _SLICE = 0.1
 """Longest delay of Ctrl-C meanwhile (s)."""
 _SILENCE = 15.0
-"""Time for a device server to answer a call (s); a read includes the wait for its block."""
+"""Time for a device server to answer a call, beyond what the call itself waits (s)."""
 
 
 class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
     """Sets a deadline on each call: nidaqmx sets none, and would wait for ever for a silent server.
+
+    A call that waits for samples, or for the end of a task, says how long: the server has that time and the
+    usual one for its answer.
 
     Ctrl-C comes after the call: within, it leaves grpc's lock locked, and every later call hangs.
     """
@@ -52,8 +55,10 @@ class _Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
         self._seconds = seconds
 
     def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+        waits = getattr(request, "timeout", 0.0) or getattr(request, "time_to_wait", 0.0)
+        seconds = self._seconds + max(0.0, waits if isinstance(waits, float) else 0.0)
         with uninterrupted():
-            return continuation(details._replace(timeout=self._seconds), request)
+            return continuation(details._replace(timeout=seconds), request)
 
 
 class _Version(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
