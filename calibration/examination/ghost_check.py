@@ -56,14 +56,14 @@ def _of_card(rig: Rig, channels: Sequence[str]) -> Iterator[Finding]:
         part = float(shift.mean()) / gap
         if abs(shift.mean()) > _SIGMAS * error and part > _PART:
             ghosts.append((channels[row], channels[before], part))
-    for name, neighbour, part in ghosts:
+    for name, other, part in ghosts:
         yield Finding(
             f"Ghost in {name}",
             "daq",
             "yellow",
-            f"{name} shows {part:.1%} of the difference to {neighbour}, which its card converts before it: its "
+            f"{name} shows {part:.1%} of the difference to {other}, which its card converts before it: its "
             "source has a high impedance. Give it a buffer, convert more slowly (ai_conv_rate in [daq]), or "
-            f"let it follow a channel of nearly its own volts, not {neighbour}: by the order of the rig file.",
+            f"let it follow a channel of nearly its own volts, not {other}: by the order of the rig file.",
         )
 
 
