@@ -104,13 +104,14 @@ class DaqConformance(Conformance):
             assert [b.first for b in blocks] == [0, 30]
 
     def test_a_stream_says_how_it_samples(self, daq: Daq) -> None:
-        """The real rate is near the one asked for; delays lie within a period, ranges above zero."""
+        """The real rate is near the one asked for; delays end within a period, ranges lie above zero."""
         with daq.stream(self.channels, self.rate_hz, 50, 50) as stream:
             count = len(self.channels)
             assert stream.channels == tuple(self.channels)
             assert stream.rate_hz == pytest.approx(self.rate_hz, rel=0.01)
             assert np.shape(stream.delays) == np.shape(stream.full_scale) == (count,)
-            assert np.all(stream.delays >= 0) and np.all(stream.delays < 1 / stream.rate_hz)
+            # A digital filter makes a sample older than its edge.
+            assert np.all(np.isfinite(stream.delays)) and np.all(stream.delays < 1 / stream.rate_hz)
             assert np.all(stream.full_scale > 0)
             (block,) = self.in_time(lambda: list(stream))
         assert np.all(np.abs(block.volts) <= 1.1 * stream.full_scale[:, np.newaxis])

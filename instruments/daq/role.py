@@ -62,7 +62,8 @@ class Stream(ABC):
     """Actual sample rate of the hardware (Hz)."""
     delays: FloatArray
     """(channels,) delay of each channel's sampling after the clock edge (s): a multiplexed card samples
-    its channels one after the other."""
+    its channels one after the other, and the digital filter of a delta-sigma converter delivers what was
+    before the edge, which is negative here."""
     full_scale: FloatArray
     """(channels,) V: the input range, as +- full scale."""
 

@@ -26,6 +26,8 @@ from ..clock import Clock
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..inbox import Inbox
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
+from ..tape import taped_line
+from ..taped_audio import on_tape
 from .role import Block, Daq, Stream
 
 __all__ = ["SoundCardDaq"]
@@ -80,6 +82,8 @@ class Output(_Section):
 
 class SoundCardDaq(Daq):
     """See `Daq`. An AC-coupled output holds no voltage: a waveform with a mean is refused."""
+
+    taped = True
 
     class Settings(_Section):
         """The `[daq]` table of a rig file."""
@@ -153,7 +157,8 @@ class SoundCardDaq(Daq):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Find the device. Raises ConfigurationError without sounddevice, InstrumentError."""
-        return cls(settings, clock, load())
+        line = taped_line()
+        return cls(settings, clock, on_tape(line, None if line.playing else load()))
 
     def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.response`: the input's AC coupling."""
