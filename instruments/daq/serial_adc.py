@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ..arrays import BoolArray, FloatArray
 from ..bounded import Finite, NotNegative, Positive
 from ..clock import Clock
+from ..config import RigFile, lacks
 from ..driver import one_name
 from ..errors import ConfigurationError, InstrumentError
 from ..recorded_along import Reading
@@ -136,6 +137,24 @@ class SerialAdc(FreeRunning):
                 )
             return self
 
+        def contradictions(self, file: RigFile) -> Iterator[tuple[str, str]]:
+            """See `haploop.instruments.config.contradictions`."""
+            if file.adc is None or file.adc.settings.get("port") != self.port:
+                if file.rate_hz != self.rate_hz:
+                    clause = (
+                        f"the only DAQ sends {self.rate_hz:g} frames a second, and recordings have rate_hz = "
+                        f"{file.rate_hz:g}: write rate_hz = {self.rate_hz:g} at the top"
+                    )
+                    yield "rate_hz", clause
+                return
+            known = file.daq.settings.get("channels")
+            for name in self.channels:
+                if isinstance(known, Mapping) and name in known:
+                    yield "channels", f"{name!r} is also a channel of [daq]: give one of them another name"
+            if self.edge is not None and lacks(file, "channels", self.edge.channel):
+                clause = f"{self.edge.channel!r} is no channel of [daq]: name one of {', '.join(known or ())}"
+                yield "edge", clause
+
     reads: tuple[str, ...] = ("frames lost", "time uncertainty")
     reads_hz = 1.0
 
@@ -145,8 +164,7 @@ class SerialAdc(FreeRunning):
         self.channels = {name: channel.range for name, channel in settings.channels.items()}
         edge = settings.edge
         self.edge = None if edge is None else Edge(edge.channel, edge.threshold)
-        self.lost = 0
-        """Frames that were lost or damaged since it was opened."""
+        self._lost = 0
         self._decoder = Decoder(settings.frame)
         self._times = ArrivalClock(settings.rate_hz)
         self._frames: list[Frame] = []
@@ -211,6 +229,11 @@ class SerialAdc(FreeRunning):
         """
         frame = 0.5 / self._times.rate_hz
         return frame if self._corrected is not None else max(frame, self._settings.latency_error)
+
+    @property
+    def lost(self) -> int:
+        """Frames that were lost or damaged since it was opened."""
+        return self._lost
 
     @property
     def latency(self) -> float:
@@ -367,7 +390,7 @@ class SerialAdc(FreeRunning):
         missed = round(slip * self._times.rate_hz)
         if missed and self._settings.counter is None:
             self._frames += [None] * missed
-            self.lost += missed
+            self._lost += missed
 
     def _number(self, frame: Frame) -> None:
         """Append a frame, after as many damaged ones as the counter tells to have been lost."""
@@ -381,10 +404,10 @@ class SerialAdc(FreeRunning):
                     (n for n, f in enumerate(reversed(self._frames)) if f is not None), len(self._frames)
                 )
                 self._frames += [None] * max(missed - damaged, 0)
-                self.lost += max(missed - damaged, 0)
+                self._lost += max(missed - damaged, 0)
             self._counted = counted
         if frame is None:
-            self.lost += 1
+            self._lost += 1
         self._frames.append(frame)
         if frame is not None and settings.edge is not None:
             high = frame[settings.edge.column - 1] > settings.edge.level
