@@ -50,6 +50,7 @@ from .calibration import check_feeling as check_feeling
 from .calibration import drive_for as drive_for
 from .calibration import examine as examine
 from .calibration import examine_each as examine_each
+from .calibration import examine_loop as examine_loop
 from .calibration import fit as fit
 from .calibration import learn as learn
 from .calibration import linear_sweep as linear_sweep
@@ -111,10 +112,14 @@ from .instruments import Unattended as Unattended
 from .instruments import levels as levels
 from .instruments import load_rig_file as load_rig_file
 from .instruments import log_entries as log_entries
+from .instruments import mask as mask
 from .instruments import open_rig as open_rig
+from .instruments import played as played
+from .instruments import recorded as recorded
 from .instruments import reset_lockout as reset_lockout
 from .instruments import rig_schema as rig_schema
 from .instruments import silent as silent
+from .instruments import tape_rig as tape_rig
 from .instruments import watch_live as watch_live
 from .mocks.participant import ParticipantModel as ParticipantModel
 from .mocks.participant import SimulatedParticipant as SimulatedParticipant

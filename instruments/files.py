@@ -17,7 +17,6 @@ import os
 import re
 import secrets
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
@@ -83,9 +82,14 @@ def check_destination(path: Path) -> None:
     """
     try:
         make_folder(path.parent)
-        with tempfile.TemporaryFile(dir=path.parent):
+        with _part_of(path):  # under the longest name that it will have
             pass
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise ConfigurationError(
+                f"{path.name[:20]}... has {len(path.name)} characters, which is too long a name for a file: "
+                "choose a shorter one."
+            ) from None
         raise ConfigurationError(
             f"The folder {path.parent} cannot be written ({os_error_text(error)}): choose another folder."
         ) from None

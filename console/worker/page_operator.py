@@ -8,7 +8,18 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from ...instruments import InstrumentError, Operator
-from ...instruments.operator import Aim, Place, Press, Remove, Request, Rest, TakeTarget, Target
+from ...instruments.operator import (
+    Aim,
+    Cable,
+    Place,
+    Press,
+    Remove,
+    Request,
+    Rest,
+    TakeTarget,
+    Target,
+    Uncable,
+)
 from .board import Board
 
 __all__ = ["PageOperator"]
@@ -53,7 +64,7 @@ class PageOperator(Operator):
         if (
             self._person is not None
             and self._board["auto"]
-            and isinstance(request, Aim | Place | Remove | Rest | TakeTarget | Target)
+            and isinstance(request, Aim | Cable | Place | Remove | Rest | TakeTarget | Target | Uncable)
         ):
             self._show(request, asks=False)
             return self._person.confirm(request)

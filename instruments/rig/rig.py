@@ -59,7 +59,8 @@ class Rig(Instruments, InNotebook):
         self.mode = mode
         self.hardware = frozenset(hardware)
         """Pieces of hardware that one rig may use at a time, and on which a lockout is set."""
-        self.audit = Audit(file, state_folder(file, mode is not None), mode is not None)
+        own = getattr(simulation, "state", None)  # of a tape, whose plays are nobody's acts
+        self.audit = Audit(file, own or state_folder(file, mode is not None), mode is not None)
         direct = file.table.patches if file.wiring == "direct" and file.amplifier and file.table else ()
         self._outputs = Outputs(self._roles, direct)
         self._lockouts = lockouts_folder(self.audit.folder, mode is not None)

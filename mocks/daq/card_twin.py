@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...instruments.arrays import FloatArray
+from ...instruments.arrays import BoolArray, FloatArray
 from ...instruments.daq import Block, Daq, Stream
 from ...instruments.errors import ConfigurationError, HaploopError, InstrumentError, LimitError
 from ..plant import Plant, PlayStopped, Run, SamplesLost
@@ -57,6 +57,8 @@ class Card:
     """True when the outputs go from 0 V upwards."""
     rates_hz: tuple[float, ...] = ()
     """The only rates that it runs at; empty: any up to `ai_rate_hz`."""
+    counters: tuple[str, ...] = ()
+    """Channels that count: their nodes carry counts, and their rows are whole, from 0 on."""
 
     def __post_init__(self) -> None:
         """Fill in what follows from other figures."""
@@ -86,11 +88,16 @@ class Terminal:
 
     def volts(self, now: float) -> float:
         """Volts at `now` (s)."""
+        return float(self.at(np.array([now]))[0])
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Volts at `times` ((times,) s), none of which lies before the present run."""
         run = self._run
-        if run is None or run.start > now:
-            return 0.0
-        step = int((now - run.start) / run.period + 1e-3) if len(run.values) > 1 else 0
-        return float(run.values[min(step, len(run.values) - 1)])
+        if run is None:
+            return np.zeros(len(times))
+        steps = np.floor((times - run.start) / run.period + 1e-3)
+        index = np.clip(steps, 0, len(run.values) - 1).astype(np.int64)
+        return np.where(times < run.start, 0.0, run.values[index])
 
     def take(self, until: float) -> Sequence[Run]:
         """See `haploop.mocks.plant.Source.take`."""
@@ -133,6 +140,7 @@ class CardTwin(Daq):
         samples: int | None,
         play: Mapping[str, FloatArray] | None,
     ) -> Stream:
+        rate_hz = self._rate(channels, rate_hz, play or {})
         self._refuse(channels, rate_hz, play or {})
         shares: list[_Share] = []
         for card in self._cards:
@@ -141,7 +149,11 @@ class CardTwin(Daq):
                 noise = noise_of(self._plant.settings.seed, card.label, self._starts[card.label])
                 self._starts[card.label] += 1
                 ranges = np.array([self._range(card, c) for c in mine])
-                shares.append(_Share(card, mine, ranges, self._delays(card, rate_hz, len(mine)), noise))
+                delays = np.zeros(len(mine))
+                counts = np.array([c in card.counters for c in mine])
+                analog = [c for c in mine if c not in card.counters]
+                delays[~counts] = self._delays(card, rate_hz, analog)
+                shares.append(_Share(card, mine, ranges, delays, noise, counts))
         start = self._plant.clock.now()
         if play:
             # The plant takes what stood on the outputs until now, before it is replaced.
@@ -185,8 +197,13 @@ class CardTwin(Daq):
         """Input range of a channel (+- V)."""
         return card.channels[channel]
 
-    def _delays(self, card: Card, rate_hz: float, count: int) -> FloatArray:
-        """Delays of the conversions of `count` channels after the clock edge, (count,) s."""
+    def _rate(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> float:
+        """Rate at which the cards really sample `channels` when `rate_hz` is asked for."""
+        return rate_hz
+
+    def _delays(self, card: Card, rate_hz: float, channels: Sequence[str]) -> FloatArray:
+        """Delays of the conversions of `channels` after the clock edge, (channels,) s."""
+        count = len(channels)
         interval = 0.0 if card.ai_simultaneous or count == 1 else 1 / card.ai_rate_hz
         return np.arange(count, dtype=np.float64) * interval
 
@@ -232,7 +249,7 @@ class CardTwin(Daq):
                 f"{', '.join([*self._card_of, *self._outputs])}."
             )
         for card in self._cards:
-            count = sum(self._card_of[c] is card for c in channels)
+            count = sum(self._card_of[c] is card and c not in card.counters for c in channels)
             if count:
                 _refuse_rate(card, rate_hz, count)
         if len({len(volts) for volts in play.values()}) > 1:
@@ -278,6 +295,19 @@ class _Share:
     ranges: FloatArray
     delays: FloatArray
     noise: np.random.Generator
+    counts: BoolArray
+    """True for each channel that counts."""
+    zeros: dict[int, FloatArray] = field(default_factory=dict)
+
+    def counted(
+        self, rows: FloatArray, volts: FloatArray, overload: BoolArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Replace the rows of counters by whole counts since the stream began."""
+        whole = np.floor(rows[self.counts])
+        whole -= self.zeros.setdefault(0, whole[:, :1])
+        volts[self.counts] = whole
+        overload[self.counts] = np.abs(whole).max(axis=1) >= self.ranges[self.counts]
+        return volts, overload
 
 
 @dataclass(frozen=True)
@@ -316,14 +346,21 @@ class _CardStream(Stream):
         while self._open and (plan.samples is None or first < plan.samples):
             count = plan.block if plan.samples is None else min(plan.block, plan.samples - first)
             edges = plan.start + (first + np.arange(count)) / self.rate_hz
-            self._plant.clock.sleep(edges[-1] + self.delays.max() - self._plant.clock.now())
+            # A filter's delay is of the past.
+            self._plant.clock.sleep(edges[-1] + max(0.0, self.delays.max()) - self._plant.clock.now())
             parts, overloads = [], []
             for share in self._shares:
                 try:
                     rows = self._plant.read(share.channels, edges + share.delays[:, np.newaxis])
                 except SamplesLost as lost:
                     raise daq._lost(share.card, lost) from None
+                for row, name in enumerate(share.channels):
+                    plugged = self._plant.cables.get(name)
+                    if plugged in daq._outputs:
+                        rows[row] = daq._outputs[plugged].at(edges + share.delays[row])
                 converted = convert(rows, share.ranges, share.card, share.noise)
+                if share.counts.any():
+                    converted = share.counted(rows, *converted)
                 parts.append(converted[0])
                 overloads.append(converted[1])
             if daq._times_zeroed != self._zeroed and first < plan.length:

@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
+from ...instruments.daq.ni_settings import Channel
 from ...instruments.errors import ConfigurationError
 
 __all__ = ["PRODUCTS", "Product", "convert_interval", "described", "input_range"]
@@ -60,10 +61,6 @@ class Product:
     """Master timebase of a delta-sigma converter, which samples at this / 256 / n; 0 for any other."""
     ai_rate_least_hz: float = 0.0
     """Lowest sample rate; 0 for that of the timebase's divider."""
-    ai_delay_samples: float = 0.0
-    """Delay of a delta-sigma converter's filter, in samples."""
-    ai_delay_s: float = 0.0
-    """Its part that does not depend on the rate (s)."""
     ai_ranges: tuple[float, ...] = ()
     """Input ranges as +- full scale (V), widest first."""
     ai_bits: int = 16
@@ -121,9 +118,33 @@ class Product:
         )
         return tuple(config for config in listed if paired or config != "diff")
 
-    def filter_delay(self, rate_hz: float) -> float:
-        """Delay of the inputs' digital filter at a sample rate (s)."""
-        return self.ai_delay_samples / rate_hz + self.ai_delay_s
+    def unfit(self, channel: Channel) -> str | None:
+        """Say why a channel of a rig file does not fit the product, in a sentence; None when it fits."""
+        tail = channel.terminal.partition("/")[2].lower()
+        if channel.counter is not None:
+            number = int("".join(c for c in tail if c.isdecimal()))
+            return None if number < self.counters else f"a {self.name} has {self.counters} counters."
+        count = max(self.ai_single_ended, self.ai_differential)
+        names = list(self.ai_names) or [f"ai{i}" for i in range(count)]
+        if tail not in names:
+            own = f"inputs {names[0]} to {names[-1]}" if names else "no inputs"
+            return f"a {self.name} has {own}, no {tail}."
+        number = int(tail.removeprefix("ai")) if tail.startswith("ai") else 0
+        has: dict[str, tuple[object, tuple[object, ...]]] = {
+            "configuration": (channel.config, ("default", *self.configurations(number))),
+            "coupling": (channel.coupling, (None, *self.ai_couplings)),
+            "excitation (A)": (channel.excitation, (None, *self.ai_excitation)),
+            "bridge excitation (V)": (
+                channel.bridge and channel.bridge_excitation, (None, *self.ai_bridge_excitation)
+            ),
+        }  # fmt: skip
+        for what, (asked, taken) in has.items():
+            if asked not in taken:
+                listed = ", ".join(str(value) for value in taken if value is not None) or "none"
+                return f"{tail} of a {self.name} has the {what} {listed}, not {asked}."
+        if channel.bridge is None and self.ai_measures and "VOLTAGE" not in self.ai_measures:
+            return f"a {self.name} does not measure volts: say what its inputs supply (bridge)."
+        return None
 
     def sample_rate(self, asked: float) -> float:
         """Sample rate that a delta-sigma converter takes for one that is asked: the next higher of its own.

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ...instruments.daq.ni_daqmx import NiDaq
-from ...instruments.daq.ni_sentences import cut_off, refused, zeroed
+from ...instruments.daq.ni_filters import filter_delay
+from ...instruments.daq.ni_sentences import cut_off, other_rate, refused, zeroed
 from ...instruments.daq.ni_settings import device_of
 from ...instruments.errors import ConfigurationError, HaploopError
 from ..plant import Plant, PlayStopped, SamplesLost
 from .card_twin import Card, CardTwin
 from .converter import LOST, STOPPED
-from .products import PRODUCTS, Product, convert_interval, input_range
+from .products import Product, convert_interval, described, input_range
 
 __all__ = ["DaqTwin"]
 
 
 _NO_CABLE = -89125
 """NI's error for cards without a trigger line between them."""
+_UNSUPPORTED, _TOO_FAST, _TOO_SLOW = -200077, -200332, -200331
+"""NI's errors for what a product does not support, and for rates that it has not."""
+_PLAYED = 1e-3
+"""Largest relative difference from the rate that a waveform was made for, as the driver's."""
 
 
 class DaqTwin(CardTwin):
@@ -28,11 +34,15 @@ class DaqTwin(CardTwin):
 
     def __init__(self, settings: NiDaq.Settings, plant: Plant) -> None:
         self._settings = settings
-        self._products = {device: _product(device, name) for device, name in settings.devices.items()}
+        known = described(settings.products)
+        self._products = {device: _product(device, name, known) for device, name in settings.devices.items()}
+        _refuse_terminals(settings, self._products)
         super().__init__(plant, *(_card(name, p, settings) for name, p in self._products.items()))
 
     def _range(self, card: Card, channel: str) -> float:
-        """Return the card's next wider range (+- V), as the driver chooses it."""
+        """Return the card's next wider range (+- V), as the driver chooses it; what a counter may count."""
+        if channel in card.counters:
+            return card.channels[channel]
         product, wanted = self._products[card.device], card.channels[channel]
         full_scale = input_range(product, wanted)
         if full_scale is None:
@@ -42,9 +52,24 @@ class DaqTwin(CardTwin):
             )
         return full_scale
 
-    def _delays(self, card: Card, rate_hz: float, count: int) -> FloatArray:
-        interval = convert_interval(self._products[card.device], rate_hz, count)
-        return np.arange(count, dtype=np.float64) * interval
+    def _delays(self, card: Card, rate_hz: float, channels: Sequence[str]) -> FloatArray:
+        product, count = self._products[card.device], len(channels)
+        interval = convert_interval(product, rate_hz, count)
+        if self._settings.ai_conv_rate is not None and not product.ai_simultaneous:
+            interval = 1 / self._settings.ai_conv_rate
+        return np.arange(count, dtype=np.float64) * interval - filter_delay(product.name, rate_hz)
+
+    def _rate(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> float:
+        """The rate of a delta-sigma converter among the cards, which is the clock of all."""
+        used = {self._card_of[c].device for c in channels if c in self._card_of}
+        products = [self._products[device] for device in sorted(used)]
+        own = max((p.sample_rate(rate_hz) for p in products if p.delta_sigma), default=rate_hz)
+        for device in sorted(used):
+            if own < self._products[device].ai_rate_least_hz * (1 - 1e-3):
+                raise refused(device, _TOO_SLOW, f"{rate_hz:g} Hz is below what it has.")
+        if not abs(own / rate_hz - 1) <= (_PLAYED if play else 1.0):
+            raise other_rate(" and ".join(sorted(used)), own, rate_hz)
+        return own
 
     def _lost(self, card: Card, lost: SamplesLost) -> HaploopError:
         return refused(card.device, LOST[lost.how], str(lost))
@@ -59,6 +84,15 @@ class DaqTwin(CardTwin):
 
     def _refuse(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> None:
         super()._refuse(channels, rate_hz, play)
+        for name in play:
+            card = self._home_of[name]
+            most = self._products[card.device].ao_rate_hz
+            if rate_hz > most * (1 + 1e-9):
+                raise refused(card.device, _TOO_FAST if most else _UNSUPPORTED, (
+                    f"Its outputs take {most:g} values per second, not {rate_hz:g}."
+                    if most
+                    else f"The outputs of a {card.name} have no sample clock."
+                ))  # fmt: skip
         used = {self._card_of[channel].device for channel in channels}
         if len(used) > 1 and not self._plant.has_rtsi():
             first = next(device for device in self._products if device in used)
@@ -79,12 +113,31 @@ def _card(device: str, product: Product, settings: NiDaq.Settings) -> Card:
         ai_noise=product.ai_noise,
         ao_bits=product.ao_bits,
         ao_range=product.ao_range,
+        ao_unipolar=product.ao_unipolar,
+        counters=tuple(n for n, c in settings.channels.items() if c.counter),
     )
 
 
-def _product(device: str, name: str) -> Product:
-    if name not in PRODUCTS:
+def _product(device: str, name: str, known: Mapping[str, Product]) -> Product:
+    if name not in known:
         raise ConfigurationError(
-            f"There is no twin of {name!r} ({device}); there are {', '.join(sorted(PRODUCTS))}."
+            f"There is no twin of {name!r} ({device}): describe it in [daq.products]. There are "
+            f"{', '.join(sorted(known))}."
         )
-    return PRODUCTS[name]
+    return known[name]
+
+
+def _refuse_terminals(settings: NiDaq.Settings, products: Mapping[str, Product]) -> None:
+    """Raise the driver's error for a terminal, or a use of one, that its product has not."""
+    for name, channel in settings.channels.items():
+        device = device_of(channel.terminal)
+        product = products.get(device)
+        fault = product.unfit(channel) if product is not None else None
+        if fault is not None:
+            raise refused(device, _UNSUPPORTED, f"{name}: {fault}")
+    for name, output in settings.outputs.items():
+        device = device_of(output.terminal)
+        product = products.get(device)
+        number = re.fullmatch(r"ao(\d+)", output.terminal.partition("/")[2].lower())
+        if product is not None and (number is None or int(number[1]) >= product.ao_channels):
+            raise refused(device, -200170, f"{name}: a {product.name} has {product.ao_channels} outputs.")

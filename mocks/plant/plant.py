@@ -69,6 +69,9 @@ class Plant(Scene):
         self._amplifier = Amplifier(file, self.section.patches, self.rng("amplifier"))
         self._inputs = dict.fromkeys(self._amplifier.inputs.values(), 0.0)
         self._cards: dict[str, str] = {}
+        self.cables: dict[str, str] = {}
+        """Outputs that somebody has plugged into channels, by the channel's name; a twin reads what they
+        say."""
         self._nodes = wired(self)
         self._noise = {node: self.rng(f"noise of {node}") for node in self._nodes}
         self._read: dict[tuple[str, ...], list[_Reading]] = {}
@@ -157,6 +160,7 @@ class Plant(Scene):
             for fault in self.faults.at(OnCards):
                 for row, node in enumerate(nodes):
                     volts[row] = fault.channel(node, volts[row], times[row])
+                fault.scanned(nodes, volts, times)
             return volts
 
     def _readings(self, nodes: Sequence[str]) -> list[_Reading]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from ...calibration.perception import Levels
 from .. import figures
 from . import captions
 from .calibration import drive_drawing, drive_facts, response_drawing
-from .parts import Contents, Drawing, Fact, Verdict, fact, plain, verdict_cell
+from .parts import Contents, Drawing, Fact, Verdict, detailed, fact, plain, verdict_cell
 from .press import press_drawing
 from .words import interval, percent, sentence
 
@@ -56,7 +57,7 @@ def check_contents(check: Check, press: Representative | None = None, file: Path
 def button_contents(button: DigitalButton) -> Contents:
     """What a digital button says: its check, its drive, and what they were made from."""
     press, drive, check, learning = button.press, button.drive, button.check, button.learning
-    response, feeling = button.calibration.response, check_feeling(check, press)
+    feeling, kept = check_feeling(check, press), sum(one.kept for one in learning.iterations[1:])
     tried = [
         f"{number}: in band {one.within.root:.1%}, {'kept' if one.kept else 'not kept'}: {one.reason}"
         for number, one in enumerate(learning.iterations)
@@ -73,9 +74,36 @@ def button_contents(button: DigitalButton) -> Contents:
         ),
         *_check_facts(check, feeling),
         *drive_facts(drive),
+        fact("Corrections", f"{len(tried) - 1} tried, {kept} kept. {learning.stopped}"),
+        *detailed(_origins(button, tried)),
+    ]
+    title = f"Digital {press.button} button"
+    return Contents(
+        f"{title}, {verdict_cell(check.verdict).text}",
+        facts,
+        kind="button",
+        simulated=button.simulated,
+        rig=drive.rig,
+        verdicts=[_verdict(title, check)],
+        figures=_figures_of(button, feeling),
+        picture=Drawing(
+            f"button-{press.button}",
+            title,
+            captions.LEARNING,
+            [button],
+            lambda some, columns: figures.button_figure(some[0], columns),
+            _plays,
+        ),
+    )
+
+
+def _origins(button: DigitalButton, tried: Sequence[str]) -> list[Fact]:
+    """Each correction, and what a button was made from."""
+    learning, drive, response = button.learning, button.drive, button.calibration.response
+    return [
         fact(
             "Learning",
-            [*tried, learning.stopped],
+            tried,
             iterations=[
                 {
                     "whole": one.whole.summary(),
@@ -101,24 +129,6 @@ def button_contents(button: DigitalButton) -> Contents:
         ),
         fact("Content", f"SHA-256 {button.digest}", content_sha256=button.digest),
     ]
-    title = f"Digital {press.button} button"
-    return Contents(
-        f"{title}, {verdict_cell(check.verdict).text}",
-        facts,
-        kind="button",
-        simulated=button.simulated,
-        rig=drive.rig,
-        verdicts=[_verdict(title, check)],
-        figures=_figures_of(button, feeling),
-        picture=Drawing(
-            f"button-{press.button}",
-            title,
-            captions.LEARNING,
-            [button],
-            lambda some, columns: figures.button_figure(some[0], columns),
-            _plays,
-        ),
-    )
 
 
 def _figures_of(button: DigitalButton, feeling: Feeling) -> Sequence[Drawing]:
@@ -170,13 +180,16 @@ def _check_facts(check: Check, feeling: Feeling) -> Iterator[Fact]:
         f"{_error(check.whole)}, at most {percent(check.tolerance)}; up to {check.judged_hz:.0f} Hz, in "
         f"{check.plays} plays",
     )
-    yield fact(f"Within {low:.0f} to {high:.0f} Hz", _error(check.within))
-    yield fact("Motion outside, of the target", _error(check.outside))
-    yield fact("Correlation", f"{check.correlation:.4f}, of the envelopes {check.envelope_correlation:.4f}")
-    yield fact("Third octaves", f"{check.octaves.error_db:.2f} dB")
-    yield fact(
-        "Noise of the plays' mean",
-        f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}",
+    envelopes = f"of the envelopes {check.envelope_correlation:.4f}"
+    noise = f"{percent(check.whole.floor)}, within the band {percent(check.within.floor)}"
+    yield from detailed(
+        [
+            fact(f"Within {low:.0f} to {high:.0f} Hz", _error(check.within)),
+            fact("Motion outside, of the target", _error(check.outside)),
+            fact("Correlation", f"{check.correlation:.4f}, {envelopes}"),
+            fact("Third octaves", f"{check.octaves.error_db:.2f} dB"),
+            fact("Noise of the plays' mean", noise),
+        ]
     )
     yield from feeling_facts(feeling, check.notes)
 
@@ -236,10 +249,20 @@ def feeling_facts(feeling: Feeling, said: Collection[str] = ()) -> Iterator[Fact
         )
         for k in (0, 1)
     ]
-    yield fact(
-        "Above threshold", [f"100 ms: {levels[0]}", f"20 ms: {levels[1]}"], feeling=feeling_values(feeling)
+    yield fact("Can be felt", feeling.felt)
+    if math.isfinite(feeling.loudness_db):
+        than = "quieter" if feeling.loudness_db < 0 else "louder"
+        yield fact("Loudness", f"{abs(feeling.loudness_db):.1f} dB {than} than the recorded press")
+    yield from detailed(
+        [
+            fact(
+                "Above threshold",
+                [f"100 ms: {levels[0]}", f"20 ms: {levels[1]}"],
+                feeling=feeling_values(feeling),
+            ),
+            fact("To be felt", [note for note in feeling.notes if note not in said]),
+        ]
     )
-    yield fact("Can be felt", [feeling.felt, *(note for note in feeling.notes if note not in said)])
 
 
 def _signals(feeling: Feeling) -> dict[str, Sequence[Levels]]:

@@ -18,7 +18,7 @@ from ..contents import Cell, Contents, Grid, text_of
 if TYPE_CHECKING:
     from ..figures import Columns
 
-__all__ = ["print_contents"]
+__all__ = ["print_contents", "print_made"]
 
 _MANY = 300
 """Rows from which a table is not fitted to the terminal: that takes 0.6 ms a row."""
@@ -45,6 +45,13 @@ def print_contents(contents: Contents, as_json: bool, plot: Path | None = None, 
         print_line(sentence)
     if plot is not None:
         print_line(f"Plot: {plot}")
+
+
+def print_made(contents: Contents, file: Path, as_json: bool) -> None:
+    """Print what a result that was written to a file says, without its details."""
+    print_contents(contents if as_json else contents.brief(), as_json)
+    if not as_json:
+        print_line(f"More of it: haploop show {file}")
 
 
 def _properties(contents: Contents) -> Table:

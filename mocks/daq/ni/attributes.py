@@ -14,6 +14,7 @@ from typing import Any
 from nidaqmx.utils import unflatten_channel_string
 
 from .channel import Channel
+from .channels import refuse_input
 from .counter_facts import COUNTER_FACTS, socket_of
 from .defaults import default_value
 from .errors import DaqmxError, DAQmxErrors
@@ -69,6 +70,9 @@ def _set(system: NiSystem, kind: str, name: str, request: Any, value: Any) -> No
         )
     if kind == "Trig":
         _refuse_trigger(task, name)
+    if kind == "Chan" and value is not None:
+        for channel in _channels(task, request.channel):
+            refuse_input(channel.device, channel.physical[0], {name: value})
     if kind == "Buffer" and name.startswith("INPUT") is not task.is_input:
         raise DaqmxError(
             DAQmxErrors.ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT,
@@ -175,6 +179,16 @@ def _fact(system: NiSystem, kind: str, name: str, request: Any) -> Any:
     """Return a property that does not depend on a task."""
     if kind == "Device":
         device = system.inventory.device(request.device_name)
+        if (
+            name.startswith("AI_")
+            and not device.ai
+            and not name.endswith(("CHANS", "TYPES", "USAGE", "MODES"))
+        ):
+            raise DaqmxError(
+                DAQmxErrors.ATTR_NOT_SUPPORTED,
+                f"Specified property is not supported by the device: {name} of {device.product.name}, which "
+                "has no analog inputs.",
+            )
         if name in DEVICE_FACTS:
             return DEVICE_FACTS[name](system.inventory, device)
     elif kind == "PhysicalChan":

@@ -8,6 +8,7 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx.constants import (
+    Coupling,
     CurrentShuntResistorLocation,
     ExcitationSource,
     LineGrouping,
@@ -28,7 +29,7 @@ from .system import NiSystem
 from .tasks import Task
 from .teds import teds_values
 
-__all__ = ["CREATES", "add"]
+__all__ = ["CREATES", "add", "refuse_input"]
 
 
 def add(task: Task, channels: list[Channel]) -> None:
@@ -150,7 +151,7 @@ def _analog_input(call: str) -> Callable[[NiSystem, Any], None]:
                     CurrentShuntResistorLocation.INTERNAL if inside else CurrentShuntResistorLocation.EXTERNAL
                 )
                 values["AI_CURRENT_SHUNT_LOC"] = where_.value
-            _refuse_excitation(device, tail, values)
+            refuse_input(device, tail, values)
             scale = _scale(system, values["AI_CUSTOM_SCALE_NAME"])
             made.append(Channel(name, "ai", device, (tail,), values, custom=scale))
         if row.usage is UsageTypeAI.ROSETTE_STRAIN_GAGE:
@@ -184,17 +185,23 @@ def _camel(name: str) -> str:
     return first + "".join(part.capitalize() for part in rest)
 
 
-def _refuse_excitation(device: NiDevice, tail: str, values: dict[str, Any]) -> None:
-    """Refuse a supply of its own of a product that has none."""
+def refuse_input(device: NiDevice, tail: str, values: dict[str, Any]) -> None:
+    """Raise DaqmxError for a supply or a coupling that a product has not."""
     product = device.product
-    has = (
-        product.ai_excitation or product.ai_bridge_excitation or "POSITION_LINEAR_LVDT" in product.ai_measures
-    )
-    if values.get("AI_EXCIT_SRC") == ExcitationSource.INTERNAL.value and not has:
+    supplies = product.ai_excitation or product.ai_bridge_excitation
+    couplings = [Coupling[way.upper()].value for way in product.ai_couplings]
+    wrong = ""
+    if values.get("AI_EXCIT_SRC") == ExcitationSource.INTERNAL.value and not (
+        supplies or "POSITION_LINEAR_LVDT" in product.ai_measures
+    ):
+        wrong = "internal excitation, which it does not supply"
+    elif values.get("AI_COUPLING") not in (None, 0, *couplings):
+        wrong = f"{Coupling(values['AI_COUPLING']).name} coupling"
+    if wrong:
         raise DaqmxError(
             DAQmxErrors.INVALID_ATTRIBUTE_VALUE,
-            "Requested value is not a supported value for this property: internal excitation on "
-            f"{device.name}/{tail} of {product.name}, which supplies none.",
+            f"Requested value is not a supported value for this property: {device.name}/{tail} of a "
+            f"{product.name}: {wrong}.",
         )
 
 

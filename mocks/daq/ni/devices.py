@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from nidaqmx.constants import TerminalConfiguration
 from nidaqmx.utils import unflatten_channel_string
 
-from ..products import PRODUCTS, Product
+from ..products import Product, described
 from .errors import DaqmxError, DAQmxErrors
 from .scales import Scale, scale_from_export
 
@@ -214,7 +214,7 @@ def devices_from_ini(text: str) -> Inventory:
         if kind not in ("DAQmxDevice", "DAQmxCDAQChassis", "DAQmxCDAQModule"):
             continue
         entry = export[section]
-        product = PRODUCTS.get(entry.get("ProductType", ""))
+        product = described({}).get(entry.get("ProductType", ""))
         if product is None:
             left_out.append(f"{name} ({entry.get('ProductType', 'no product')}) is not known and left out.")
             continue

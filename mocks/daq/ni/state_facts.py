@@ -47,6 +47,12 @@ def _limit(sign: int) -> Callable[[Channel], float]:
     return limit
 
 
+def _ratio(channel: Channel) -> float:
+    """Volts per unit in which a range is told: a bridge's is a ratio to its excitation."""
+    bridged = channel.values.get("AI_MEAS_TYPE_NAME", "").endswith("BRIDGE")
+    return float(channel.values.get("AI_EXCIT_VAL") or 1.0) if bridged else 1.0
+
+
 CHANNEL_STATE: dict[str, Callable[[Channel], Any]] = {
     "CHAN_TYPE": lambda ch: _CHANNEL_TYPE[ch.kind].value,
     "PHYSICAL_CHAN_NAME": lambda ch: ", ".join(
@@ -55,8 +61,8 @@ CHANNEL_STATE: dict[str, Callable[[Channel], Any]] = {
     ),
     "AI_MAX": _limit(1),
     "AI_MIN": _limit(-1),
-    "AI_RNG_HIGH": lambda ch: ch.full_scale,
-    "AI_RNG_LOW": lambda ch: -ch.full_scale,
+    "AI_RNG_HIGH": lambda ch: ch.full_scale / _ratio(ch),
+    "AI_RNG_LOW": lambda ch: -ch.full_scale / _ratio(ch),
     "AI_RESOLUTION": lambda ch: float(ch.product.ai_bits),
     "AI_RAW_SAMP_SIZE": lambda ch: 16 if ch.product.ai_bits <= 16 else 32,
     "AI_EXCIT_ACTUAL_VAL": lambda ch: ch.values.get("AI_EXCIT_VAL", 0.0),

@@ -11,6 +11,7 @@ import numpy as np
 from nidaqmx.constants import AcquisitionType, SampleTimingType, TriggerType
 
 from ....instruments.arrays import FloatArray
+from ....instruments.daq.ni_filters import filter_delay
 from ..products import convert_interval
 from .channel import TIMEBASE_HZ, Channel, Kind
 from .counting import Meter
@@ -199,14 +200,15 @@ class Task:
         """Return the delay of channel `index`'s conversion after the clock edge (s), in its card's order."""
         device = self.channels[index].device
         before = sum(channel.device == device for channel in self.channels[:index])
-        return 0.0 if device.product.ai_simultaneous else before * self.interval
+        late = 0.0 if device.product.ai_simultaneous else before * self.interval
+        return late - (filter_delay(device.product.name, self.rate_hz) if self.timed else 0.0)
 
     @property
     def skew(self) -> float:
         """Delay of the last channel's conversion after the clock edge (s)."""
         if self.kind != "ai":
             return 0.0
-        return max(self.delay(i) for i in range(len(self.channels)))
+        return max(0.0, *(self.delay(i) for i in range(len(self.channels))))
 
     @property
     def buffer_size(self) -> int:

@@ -134,7 +134,7 @@ def files(draw: Callable[..., Any], source: str) -> RigFile:
         changed["generator"] = Device(driver="keysight-33500", **box)
     if source == "player":
         card = {"output": "source", "volts_per_full_scale": 1.4, "highest": 1.4, "high_pass_hz": 0}
-        changed["player"] = Device(driver="sound-card", **card)
+        changed["player"] = Device(driver="sound-card-output", **card)
     return file.model_copy(update=changed)
 
 

@@ -154,7 +154,7 @@ def test_a_product_refuses_a_terminal_configuration_and_a_supply_that_it_has_not
             with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError) as caught:
                 task.ai_channels.add_ai_voltage_chan(terminal, terminal_config=config)
             assert caught.value.error_type is DAQmxErrors.INVALID_ATTRIBUTE_VALUE
-        with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError, match="supplies none"):
+        with nidaqmx.Task() as task, pytest.raises(nidaqmx.DaqError, match="does not supply"):
             task.ai_channels.add_ai_accel_chan("X/ai0", current_excit_source=ExcitationSource.INTERNAL)
 
 
