@@ -220,10 +220,15 @@ def _unlearnable(played: Played, target: FloatArray) -> str:
     if played.overload:
         return f"{played.overload} Nothing can be learnt from these plays."
     moved = shared_power(played.accelerations[:, : len(target)].astype(np.complex128))
+    least, reach = LEAST_MOVED**2 * float(target @ target), _MOTION_SIGNIFICANCE * moved.deviation
     # Written so that NaN is refused too.
-    enough = moved.value >= LEAST_MOVED**2 * float(target @ target)
-    if enough and moved.value > _MOTION_SIGNIFICANCE * moved.deviation:
+    if moved.value >= least and moved.value > reach:
         return ""
+    if moved.value + reach >= least:
+        return (
+            "The plays' noise hides whether the surface follows the drive: the laser does not see the "
+            "surface, or something disturbs it. Nothing can be learnt from these plays."
+        )
     return f"The surface did not follow the drive: {UNSEEN}. Nothing can be learnt from these plays."
 
 

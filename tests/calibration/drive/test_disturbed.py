@@ -88,6 +88,18 @@ def test_learning_under_hum_is_as_good_as_without(
     assert learning.best_again == pytest.approx(truth, abs=0.02)
 
 
+def test_noise_that_hides_the_motion_is_no_dead_patch(
+    calibrated: Calibrated, open: OpenRig, drive: Drive
+) -> None:
+    """It used to say that the patch is not connected, or that the laser does not see the surface."""
+    rig = open(faults=[{"kind": "flicker-noise", "channel": "laser", "volts": 0.05}])
+    learning = learn(rig, drive, calibrated.calibration, iterations=1)
+    assert learning.drive is drive and learning.stopped.startswith("The plays' noise hides whether")
+    rig = open(faults=[{"kind": "patch-dead"}])
+    learning = learn(rig, drive, calibrated.calibration, iterations=1)
+    assert learning.drive is drive and learning.stopped.startswith("The surface did not follow the drive")
+
+
 def test_evidence_is_a_negative_power_or_an_interval_of_no_width() -> None:
     rng = np.random.default_rng(1)
     lines = np.arange(40)
