@@ -51,7 +51,7 @@ def redirect_serial(serial: Any, ports: Mapping[str, str]) -> None:
     def meant(port: Any) -> Any:
         return ports.get(port, port)
 
-    class Serial(own):  # type: ignore[misc]
+    class Serial(own):  # type: ignore[misc, valid-type]
         """See pyserial's."""
 
         def __new__(cls, port: Any = None, *how: Any, **more: Any) -> Any:

@@ -44,9 +44,10 @@ def pseudo_terminal(host: str, port: int) -> Iterator[str]:
 
 def _copy(terminal: int, link: socket.socket, ended: threading.Event) -> None:
     """Copy bytes in both directions."""
+    both: list[int | socket.socket] = [terminal, link]
     with suppress(OSError):
         while not ended.is_set():
-            ready, _, _ = select.select([terminal, link], [], [], _LOOK)
+            ready, _, _ = select.select(both, [], [], _LOOK)
             if terminal in ready:
                 link.sendall(os.read(terminal, 1 << 16))
             if link in ready:
