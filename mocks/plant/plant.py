@@ -160,6 +160,7 @@ class Plant(Scene):
             for fault in self.faults.at(OnCards):
                 for row, node in enumerate(nodes):
                     volts[row] = fault.channel(node, volts[row], times[row])
+                fault.scanned(nodes, volts, times)
             return volts
 
     def _readings(self, nodes: Sequence[str]) -> list[_Reading]:
