@@ -14,8 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from ...terminal.progress import SIMULATED
-from ..contents import Contents, Verdict, text_of
-from ..contents.words import one_style, unbroken
+from ..contents import Contents, Verdict, one_style, text_of, unbroken
 from ..figures import mark_simulated, on_page, pdf_of, png, text_page
 
 __all__ = ["CaptionedFigure", "Page"]

@@ -13,8 +13,7 @@ from rich.text import Text
 
 from ...terminal.progress import print_json, print_line, print_table
 from .. import outputs
-from ..contents import Cell, Contents, Grid, text_of
-from ..contents.words import one_style
+from ..contents import Cell, Contents, Grid, one_style, text_of
 
 if TYPE_CHECKING:
     from ..figures import Columns

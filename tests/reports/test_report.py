@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from haploop.reports.contents.words import unbroken
+from haploop.reports.contents import unbroken
 from haploop.reports.html import write_report
 from tests.command_line import Demo, Run
 
