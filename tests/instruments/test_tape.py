@@ -27,7 +27,7 @@ from haploop.instruments import (
 )
 from haploop.instruments.clock import RealClock
 from haploop.instruments.driver import settings_of
-from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, mask
+from haploop.instruments.tape import Failure, Player, Recorder, TapedLine, TapeLines, mask
 from haploop.mocks.simulation import Simulation
 from tests.command_line import Run
 
@@ -193,9 +193,12 @@ def test_a_tape_that_was_changed_in_any_place_is_refused(whole: Path, tmp_path: 
         # Bytes 4 to 9 of gzip's head say nothing of the content.
         if not 4 <= place < 10:
             changed.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
-            with pytest.raises(HaploopError):
-                assert not Player(changed).whole
-                raise InstrumentError("cut off, as it says")
+            try:
+                found = TapeLines.of(changed)
+            except HaploopError:
+                continue
+            # A bit between two blocks of deflate says nothing.
+            assert not found.whole or found == TapeLines.of(whole)
     texts = gzip.decompress(data).splitlines(True)
     for other in (
         [*texts[:5], *texts[6:]],
