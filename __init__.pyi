@@ -119,12 +119,19 @@ from .instruments import Unattended as Unattended
 from .instruments import levels as levels
 from .instruments import load_rig_file as load_rig_file
 from .instruments import log_entries as log_entries
+<<<<<<< HEAD
 from .instruments import look_for_hardware as look_for_hardware
 from .instruments import new_rig as new_rig
+=======
+from .instruments import mask as mask
+>>>>>>> main
 from .instruments import open_rig as open_rig
+from .instruments import played as played
+from .instruments import recorded as recorded
 from .instruments import reset_lockout as reset_lockout
 from .instruments import rig_schema as rig_schema
 from .instruments import silent as silent
+from .instruments import tape_rig as tape_rig
 from .instruments import watch_live as watch_live
 from .mocks.participant import ParticipantModel as ParticipantModel
 from .mocks.participant import SimulatedParticipant as SimulatedParticipant

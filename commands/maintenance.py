@@ -68,7 +68,7 @@ def doctor(mass: float, loop: str | None, volts: float | None, rig: ChosenRig, a
 @click.option(
     "--last", type=click.IntRange(1), default=20, show_default=True, help="Number of entries to show."
 )
-@on_rig()
+@on_rig(opens=False)
 @JSON
 def log(last: int, rig: ChosenRig, as_json: bool) -> None:
     """Show the audit log of a rig.
@@ -84,7 +84,7 @@ def log(last: int, rig: ChosenRig, as_json: bool) -> None:
 @click.option(
     "--reason", required=True, help="Cause of the trip and what was done about it; stored in the audit log."
 )
-@on_rig()
+@on_rig(opens=False)
 def reset(reason: str, rig: ChosenRig) -> None:
     """Clear the lockout after a limit trip.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from pydantic import BaseModel
 
@@ -12,9 +12,12 @@ from .clock import Clock
 from .config import Device, validate
 from .frozen import frozen_fields
 
-__all__ = ["Driver", "Mode", "Simulation", "hardware_of", "is_arithmetic", "one_name", "settings_of"]
+__all__ = ["TAPE", "Driver", "Mode", "Simulation", "hardware_of", "is_arithmetic", "one_name", "settings_of"]
 
-Mode = Literal["twin", "wire"]
+Mode = str
+"""How a rig is simulated: "twin", "wire", or "tape:FILE"."""
+TAPE = "tape:"
+"""Beginning of a mode that plays a tape."""
 
 
 class Driver(Protocol):
@@ -33,6 +36,9 @@ class Driver(Protocol):
     # def hardware(self, settings: Any) -> Collection[str]
     #     Names of the hardware that no other program may use meanwhile: a card, a port. It may ask the
     #     instrument for its serial number. Without it, two rigs with this driver exclude each other.
+    # taped = True
+    #     Every call to the device passes through `haploop.instruments.tape.taped_line()`. Without it the
+    #     instrument is on no tape, and a tape is not played to it.
     # What is opened then has `pieces`, the same names as it knows itself: a rig is not opened when they are
     # others. Without them `hardware` is asked again.
 

@@ -20,6 +20,7 @@ from ...instruments.rig import UNPROVED
 from ...instruments.vibrometer import Vibrometer, shown
 from .camera_check import check_camera
 from .finding import Finding, Status
+from .ghost_check import check_ghosts
 from .patch_check import check_patches
 from .sensor_check import (
     cards,
@@ -50,6 +51,7 @@ def examine(rig: Rig, mass: float = 0.5, progress: Progress = silent) -> list[Fi
         ("Identities", "rig", True, lambda: _identities(rig)),
         ("Settings", "rig", True, lambda: _settings(rig)),
         ("Noise floor", "daq", True, lambda: check_noise(rig)),
+        ("Ghosts", "daq", True, lambda: check_ghosts(rig, list(cards(rig).values()))),
         ("Force sensor", "force", rig.sensors.force is not None, lambda: check_force(rig, mass)),
         ("Accelerometer", "acceleration", rig.sensors.acceleration is not None, lambda: check_gravity(rig)),
         ("Camera", "camera", rig.has("camera"), lambda: check_camera(rig)),

@@ -13,7 +13,7 @@ from ..errors import ConfigurationError, HaploopError, InstrumentError
 from ..signals import uninterrupted
 from .ni_errors import translated, understood
 from .ni_sessions import Sessions
-from .ni_settings import device_of
+from .ni_settings import NiSettings, device_of
 
 __all__ = ["Card", "Plan", "believed", "find_cards", "numbers_of"]
 
@@ -132,6 +132,11 @@ class Plan:
     def master(self) -> str:
         """Device whose sample clock all tasks use."""
         return self.inputs[0][0]
+
+    def scanning(self, names: Iterable[str], settings: NiSettings) -> list[Card]:
+        """Cards that convert these channels one after the other."""
+        used = dict.fromkeys(device_of(settings.channels[name].terminal) for name in names)
+        return [self.cards[device] for device in used if not self.cards[device].simultaneous]
 
     def conversions(self, task: Any) -> tuple[list[float], list[str]]:
         """Delay of each channel's conversion after the clock edge (s), in the task's order; its product."""

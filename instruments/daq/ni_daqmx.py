@@ -38,6 +38,8 @@ __all__ = ["NiDaq"]
 class NiDaq(Daq):
     """See `Daq`."""
 
+    taped = True
+
     class Settings(NiSettings):
         """The `[daq]` table of a rig file."""
 
@@ -128,7 +130,7 @@ class NiDaq(Daq):
 
     def clear_left(self) -> None:
         """See `Daq.clear_left`."""
-        names = {name for card in self._cards.values() for name in (card.name, card.home)}
+        names = dict.fromkeys(name for card in self._cards.values() for name in (card.name, card.home))
         counted = [name for name, channel in self._settings.channels.items() if channel.counter]
         purposes = ("input", "output", "outputs", *(f"counter {name}" for name in counted))
         self._sessions.clear_left(f"{n} {purpose}" for n in names for purpose in purposes)

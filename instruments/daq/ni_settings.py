@@ -74,6 +74,9 @@ class NiSettings(_Section):
     products: dict[str, dict[str, Any]] = {}
     """Products that haploop cannot simulate by itself, by name, each with the figures that a row of its table
     has (docs/hardware.md, "Other NI products"); twin and wire need them, and the cards do not."""
+    ai_conv_rate: Positive | None = None
+    """Conversions per second of a multiplexed card; the driver's choice unless one is named. Slower ones give
+    a source of high impedance time to settle after the channel before it."""
     server: str | None = None
     """NI device server as host:port; None takes the driver of this computer."""
     buffer_s: Positive = 10.0

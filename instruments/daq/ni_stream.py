@@ -232,6 +232,10 @@ class NiStream(Stream):
             task.timing.cfg_samp_clk_timing(
                 rate_hz, source, sample_mode=AcquisitionType.FINITE, samps_per_chan=self._samples
             )
+        if settings.ai_conv_rate is not None:
+            for card in self._plan.scanning(names, settings):
+                timing = task.timing if card.home == card.name else task.timing[card.name]
+                timing.ai_conv_rate = settings.ai_conv_rate
         return task
 
     def _counter(self, home: str, name: str) -> Any:

@@ -23,9 +23,12 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ..arrays import ComplexArray, FloatArray
 from ..bounded import Positive
 from ..clock import Clock
+from ..config import RigFile
 from ..errors import ConfigurationError, InstrumentError, LimitError
 from ..inbox import Inbox
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
+from ..tape import taped_line
+from ..taped_audio import on_tape
 from .role import Block, Daq, Stream
 
 __all__ = ["SoundCardDaq"]
@@ -81,6 +84,8 @@ class Output(_Section):
 class SoundCardDaq(Daq):
     """See `Daq`. An AC-coupled output holds no voltage: a waveform with a mean is refused."""
 
+    taped = True
+
     class Settings(_Section):
         """The `[daq]` table of a rig file."""
 
@@ -121,6 +126,17 @@ class SoundCardDaq(Daq):
                 )
             return self
 
+        def contradictions(self, file: RigFile) -> Iterator[tuple[str, str]]:
+            """See `haploop.instruments.config.contradictions`."""
+            table = file.table.rate_hz if file.table is not None and self.outputs else self.rate_hz
+            for where, rate_hz in (("at the top", file.rate_hz), ("in [table]", table)):
+                if rate_hz != self.rate_hz:
+                    clause = (
+                        f"the card runs at {self.rate_hz:g} samples/s, and rate_hz {where} is {rate_hz:g}: "
+                        f"write rate_hz = {self.rate_hz:g} {where}"
+                    )
+                    yield "rate_hz", clause
+
     def __init__(self, settings: Settings, clock: Clock, audio: Audio) -> None:
         """Look the device up; nothing is opened. Raises ConfigurationError and InstrumentError."""
         self.audio = audio
@@ -153,7 +169,8 @@ class SoundCardDaq(Daq):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Find the device. Raises ConfigurationError without sounddevice, InstrumentError."""
-        return cls(settings, clock, load())
+        line = taped_line()
+        return cls(settings, clock, on_tape(line, None if line.playing else load()))
 
     def response(self, channel: str, frequencies: FloatArray) -> ComplexArray:
         """See `Daq.response`: the input's AC coupling."""

@@ -21,6 +21,8 @@ from ..bounded import Positive
 from ..clock import Clock
 from ..errors import InstrumentError, LimitError
 from ..portaudio import LEAD, Audio, AudioStream, found, high_pass, load, refuse_mean
+from ..tape import taped_line
+from ..taped_audio import on_tape
 from .role import Player
 
 __all__ = ["SoundCard", "at_rate"]
@@ -31,6 +33,8 @@ _GUARD = 0.02
 
 class SoundCard(Player):
     """See `Player`. Resamples to the card's rate by FFT, which is exact for band-limited drives."""
+
+    taped = True
 
     class Settings(BaseModel):
         """The `[player]` table of a rig file."""
@@ -76,7 +80,8 @@ class SoundCard(Player):
     @classmethod
     def open(cls, settings: Settings, clock: Clock) -> Self:
         """Find the device. Raises ConfigurationError without sounddevice, InstrumentError."""
-        return cls(settings, clock, load())
+        line = taped_line()
+        return cls(settings, clock, on_tape(line, None if line.playing else load()))
 
     @contextmanager
     def _play(self, volts: FloatArray, rate_hz: float) -> Iterator[None]:

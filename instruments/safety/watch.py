@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from ..clock import Clock, RealClock
+from ..clock import Clock
 from ..errors import HaploopError
 from .deadline import DEADLINE
 
@@ -31,7 +31,7 @@ class Watch:
     def __init__(self, clock: Clock, look: Callable[[], None], goes_on: bool = False) -> None:
         self.on = False
         """True while a contact is closed outside a play."""
-        self._real = isinstance(clock, RealClock)
+        self._clock = clock
         self._look = look
         self._goes_on = goes_on
         self._ended = threading.Event()
@@ -40,7 +40,7 @@ class Watch:
     def begin(self) -> None:
         """Start to look."""
         self.on = True
-        if self._real:
+        if self._clock.real:
             self._ended = threading.Event()
             self._thread = threading.Thread(
                 target=self._run, args=(self._ended,), name="watch of a closed contact", daemon=True
@@ -57,7 +57,7 @@ class Watch:
 
     def _run(self, ended: threading.Event) -> None:
         often = _OFTEN
-        while not ended.wait(often):
+        while not self._clock.wait(ended, often):
             try:
                 self._look()
             except HaploopError:

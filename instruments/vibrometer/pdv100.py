@@ -34,6 +34,8 @@ _DELAY = 1.1e-3
 class Pdv100(AnalogVibrometer):
     """See `Vibrometer`."""
 
+    taped = True
+
     class Settings(BaseModel):
         """The `[vibrometer]` table of a rig file."""
 

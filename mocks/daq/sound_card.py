@@ -15,6 +15,8 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ...instruments.daq.sound_card import SoundCardDaq
+from ...instruments.tape import taped_line
+from ...instruments.taped_audio import on_tape
 from ..plant import Plant, PlayStopped, Run, SamplesLost
 from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
@@ -36,7 +38,7 @@ _KEPT = 2.0
 
 def twin(settings: SoundCardDaq.Settings, plant: Plant) -> SoundCardDaq:
     """Create the twin: the real driver's class, on a simulated card that is set as the rig file says."""
-    return SoundCardDaq(settings, plant.clock, DuplexCard(settings, plant))
+    return SoundCardDaq(settings, plant.clock, on_tape(taped_line(), DuplexCard(settings, plant)))
 
 
 class Line:

@@ -55,6 +55,8 @@ class DaqTwin(CardTwin):
     def _delays(self, card: Card, rate_hz: float, channels: Sequence[str]) -> FloatArray:
         product, count = self._products[card.device], len(channels)
         interval = convert_interval(product, rate_hz, count)
+        if self._settings.ai_conv_rate is not None and not product.ai_simultaneous:
+            interval = 1 / self._settings.ai_conv_rate
         return np.arange(count, dtype=np.float64) * interval - filter_delay(product.name, rate_hz)
 
     def _rate(self, channels: Sequence[str], rate_hz: float, play: Mapping[str, FloatArray]) -> float:

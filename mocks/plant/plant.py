@@ -97,7 +97,8 @@ class Plant(Scene):
         Raises ConfigurationError for a channel that [daq.channels] does not have.
         """
         channels = self.file.daq.settings.get("channels")
-        if isinstance(channels, dict) and node not in channels:
+        along = self.file.adc.settings.get("channels", {}) if self.file.adc is not None else {}
+        if isinstance(channels, dict) and node not in channels and node not in along:
             raise ConfigurationError(
                 f"A twin puts a signal on the channel {node!r}, and [daq.channels] of {self.file.name} has "
                 f"{', '.join(channels)}: name one of them."
@@ -160,6 +161,7 @@ class Plant(Scene):
             for fault in self.faults.at(OnCards):
                 for row, node in enumerate(nodes):
                     volts[row] = fault.channel(node, volts[row], times[row])
+                fault.scanned(nodes, volts, times)
             return volts
 
     def _readings(self, nodes: Sequence[str]) -> list[_Reading]:

@@ -12,6 +12,8 @@ import numpy as np
 
 from ...instruments.arrays import FloatArray
 from ...instruments.player.sound_card import SoundCard
+from ...instruments.tape import taped_line
+from ...instruments.taped_audio import on_tape
 from ..plant import Plant, Run
 from ..portaudio import FRAMES, CallbackAbort, CallbackStop, Coupling, Flags, PortAudioError
 
@@ -31,7 +33,8 @@ _SETTLES = 0.5
 
 def twin(settings: SoundCard.Settings, plant: Plant) -> SoundCard:
     """Create the twin: the real driver's class, playing through a simulated card."""
-    return SoundCard(settings, plant.clock, Card(plant, settings.output, settings.channel - 1))
+    card = Card(plant, settings.output, settings.channel - 1)
+    return SoundCard(settings, plant.clock, on_tape(taped_line(), card))
 
 
 class Jack:

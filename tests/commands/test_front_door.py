@@ -66,6 +66,8 @@ WORK = {
     "log": ["log_entries"],
     "reset": ["reset_lockout"],
     "schema": ["rig_schema"],
+    "tape show": ["played", "recorded", "tape_rig"],
+    "tape mask": ["mask"],
 }
 """The functions and classes that do the work of each command."""
 

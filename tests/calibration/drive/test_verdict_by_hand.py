@@ -400,6 +400,9 @@ def test_an_odd_play_is_three_times_as_far_as_the_others() -> None:
     spectra = np.zeros((5, 4), complex)
     spectra[:, 0] = [0.0, 1.0, 2.0, 3.0, 4.0]
     assert odd_play(spectra) == (0, 0.0)
+    spectra[1, 0] = 0.01  # two that are alike by chance make no other one odd
+    assert odd_play(spectra) == (0, 0.0)
+    spectra[1, 0] = 1.0
     spectra[1, 1] = 2.8  # its nearest is sqrt(1 + 2.8^2) = 2.97 away, the others' 1 or 2
     assert odd_play(spectra) == (0, 0.0)
     spectra[1, 1] = 6.1
