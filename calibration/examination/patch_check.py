@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...instruments import Aim, Capture, HaploopError, InstrumentError, Rig
+from ...instruments import Capture, HaploopError, InstrumentError, Rig
 from ...instruments.arrays import BoolArray, ComplexArray, FloatArray
 from ...instruments.vibrometer import shown
 from ..response import linear_sweep
@@ -128,9 +128,9 @@ def _measure(rig: Rig) -> _Answers:
     refused: dict[str, str] = {}
     silence: _Answer | None = None
     for place, point in points.items():
-        if not rig.operator.confirm(Aim(point)):
+        if not rig.operator.confirm(rig.aim(point)):
             raise InstrumentError(
-                f"The operator did not confirm this request, so no patch was tested: {Aim(point)}"
+                f"The operator did not confirm this request, so no patch was tested: {rig.aim(point)}"
             )
         silence = silence or _play(rig, sweep, (), silent)
         for patch in (p for p in patches if p not in refused):

@@ -207,6 +207,8 @@ class RigFile(_Section):
     rate_hz: Positive = 5000.0
     """Sample rate of recordings (the paper's 5 kS/s)."""
     daq: Device
+    adc: Device | None = None
+    """A DAQ on its own clock, recorded along with `daq`."""
     amplifier: Device | None = None
     relay: Device | None = None
     vibrometer: Device | None = None
