@@ -1,6 +1,7 @@
 """Presses in a recording: segmentation, quality check, and the representative press."""
 
 from .averaging import AverageMethod
+from .judging import judged
 from .protocol import Protocol
 from .quality import QualityCheck, accepted_presses, activation_forces
 from .registration import WarpModel
@@ -36,6 +37,7 @@ __all__ = [
     "activation_forces",
     "find_presses",
     "high_pass",
+    "judged",
     "load_press",
     "representative",
     "restlessness",

@@ -1,0 +1,84 @@
+"""On each lab's rig that is shipped, the README's words lead from a doctor to a night's recalibration.
+
+The verdict of the check is compared with the surface's own motion, which no pick-up saw.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+import haploop
+from haploop.instruments import load_rig_file
+from haploop.instruments.driver import Mode
+from tests.calibration.drive.test_truth import played_and_true
+from tests.command_line import Run
+
+LABS = ("usb-6211", "compactdaq-iepe", "voice-coil")
+"""Shipped rigs that are not the paper's."""
+
+
+@pytest.mark.rig
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("name", LABS)
+def test_from_doctor_to_recalibration(
+    name: str, mode: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if mode not in get_args(Mode):
+        pytest.skip("the rig of the session is another")
+    on = ("--rig", name, "--simulate", mode)
+    recording, press, calibration, button = (
+        tmp_path / one for one in ("P01-push.h5", "press.h5", "calibration.h5", "push.h5")
+    )
+
+    def done(*args: object) -> str:
+        result = run(*args)
+        assert result.exit_code == 0, f"{args}: {result.output[-3000:]}"
+        return result.output
+
+    done("doctor", *on)
+    done("record", "push", "-p", "P01", "-n", 4, *on, "--out", tmp_path)
+    done("represent", recording, "--out", press)
+    done("calibrate", *on, "--out", calibration)
+    assert "pass" in done("button", "make", recording, "-c", calibration, "-o", button, *on)
+    assert "pass" in done("button", "check", button, "--plays", 4, *on)
+    history = ("--calibrations", tmp_path / "history")
+    done("calibrations", "adopt", button, "--rig", name, "--reason", "first", *history)
+    assert "The calibration holds" in done("recalibrate", *on, *history)
+
+    drive = haploop.DigitalButton.load(button).drive
+    with haploop.open_rig(name, simulate=mode) as rig:  # type: ignore[arg-type]
+        result, error, outside = played_and_true(rig, drive, 4, monkeypatch)
+    assert result.passed and error < 0.2 and outside < 0.25
+    low, high = result.interval
+    assert low - 0.03 <= error <= high + 0.03, (low, error, high)
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_a_shipped_rig_is_short_and_says_what_it_is(name: str) -> None:
+    text = (resources.files("haploop.rigs") / f"{name}.toml").read_text(encoding="utf-8")
+    assert text.startswith("# ") and load_rig_file(name).name == name
+    assert len(text.splitlines()) < 90
+
+
+def test_a_card_of_a_known_family_is_data(tmp_path: Path, run: Run) -> None:
+    """What somebody writes for a card that haploop does not know: no code, twelve lines of data at most."""
+    new = """
+[daq.products."USB-6299"]
+like = "USB-6211"
+ai_rate_hz = 500000.0
+ai_rate_single_hz = 500000.0
+ai_ranges = [10.0, 5.0, 2.0, 1.0]
+ao_rate_hz = 500000.0
+source = "its manual"
+"""
+    assert len(new.strip().splitlines()) <= 12
+    tomllib.loads(new)
+    path = tmp_path / "lab.toml"
+    path.write_text(f'base = "usb-6211"\nname = "lab"\n[daq]\ndevices = {{ Dev1 = "USB-6299" }}\n{new}')
+    result = run("doctor", "--rig", path, "--simulate", "twin")
+    assert result.exit_code == 0 and "USB-6299 (Dev1" in result.output, result.output
